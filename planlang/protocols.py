@@ -1,0 +1,236 @@
+"""What the outer layers implement: World, Executive, ProcessModule, and the value types that cross these borders.
+
+Frames: ``map`` is right-handed with z up and the floor at z = 0. Lengths in metres, angles in radians.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planlang.designators import Action, Condition, Location
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A rigid pose: position [m] and unit quaternion (x, y, z, w)."""
+
+    position: tuple[float, float, float]
+    orientation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+
+    @staticmethod
+    def planar(x: float, y: float, yaw: float = 0.0, z: float = 0.0) -> Pose:
+        """A pose turned about z only."""
+        return Pose((x, y, z), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
+
+    @staticmethod
+    def from_matrix(matrix: Array) -> Pose:
+        """From a homogeneous (4, 4) matrix whose rotation part is orthonormal with determinant 1."""
+        m = matrix
+        w = math.sqrt(max(0.0, 1 + m[0, 0] + m[1, 1] + m[2, 2])) / 2
+        x = math.copysign(math.sqrt(max(0.0, 1 + m[0, 0] - m[1, 1] - m[2, 2])) / 2, m[2, 1] - m[1, 2])
+        y = math.copysign(math.sqrt(max(0.0, 1 - m[0, 0] + m[1, 1] - m[2, 2])) / 2, m[0, 2] - m[2, 0])
+        z = math.copysign(math.sqrt(max(0.0, 1 - m[0, 0] - m[1, 1] + m[2, 2])) / 2, m[1, 0] - m[0, 1])
+        norm = math.sqrt(w * w + x * x + y * y + z * z)
+        return Pose((float(m[0, 3]), float(m[1, 3]), float(m[2, 3])), (x / norm, y / norm, z / norm, w / norm))
+
+    def matrix(self) -> Array:
+        """The homogeneous (4, 4) matrix of the pose."""
+        x, y, z, w = self.orientation
+        return np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), self.position[0]],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), self.position[1]],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), self.position[2]],
+                [0.0, 0.0, 0.0, 1.0],
+            ]
+        )
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """Compose: ``map_T_a @ a_T_b`` is ``map_T_b``."""
+        return Pose.from_matrix(self.matrix() @ other.matrix())
+
+    def inverse(self) -> Pose:
+        """The pose that undoes this one."""
+        m = self.matrix()
+        inverse = np.eye(4)
+        inverse[:3, :3] = m[:3, :3].T
+        inverse[:3, 3] = -m[:3, :3].T @ m[:3, 3]
+        return Pose.from_matrix(inverse)
+
+    @property
+    def yaw(self) -> float:
+        """Heading of the x axis about z, in (-pi, pi]."""
+        x, y, z, w = self.orientation
+        return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+    def distance(self, other: Pose) -> float:
+        """Euclidean distance of the positions [m]."""
+        return math.dist(self.position, other.position)
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """Where a robot is: base (x, y, yaw) in the map and its actuated joints by name."""
+
+    base: tuple[float, float, float]
+    joints: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A penetration: a link of the robot (or a held object, by name) and what it touches; ``depth`` > 0 [m]."""
+
+    part: str
+    body: str
+    depth: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """Positions sampled at the world's rate: row k is reached k world steps after the start, row 0 is the start.
+
+    ``names`` are joint names, or ("x", "y", "yaw") for the base; ``positions`` is (n, len(names)).
+    """
+
+    names: tuple[str, ...]
+    positions: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """State of a commanded motion: ``state`` is "moving", "done", "blocked" or "halted"; what blocks it by name."""
+
+    state: str
+    blocked_by: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """What the camera made of an object: its name, its pose and the visible share of its pixels (0..1)."""
+
+    name: str
+    pose: Pose
+    visible: float
+
+
+class World(Protocol):
+    """Bodies, one robot, contact, camera, attachment, time. ``sim.PyBulletWorld`` is one; a real robot can be another."""
+
+    rate: int
+    """World steps per second."""
+
+    def step(self) -> None:
+        """Advance by one step: motions, people, falling objects."""
+
+    def names(self) -> tuple[str, ...]:
+        """Names of all bodies, in the order of the scene."""
+
+    def pose(self, name: str) -> Pose:
+        """Pose of the body's box centre in the map."""
+
+    def size(self, name: str) -> tuple[float, float, float]:
+        """Extents of the body's box along its own axes [m]."""
+
+    def configuration(self) -> Configuration:
+        """Where the robot is."""
+
+    def link_pose(self, link: str) -> Pose:
+        """Pose of a link frame of the robot in the map."""
+
+    def start(self, group: str, trajectory: Trajectory) -> None:
+        """Begin a motion of a group ("base", an arm, ...); it ends by itself, at an obstacle, or by :meth:`halt`."""
+
+    def motion(self, group: str) -> Motion:
+        """State of the group's last motion."""
+
+    def halt(self, group: str) -> None:
+        """Stop the group where it is."""
+
+    def contacts(self, configuration: Configuration | None = None) -> tuple[Contact, ...]:
+        """Penetrations of the robot and what it holds, at its own or another configuration, allowed ones left out."""
+
+    def detect(self, camera_link: str) -> tuple[Detection, ...]:
+        """What the camera sees, unoccluded and within its limits, in the order of the scene."""
+
+    def attach(self, link: str, name: str) -> None:
+        """Fix a body to a link of the robot."""
+
+    def release(self, name: str) -> None:
+        """Let a body go; it sinks to the first surface below."""
+
+    def attached(self) -> Mapping[str, str]:
+        """Body -> link of the robot that holds it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """One place for the base that satisfies a location: the planar pose and what was chosen with it."""
+
+    base: tuple[float, float, float]
+    revision: int
+    """Revision of the belief it was computed from."""
+    detail: Mapping[str, Any]
+    """JSON-like: which arm, grasp, torso height; for the trace."""
+
+
+class ProcessModule(Protocol):
+    """Performs actions of some classes, one at a time, and raises typed failures."""
+
+    name: str
+    actions: tuple[str, ...]
+    """Action classes (local names of the vocabulary) that it performs, descendants included."""
+    failures: tuple[type[Exception], ...]
+    """Failure classes that it may raise; any other exception is a programming error."""
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Names of what the action needs exclusively: "base", "head", "torso", "right_arm", ..."""
+
+    async def execute(self, action: Action) -> Any:
+        """Perform the action; on evaporation stop the robot."""
+
+
+class Executive(Protocol):
+    """Grounds what plans describe. One is current while a plan runs."""
+
+    @property
+    def modules(self) -> Sequence[ProcessModule]:
+        """The registered process modules."""
+
+    def ancestors(self, action_type: str) -> Sequence[str]:
+        """The class itself and its superclasses, nearest first."""
+
+    def revision(self) -> int:
+        """Counts changes of the belief."""
+
+    def solutions(self, location: Location) -> Iterator[Solution]:
+        """Places for the base, lazily, best first; raises LocationUnresolvable (with counts) when there are no more."""
+
+    def move_to(self, solution: Solution) -> Action:
+        """The base motion that goes to a solution."""
+
+    def is_at(self, solution: Solution) -> bool:
+        """True while the base is where the solution put it."""
+
+    def holds(self, condition: Condition) -> bool:
+        """Whether the belief says so."""
+
+    def before_retry(self) -> Iterable[Action]:
+        """What brings the robot into a posture from which another place can be tried."""
+
+    def held(self) -> Sequence[str]:
+        """Names of the objects that the robot holds."""
+
+    def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
+        """Give the executive a way to write its own events (belief changes, solutions) into the trace."""
+
+
+Branch = Callable[[], Awaitable[Any]]
+"""A zero-argument async callable."""
