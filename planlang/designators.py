@@ -64,19 +64,25 @@ class Relation:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A set of poses: the conjunction of its relations. Without relations: a posture of the robot, by ``name``."""
+    """A set of poses: the conjunction of its relations. Without relations: a posture of the robot, by ``name``.
+
+    ``device`` narrows what reaches: "in reach of the bottle with the right gripper".
+    """
 
     relations: tuple[Relation, ...] = ()
     name: str | None = field(default=None, compare=False)
+    device: Device | None = None
 
     def __and__(self, other: Location) -> Location:
         """The poses in both."""
-        return Location(self.relations + tuple(r for r in other.relations if r not in self.relations), self.name)
+        more = tuple(relation for relation in other.relations if relation not in self.relations)
+        return Location(self.relations + more, self.name, self.device or other.device)
 
     def __str__(self) -> str:
         if not self.relations:
             return f"posture {self.name}"
-        return " and ".join(str(relation) for relation in self.relations)
+        text = " and ".join(str(relation) for relation in self.relations)
+        return f"{text} with {self.device}" if self.device else text
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +139,13 @@ def a_device(type: str, iri: str | None = None) -> Device:
     return Device(type, iri)
 
 
-def a_location(name: str | None = None, **relations: Object | Location | Iterable[Object | Location]) -> Location:
-    """Describe a location by relations, e.g. ``a_location(in_reach_of=bottle, visible_from=door)``.
+def a_location(
+    name: str | None = None,
+    *,
+    using: Device | None = None,
+    **relations: Object | Location | Iterable[Object | Location],
+) -> Location:
+    """Describe a location by relations, e.g. ``a_location(in_reach_of=bottle, using=RIGHT_GRIPPER)``.
 
     A relation to several references is written with a tuple. Raises ValueError for an unknown relation.
     """
@@ -147,7 +158,7 @@ def a_location(name: str | None = None, **relations: Object | Location | Iterabl
         conjuncts.extend(Relation(key, reference) for reference in references)
     if not conjuncts:
         raise ValueError("a location needs a relation; a named posture of the robot is a_posture(name)")
-    return Location(tuple(conjuncts), name)
+    return Location(tuple(conjuncts), name, using)
 
 
 def a_posture(name: str) -> Posture:
