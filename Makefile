@@ -1,0 +1,69 @@
+# make demo    compile the bundled recipe, show the plan, run it
+# make test    the test suite          make lint    ruff, mypy --strict, import contracts
+# make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
+#
+# Everything happens in .venv, made on first use by python3.11, or python3 if that is 3.11 or newer.
+# PYTHON=/path/to/python make test   takes another interpreter.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+VENV := .venv
+BIN := $(VENV)/bin
+SEEDS ?= 30
+JOBS ?= 2
+PYTEST_ARGS ?=
+
+.PHONY: help demo test lint bench seeds golden clean
+
+help:
+	@sed -n 's/^# //p' Makefile
+
+# The interpreter is looked for only when .venv has to be made; a shim that exists but does not run is passed over.
+$(BIN)/python:
+	@for python in "$${PYTHON:-}" python3.11 python3 python; do \
+	    test -n "$$python" && "$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || continue; \
+	    echo "making $(VENV) with $$python ($$("$$python" --version))"; \
+	    "$$python" -m venv $(VENV) || { echo "that Python cannot make virtual environments; on Debian: apt install python3.11-venv" >&2; rm -rf $(VENV); exit 1; }; \
+	    exit 0; \
+	done; \
+	echo "planlang needs Python 3.11 or newer; none found (tried python3.11, python3, python)" >&2; exit 1
+
+# Stamps: what is installed in .venv follows pyproject.toml.
+$(VENV)/.run-stamp: pyproject.toml | $(BIN)/python
+	@echo "installing planlang and what it needs into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/.dev-stamp: pyproject.toml | $(BIN)/python
+	@echo "installing planlang and its development tools into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@ $(VENV)/.run-stamp
+
+demo: $(VENV)/.run-stamp
+	$(BIN)/planlang compile serve_a_drink --output plan.py --force
+	@echo; cat plan.py; echo
+	$(BIN)/planlang run plan.py --robot amigo --environment hospital_room --trace run.jsonl --picture scene.png
+
+test: $(VENV)/.dev-stamp
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+lint: $(VENV)/.dev-stamp
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.dev-stamp
+	@set -e; for benchmark in tests/benchmarks/*.py; do \
+	    test "$$benchmark" = tests/benchmarks/seeds.py && continue; \
+	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
+	done
+
+seeds: $(VENV)/.dev-stamp
+	$(BIN)/python tests/benchmarks/seeds.py --seeds $(SEEDS) --jobs $(JOBS)
+
+clean:
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
