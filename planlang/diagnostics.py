@@ -87,5 +87,18 @@ CODES: dict[str, str] = {
     # M: maps and worlds
     # B: binding robots
     # X: running
+    # C: command line
+    "C001": "a file or folder that was named is not there or cannot be read",
+    "C002": "the file is neither a recipe nor a plan",
+    "C003": "the file is Python, but no plan",
+    "C004": "an output cannot be written where it was asked for",
+    "C005": "an output would overwrite what a person wrote",
+    "C006": "the plan of an earlier recipe was kept under another name",
+    "C007": "a plan was given where a recipe is needed",
+    "C008": "the robot or the environment is not named and has no default",
+    "C009": "the recipe has changed since the plan was compiled from it",
+    "C010": "the plan was edited since it was compiled",
+    "C011": "the recipe of a plan was not found",
+    "C012": "recordings need a package that is not installed",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

@@ -1,0 +1,291 @@
+"""The command ``planlang``: compile, check, run. What is heavy is imported when a command needs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from executive.console import BAD_INPUT, Answer, answer, say
+from executive.inputs import PlanFile, RecipeFile, find, names, read
+from executive.outputs import check_outputs, write_plan
+from planlang.diagnostics import BadInput, Diagnostic, error, has_errors
+from planlang.resources import bundled
+
+if TYPE_CHECKING:
+    from executive.running import RunResult
+    from planlang.compiler import CompiledPlan
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Compile OWL action recipes to robot plans and run them in a simulated world.",
+    epilog="Exit codes: 0 done, 1 the plan failed, 2 bad input or usage, 3 the robot lacks a capability, 130 interrupted.",
+)
+
+RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="A recipe's file, or a bundled recipe's name.")]
+RecipeOrPlan = Annotated[
+    str, typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name.")
+]
+Task = Annotated[
+    str | None,
+    typer.Option(
+        "--task", metavar="CLASS", help="The task to compile: local name or IRI of an action class in the recipe."
+    ),
+]
+Ontologies = Annotated[
+    list[Path] | None,
+    typer.Option("--ontologies", metavar="DIR", help="Look for imported files here, too; repeatable."),
+]
+AllowAbstract = Annotated[
+    bool, typer.Option("--allow-abstract", help="Steps that nothing can execute are warnings, not errors.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]
+
+
+@app.callback(invoke_without_command=True)
+def planlang(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
+    """Compile OWL action recipes to robot plans and run them in a simulated world."""
+    if version:
+        from importlib.metadata import version as installed_version
+
+        typer.echo(f"planlang {installed_version('planlang')}")
+        raise typer.Exit
+
+
+@app.command("compile", epilog="Example: planlang compile serve_a_drink -o serve_a_drink.py")
+def compile_command(
+    recipe: RecipeArgument,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan here, not to stdout.")
+    ] = None,
+    task: Task = None,
+    ontologies: Ontologies = None,
+    allow_abstract: AllowAbstract = False,
+    scopes: Annotated[
+        bool, typer.Option("--scopes/--no-scopes", help="Open a location scope at each base motion.")
+    ] = True,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a plan that was edited by hand.")] = False,
+    json: AsJson = False,
+) -> None:
+    """Compile a recipe to a plan in Python."""
+
+    def work() -> Answer:
+        file = _recipe(recipe)
+        _refuse(check_outputs({"--output": output}, {"the recipe": file.path}))
+        plan = _compile(file, task=task, ontologies=ontologies, allow_abstract=allow_abstract, scopes=scopes)
+        notes: list[Diagnostic] = []
+        if output is not None:
+            notes = write_plan(output, plan.source, force=force)
+        data: dict[str, Any] = {"task": plan.task, "functions": list(plan.functions)}
+        data |= {"plan": str(output)} if output is not None else {"source": plan.source}
+        text = plan.source if output is None else f"{output}: {plan.task}"
+        return Answer(diagnostics=(*plan.diagnostics, *notes), text=text, data=data)
+
+    answer("compile", work, as_json=json)
+
+
+@app.command("check", epilog="Example: planlang check my_recipe.owl --ontologies ../ontologies")
+def check_command(
+    file: RecipeOrPlan,
+    task: Task = None,
+    ontologies: Ontologies = None,
+    allow_abstract: AllowAbstract = False,
+    json: AsJson = False,
+) -> None:
+    """Check a recipe or a plan; nothing is run.
+
+    Of a recipe: everything that is wrong with it. Of a plan: whether its recipe has changed since, or it was edited.
+    """
+
+    def work() -> Answer:
+        match read(file):
+            case RecipeFile() as found:
+                plan = _compile(found, task=task, ontologies=ontologies, allow_abstract=allow_abstract)
+                text = f"{found.path}: {plan.task} compiles"
+                return Answer(diagnostics=plan.diagnostics, text=text, data={"kind": "recipe", "task": plan.task})
+            case PlanFile() as found:
+                from executive.freshness import freshness
+
+                state, diagnostics = freshness(found, folders=tuple(ontologies or ()))
+                code = BAD_INPUT if has_errors(diagnostics) else 0
+                return Answer(code, diagnostics, f"{found.path}: {state}", {"kind": "plan", "state": state})
+
+    answer("check", work, as_json=json)
+
+
+@app.command(
+    "run",
+    epilog="Example: planlang run serve_a_drink --seed 3 --trace run.jsonl --picture scene.png",
+)
+def run_command(
+    file: RecipeOrPlan,
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar="ROBOT", help="The robot's self-model: a file, or a bundled robot's name."),
+    ] = None,
+    urdf: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The robot's geometry, if the self-model does not name it.")
+    ] = None,
+    environment: Annotated[
+        str | None,
+        typer.Option(metavar="MAP", help="The semantic map: a file, or a bundled environment's name."),
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option(metavar="X,Y,YAW", help="Where the robot starts [m, m, rad]; default: the middle.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=OBJECT", help="Bind a parameter of the plan to an object; repeatable."),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Moves the true world away from the map; 0 leaves it.")
+    ] = 0,
+    schedule: Annotated[
+        int | None,
+        typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, the same for the same number."),
+    ] = None,
+    gui: Annotated[bool, typer.Option("--gui", help="Show the world in a window.")] = False,
+    trace: Annotated[Path | None, typer.Option(metavar="FILE", help="Write what happened, as JSON Lines.")] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a picture of the end, as PNG.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
+    ] = None,
+    task: Task = None,
+    ontologies: Ontologies = None,
+    allow_abstract: AllowAbstract = False,
+    force: Annotated[bool, typer.Option("--force", help="Run although the robot lacks a capability.")] = False,
+    json: AsJson = False,
+) -> None:
+    """Run a plan or a recipe in a simulated world."""
+    base = _planar(start)
+    bindings = _bindings(set_ or [])
+
+    def work() -> Answer:
+        found = read(file)
+        outputs = {"--trace": trace, "--picture": picture, "--record": record}
+        inputs = {"the plan": found.path, "--urdf": urdf}
+        problems = check_outputs(outputs, inputs)
+        if urdf is not None and not urdf.is_file():
+            problems.append(error("C001", f"no such URDF file: {urdf}"))
+        if record is not None:
+            from executive.report.recording import missing
+
+            problems += missing()
+        is_bundled = isinstance(found, RecipeFile) and found.is_bundled
+        self_model = _named("robot", robot, "robots", "amigo", is_bundled, problems)
+        environment_map = _named("environment", environment, "environments", "hospital_room", is_bundled, problems)
+        _refuse(problems)
+
+        from executive.running import RunOptions, run_plan_file
+
+        options = RunOptions(
+            plan=found.path if isinstance(found, PlanFile) else None,
+            recipe=found.path if isinstance(found, RecipeFile) else None,
+            task=task,
+            ontologies=tuple(ontologies or ()),
+            allow_abstract=allow_abstract,
+            robot=self_model,
+            urdf=urdf,
+            environment=environment_map,
+            start=base,
+            bindings=bindings,
+            seed=seed,
+            schedule=schedule,
+            gui=gui,
+            trace=trace,
+            picture=picture,
+            record=record,
+            force=force,
+            progress=(lambda line: None) if json else say,
+        )
+        return _ran(run_plan_file(options))
+
+    answer("run", work, as_json=json)
+
+
+def _ran(result: RunResult) -> Answer:
+    lines = [result.outcome, *result.final_state]
+    data: dict[str, Any] = {
+        "outcome": result.outcome,
+        "final_state": list(result.final_state),
+        "plan_seconds": result.seconds,
+    }
+    return Answer(result.exit_code, tuple(result.diagnostics), "\n".join(line for line in lines if line), data)
+
+
+def _recipe(name: str) -> RecipeFile:
+    found = read(name)
+    if isinstance(found, PlanFile):
+        advice = f"planlang check {name} tells about a plan, planlang run {name} runs it"
+        raise BadInput([error("C007", f"{name} is a plan already, not a recipe", help=advice)])
+    return found
+
+
+def _compile(
+    file: RecipeFile,
+    *,
+    task: str | None,
+    ontologies: list[Path] | None,
+    allow_abstract: bool,
+    scopes: bool = True,
+) -> CompiledPlan:
+    from planlang.compiler import compile_recipe
+
+    return compile_recipe(
+        file.path, task=task, folders=tuple(ontologies or ()), allow_abstract=allow_abstract, scopes=scopes
+    )
+
+
+def _named(
+    what: str, given: str | None, folder: str, default: str, is_bundled: bool, problems: list[Diagnostic]
+) -> Path | None:
+    """The file of a robot or environment; bundled recipes have a default, all others need one."""
+    place = bundled("ontologies") / folder
+    if given is None and not is_bundled:
+        advice = f"add --{what} FILE, or a bundled one: {', '.join(names(place))}"
+        problems.append(error("C008", f"this plan needs --{what}; only bundled recipes have a default", help=advice))
+        return None
+    try:
+        return find(what, given or default, place)
+    except BadInput as bad:
+        problems.extend(bad.diagnostics)
+        return None
+
+
+def _refuse(problems: list[Diagnostic]) -> None:
+    if has_errors(problems):
+        raise BadInput(problems)
+
+
+def _planar(text: str | None) -> tuple[float, float, float] | None:
+    if text is None:
+        return None
+    import math
+
+    try:
+        x, y, yaw = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not x,y,yaw; write for example --start 1.5,-0.2,3.14") from None
+    if not all(map(math.isfinite, (x, y, yaw))):
+        raise typer.BadParameter(f"{text!r} has a number that is not finite")
+    return x, y, yaw
+
+
+def _bindings(texts: list[str]) -> dict[str, str]:
+    bindings: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (name and equals and value):
+            raise typer.BadParameter(f"{text!r} is not NAME=OBJECT; write for example --set bottle=bottle2")
+        if name in bindings:
+            raise typer.BadParameter(f"{name!r} is set twice")
+        bindings[name] = value
+    return bindings

@@ -1,0 +1,109 @@
+"""What the command writes: complete files or none, and never over what a person wrote."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from executive.inputs import header
+from planlang.diagnostics import BadInput, Diagnostic, error, note
+
+
+def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> list[Diagnostic]:
+    """What would keep the files from being written, found before the work starts.
+
+    ``outputs`` and ``inputs`` map what the user calls a file (``--trace``) to its path, or to None when not asked for.
+    """
+    problems: list[Diagnostic] = []
+    taken = {path.resolve(): name for name, path in inputs.items() if path is not None}
+    for name, path in outputs.items():
+        if path is None:
+            continue
+        folder = path.parent
+        if path.is_dir():
+            problems.append(error("C004", f"{name} {path} is a folder", help="name a file in it"))
+        elif not folder.is_dir():
+            problems.append(error("C004", f"{name} {path}: there is no folder {folder}", help=f"mkdir -p {folder}"))
+        elif not os.access(folder, os.W_OK):
+            problems.append(error("C004", f"{name} {path}: the folder {folder} cannot be written to"))
+        elif path.resolve() in taken:
+            other = taken[path.resolve()]
+            problems.append(error("C004", f"{name} {path} would overwrite {other}", help=f"give {name} another name"))
+        else:
+            taken[path.resolve()] = name
+    return problems
+
+
+def replace(path: Path, write: Callable[[Path], None]) -> None:
+    """Let ``write`` fill a temporary file beside ``path``, then put it in place; on any failure ``path`` is as before.
+
+    The temporary file keeps the suffix of ``path``, which some writers choose the format by.
+    Raises BadInput when the system does not let the file be written.
+    """
+    temporary: Path | None = None
+    try:
+        number, temporary_name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+        os.close(number)
+        temporary = Path(temporary_name)
+        write(temporary)
+        temporary.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask())
+        temporary.replace(path)
+    except OSError as problem:
+        raise BadInput([error("C004", f"{path} cannot be written: {problem.strerror or problem}")]) from None
+    finally:
+        if temporary is not None:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a whole text file, or leave the old one as it was."""
+    replace(path, lambda temporary: _write(temporary, text))
+
+
+def write_plan(path: Path, source: str, *, force: bool) -> list[Diagnostic]:
+    """Write a compiled plan, unless that would lose a person's work; returns notes on what happened to an older file.
+
+    A file that is no compiled plan, or that differs although its recipe is the same (edited, or compiled with other
+    options), is refused without ``force``. When the recipe has changed, nobody can tell an edited plan from an old one:
+    the old file is kept as ``<name>.old``. Raises BadInput for what is refused.
+    """
+    notes: list[Diagnostic] = []
+    if path.exists() and not force:
+        try:
+            old = path.read_text(encoding="utf-8")
+        except (OSError, ValueError):
+            old = "unreadable"
+        before, after = header(old), header(source)
+        if old == source:
+            return notes
+        if before is None and old.strip():
+            advice = "--force overwrites it"
+            raise BadInput([error("C005", f"{path} is there and is not a compiled plan", help=advice)])
+        if before is not None and after is not None and _same_origin(before.sha256, after.sha256):
+            advice = "--force overwrites it; -o writes the plan somewhere else"
+            message = f"{path} is not what its recipe compiles to: it was edited, or compiled with other options"
+            raise BadInput([error("C005", message, help=advice)])
+        if old.strip():
+            kept = path.with_name(path.name + ".old")
+            write_text(kept, old)
+            notes.append(note("C006", f"the plan of the earlier recipe is kept as {kept}"))
+    write_text(path, source)
+    return notes
+
+
+def _same_origin(one: str, other: str) -> bool:
+    return one.startswith(other) or other.startswith(one)
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _umask() -> int:
+    umask = os.umask(0)
+    os.umask(umask)
+    return umask
