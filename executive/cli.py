@@ -24,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Compile OWL action recipes to robot plans and run them in a simulated world.",
-    epilog="Exit codes: 0 done, 1 the plan failed, 2 bad input or usage, 3 the robot lacks a capability, 130 interrupted.",
+    epilog="Exit codes: 0 done, 1 the plan failed, 2 bad input, 3 the robot lacks a capability, 130 interrupted.",
 )
 
 RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="A recipe's file, or a bundled recipe's name.")]

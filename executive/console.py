@@ -1,4 +1,4 @@
-"""How the command answers: diagnostics and progress for people on stderr, results on stdout, one JSON object for machines."""
+"""How the command answers: diagnostics and progress on stderr, results on stdout, for machines one JSON object."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ _PYTHON_START = re.compile(r"""("{3}|'{3}|["']|from\s|import\s|async\s|def\s|cla
 
 
 def _starts_like_owl(text: str) -> bool:
-    """True for RDF/XML, Manchester syntax and Turtle, comments and an empty file included: their reader says what is wrong."""
+    """True for RDF/XML, Manchester syntax and Turtle, and for whatever is not Python: their reader says what is wrong."""
     for line in text.splitlines():
         line = line.strip()
         if line and not line.startswith("#"):
