@@ -19,6 +19,9 @@ SUFFIXES = (".omn", ".owl", ".ttl", ".owl.in")
 LARGEST_PLAN = 10_000_000
 """Bytes of a plan that are read at most; recipes are bounded by their own reader."""
 
+LONGEST_HEADER = 10_000
+"""Characters at the start of a plan among which its header is looked for."""
+
 
 @dataclass(frozen=True, slots=True)
 class PlanHeader:
@@ -113,11 +116,13 @@ def _is_utf16(content: bytes) -> bool:
 _OWL_START = re.compile(
     r"(<|@prefix\b|@base\b|PREFIX\b|BASE\b|(Prefix|Ontology|Namespace|Import|Individual|Class)\s*:)"
 )
-_PYTHON_START = re.compile(r"""("{3}|'{3}|["']|from\s|import\s|async\s|def\s|class\s|@\w|\w+\s*=)""")
+_PYTHON_START = re.compile(
+    r"""("{3}|'{3}|["']|@\w|\w+\s*=|(from|import|async|def|class|if|try|for|while|with|raise|assert)\b)"""
+)
 
 
 def _starts_like_owl(text: str) -> bool:
-    """True for RDF/XML, Manchester syntax and Turtle, and for whatever is not Python: their reader says what is wrong."""
+    """True for RDF/XML, Manchester syntax, Turtle, and whatever is not Python: their reader says what is wrong."""
     for line in text.splitlines():
         line = line.strip()
         if line and not line.startswith("#"):
@@ -162,10 +167,6 @@ _HEADER = re.compile(
 
 
 def header(source: str) -> PlanHeader | None:
-    """Where a plan's source says it came from; None if it does not say."""
-    try:
-        docstring = ast.get_docstring(ast.parse(source))
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return None
-    found = _HEADER.search(" ".join((docstring or "").split()))
+    """Where a plan's source says it came from, at its start; None if it does not say. The source need not be valid."""
+    found = _HEADER.search(" ".join(source[:LONGEST_HEADER].split()))
     return PlanHeader(**found.groupdict()) if found else None
