@@ -1,0 +1,218 @@
+"""Chains of joints: forward kinematics, Jacobian and inverse kinematics, in the frame of the chain's base link."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from executive.motion.errors import NoSuchChain
+from executive.motion.levenberg_marquardt import Solver, StepFunctions, VirtualMachine, step_functions
+from executive.motion.symbolic import Variable, pose_function, position_function, symbolic_chain
+from executive.motion.urdf import KINDS, Joint, joints_between, read_joints
+from planlang.protocols import Array
+
+POSITION_TOLERANCE = 1e-4
+"""How far a solution's tip may be from its target [m]."""
+ANGLE_TOLERANCE = 1e-3
+"""How far a solution's tip may be turned from its target [rad]."""
+
+
+class Chain:
+    """The joints from a base link to a tip link; d of them move.
+
+    A joint that mimics another moves with it; if that one is not in the chain it takes the place of the mimic in
+    ``names``. Joints without motion of their own (fixed, locked) are folded into the constants.
+    """
+
+    def __init__(self, joints: Sequence[Joint], *, others: Iterable[Joint] = (), locked: Mapping[str, float]) -> None:
+        """Joints from base to tip; ``others`` are searched for masters of mimics, ``locked`` ones stay where said."""
+        every = {joint.name: joint for joint in (*others, *joints)}
+        movers: dict[str, Joint] = {}
+        variables: list[Variable] = []
+        ranges: dict[str, tuple[float, float]] = {}
+        for joint in joints:
+            name, multiplier, offset = _master(joint, every)
+            master = every[name]
+            if joint.kind == "fixed" or name in locked or joint.name in locked or master.kind == "fixed":
+                value = locked.get(joint.name, multiplier * locked.get(name, 0.0) + offset)
+                variables.append(Variable(None, 0.0, value))
+                continue
+            movers.setdefault(name, master)
+            variables.append(Variable(tuple(movers).index(name), multiplier, offset))
+            if multiplier and joint.kind != "continuous":
+                ends = sorted(((joint.lower - offset) / multiplier, (joint.upper - offset) / multiplier))
+                low, high = ranges.get(name, (master.lower, master.upper))
+                ranges[name] = (max(low, ends[0]), min(high, ends[1]))
+        self.names: tuple[str, ...] = tuple(movers)
+        """Joint names, base first."""
+        limits = [ranges.get(name, (joint.lower, joint.upper)) for name, joint in movers.items()]
+        self.lower: Array = _frozen([low for low, _ in limits])
+        """Lower limits (d,) [rad, m]; of a continuous joint -pi, the start of its range."""
+        self.upper: Array = _frozen([high for _, high in limits])
+        """Upper limits (d,)."""
+        self.velocity: Array = _frozen([joint.velocity for joint in movers.values()])
+        """Velocity limits (d,) [rad/s, m/s] as the URDF gives them."""
+        self.continuous: NDArray[np.bool_] = np.array([joint.kind == "continuous" for joint in movers.values()], bool)
+        """Which joints turn without end (d,)."""
+        self.prismatic: NDArray[np.bool_] = np.array([joint.kind == "prismatic" for joint in movers.values()], bool)
+        """Which joints slide (d,)."""
+        self.symbolic = symbolic_chain(joints, variables, len(movers))
+        self._position = position_function(self.symbolic)
+        self._pose = pose_function(self.symbolic)
+
+    @classmethod
+    def from_urdf(
+        cls, path: Path, base_link: str, tip_link: str, locked: Mapping[str, float] | Iterable[str] = ()
+    ) -> Chain:
+        """Read a chain; ``locked`` joints keep the position given, or the one nearest to zero within their limits.
+
+        Raises :class:`BadRobotDescription` for a file that is not a usable URDF, :class:`NoSuchChain` for links that
+        do not form a chain with at least one moving joint of the kinds revolute, continuous and prismatic.
+        """
+        every = read_joints(Path(path))
+        joints = joints_between(every, base_link, tip_link)
+        links = [joint.child for joint in every]
+        at = dict(locked) if isinstance(locked, Mapping) else dict.fromkeys(locked, 0.0)
+        known = {joint.name: joint for joint in every}
+        for name in at:
+            if name not in known:
+                raise NoSuchChain(base_link, tip_link, f"there is no joint {name!r} to lock", links)
+            if not isinstance(locked, Mapping):
+                at[name] = min(max(0.0, known[name].lower), known[name].upper)
+        for joint in joints:
+            if joint.kind not in KINDS and joint.name not in at:
+                raise NoSuchChain(base_link, tip_link, f"joint {joint.name!r} is {joint.kind or 'untyped'!r}", links)
+            if joint.mimic is not None and joint.mimic.joint not in known:
+                problem = f"joint {joint.name!r} mimics {joint.mimic.joint!r}, which does not exist"
+                raise NoSuchChain(base_link, tip_link, problem, links)
+        chain = cls(joints, others=every, locked=at)
+        if not chain.names:
+            raise NoSuchChain(base_link, tip_link, "no joint between them moves", links)
+        return chain
+
+    @property
+    def dof(self) -> int:
+        """Number of moving joints, d."""
+        return len(self.names)
+
+    def fk(self, q: ArrayLike) -> Array:
+        """Poses (n, 4, 4) of the tip in the base for configurations (n, d)."""
+        rotation, position = self._position(self._rows(q))
+        return _poses(rotation, position)
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Geometric Jacobians (n, 6, d) for configurations (n, d): velocity of the tip point, then angular velocity.
+
+        Both in the axes of the base.
+        """
+        _, _, jacobian = self._pose(self._rows(q))
+        return jacobian.reshape(-1, 6, self.dof)
+
+    def within(self, q: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
+        """Which configurations (n, d) keep all limits; continuous joints have none."""
+        rows = self._rows(q)
+        inside = (rows >= self.lower - tolerance) & (rows <= self.upper + tolerance)
+        return np.asarray((inside | self.continuous).all(axis=1))
+
+    def near(self, q: ArrayLike, reference: ArrayLike) -> Array:
+        """The same configurations (..., d) with continuous joints within half a turn of the reference."""
+        given, other = np.asarray(q, float), np.asarray(reference, float)
+        turns = np.where(self.continuous, np.round((other - given) / (2 * np.pi)), 0.0)
+        return np.asarray(given + 2 * np.pi * turns)
+
+    def sample(self, rng: np.random.Generator, shape: int | tuple[int, ...]) -> Array:
+        """Uniform configurations (*shape, d) within the limits."""
+        sizes = (shape,) if isinstance(shape, int) else shape
+        return rng.uniform(self.lower, self.upper, (*sizes, self.dof))
+
+    def _rows(self, q: ArrayLike) -> Array:
+        rows = np.atleast_2d(np.asarray(q, float))
+        if rows.ndim != 2 or rows.shape[1] != self.dof:
+            raise ValueError(f"expected configurations (n, {self.dof}) of {self.names}, got shape {np.shape(q)}")
+        return rows
+
+
+class InverseKinematics:
+    """Configurations of a chain that bring its tip to a pose, by Levenberg-Marquardt from given seeds."""
+
+    def __init__(
+        self,
+        chain: Chain,
+        *,
+        free_axis: ArrayLike | None = None,
+        solver: Callable[[StepFunctions], Solver] = VirtualMachine,
+    ) -> None:
+        """``free_axis`` (3,) in the tip's frame: the tip may turn about it (a cylinder can be grasped from any side).
+
+        ``solver`` iterates the step function; its results must be reproducible.
+        """
+        axis = None
+        if free_axis is not None:
+            axis = np.asarray(free_axis, float)
+            if axis.shape != (3,) or np.linalg.norm(axis) < 1e-9:
+                raise ValueError(f"free_axis must be a vector (3,) of some length, got {free_axis!r}")
+            axis = axis / np.linalg.norm(axis)
+        self.chain = chain
+        lower = np.where(chain.continuous, -np.inf, chain.lower)
+        upper = np.where(chain.continuous, np.inf, chain.upper)
+        tolerance = (POSITION_TOLERANCE, ANGLE_TOLERANCE)
+        self._solver = solver(step_functions(chain.symbolic, lower, upper, tolerance, axis))
+
+    def solve(self, targets: ArrayLike, seeds: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
+        """Solve for targets (m, 4, 4) in the base frame, each from its seeds (m, s, d) in order until one converges.
+
+        Returns q (m, d) and ok (m,): where ok, the tip is within 0.1 mm and 1 mrad of the target and the joints are
+        within their limits; elsewhere q is the nearest found. Continuous joints come out within half a turn of the
+        first seed.
+        """
+        poses, starts = np.asarray(targets, float), np.asarray(seeds, float)
+        d = self.chain.dof
+        if poses.shape != (len(poses), 4, 4) or starts.ndim != 3 or starts.shape[::2] != (len(poses), d):
+            raise ValueError(
+                f"expected targets (m, 4, 4) and seeds (m, s, {d}), got shapes {poses.shape} and {starts.shape}"
+            )
+        if starts.shape[1] == 0:
+            raise ValueError("expected at least one seed per target")
+        rows = np.concatenate([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]], axis=1)
+        low, high = self.chain.lower, self.chain.upper
+        starts = np.where(self.chain.continuous, starts, np.clip(starts, low, high))
+        q, ok = self._solver(rows, starts)
+        return self.chain.near(q, starts[:, 0]), ok
+
+    def solve_one(
+        self, target: ArrayLike, seed: ArrayLike, rng: np.random.Generator | None = None, restarts: int = 20
+    ) -> Array | None:
+        """One target (4, 4) from a seed (d,), then from random ones if a generator is given; q (d,) or None."""
+        seeds = np.asarray(seed, float)[None]
+        if rng is not None:
+            seeds = np.concatenate([seeds, self.chain.sample(rng, restarts)])
+        q, ok = self.solve(np.asarray(target, float)[None], seeds[None])
+        return q[0] if ok[0] else None
+
+
+def _master(joint: Joint, every: Mapping[str, Joint]) -> tuple[str, float, float]:
+    """Whom a joint follows in the end, and how: (name, multiplier, offset)."""
+    multiplier, offset, seen = 1.0, 0.0, {joint.name}
+    while joint.mimic is not None and joint.mimic.joint in every and joint.mimic.joint not in seen:
+        offset += multiplier * joint.mimic.offset
+        multiplier *= joint.mimic.multiplier
+        joint = every[joint.mimic.joint]
+        seen.add(joint.name)
+    return joint.name, multiplier, offset
+
+
+def _poses(rotation: Array, position: Array) -> Array:
+    poses = np.zeros((len(position), 4, 4))
+    poses[:, :3, :3] = rotation.reshape(-1, 3, 3)
+    poses[:, :3, 3] = position
+    poses[:, 3, 3] = 1.0
+    return poses
+
+
+def _frozen(values: Sequence[float]) -> Array:
+    array = np.array(values, float)
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,158 @@
+"""Facts about chains: forward kinematics, Jacobians, mimics, locked joints, errors."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pybullet
+import pytest
+
+from executive.motion.errors import BadRobotDescription, NoSuchChain
+from executive.motion.kinematics import Chain
+from planlang.protocols import Pose
+
+ROBOTS = ["amigo", "pr2", "panda"]
+SMALL = """<robot name="small">
+  <joint name="turn" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 2"/>
+    <limit lower="-1" upper="2" velocity="0.5"/></joint>
+  <joint name="mount" type="fixed"><parent link="b"/><child link="c"/><origin xyz="1 0 0"/></joint>
+  <joint name="slide" type="prismatic"><parent link="c"/><child link="d"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="0.4" velocity="0.1"/></joint>
+  <joint name="follow" type="prismatic"><parent link="d"/><child link="e"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="0.5" velocity="0.1"/><mimic joint="slide" multiplier="2" offset="0.1"/></joint>
+  <joint name="roll" type="continuous"><parent link="e"/><child link="f"/><axis xyz="1 0 0"/></joint>
+  <joint name="drift" type="floating"><parent link="f"/><child link="g"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    """A URDF with a joint of every kind, one that mimics another."""
+    path = tmp_path / "small.urdf"
+    path.write_text(SMALL)
+    return path
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_jacobian_is_the_derivative_of_forward_kinematics(robot: str, chain_of: Callable[[str], Chain]) -> None:
+    chain = chain_of(robot)
+    q = chain.sample(np.random.default_rng(1), 20)
+    jacobian = chain.jacobian(q)
+    here = chain.fk(q)
+    h = 1e-6
+    for joint in range(chain.dof):
+        step = np.zeros(chain.dof)
+        step[joint] = h
+        ahead, behind = chain.fk(q + step), chain.fk(q - step)
+        linear = (ahead[:, :3, 3] - behind[:, :3, 3]) / (2 * h)
+        spin = (ahead[:, :3, :3] - behind[:, :3, :3]) / (2 * h) @ here[:, :3, :3].transpose(0, 2, 1)
+        angular = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+        np.testing.assert_allclose(jacobian[:, :3, joint], linear, atol=1e-8)
+        np.testing.assert_allclose(jacobian[:, 3:, joint], angular, atol=1e-8)
+
+
+def test_forward_kinematics_agrees_with_pybullet(chain_of: Callable[[str], Chain], panda_urdf: Path) -> None:
+    chain = chain_of("panda")
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        body = pybullet.loadURDF(str(panda_urdf), useFixedBase=True, physicsClientId=client)
+        joints = [pybullet.getJointInfo(body, i, client) for i in range(pybullet.getNumJoints(body, client))]
+        index = {joint[1].decode(): joint[0] for joint in joints}
+        tip = next(joint[0] for joint in joints if joint[12].decode() == "panda_hand")
+        for q in chain.sample(np.random.default_rng(2), 20):
+            for name, value in zip(chain.names, q, strict=True):
+                pybullet.resetJointState(body, index[name], value, physicsClientId=client)
+            state = pybullet.getLinkState(body, tip, computeForwardKinematics=True, physicsClientId=client)
+            np.testing.assert_allclose(chain.fk(q)[0], Pose(state[4], state[5]).matrix(), atol=1e-6)
+    finally:
+        pybullet.disconnect(client)
+
+
+def test_amigos_right_arm_hangs_from_its_lift(chain_of: Callable[[str], Chain]) -> None:
+    chain = chain_of("amigo")
+    assert chain.names[:2] == ("spindle_joint", "shoulder_yaw_joint_right")
+    assert chain.dof == 8
+    assert chain.prismatic.tolist() == [True] + [False] * 7
+    # shoulder at base link + 0.715 + 0.055 + 0.05 - 0.055, stretched straight down: 0.32 + 0.28 + 0.14 below
+    tip = chain.fk(np.zeros(8))[0]
+    assert tip[2, 3] == pytest.approx(0.055 + 0.58 + 0.135 + 0.05 - 0.74, abs=1e-3)
+
+
+def test_result_of_a_row_does_not_depend_on_other_rows(chain_of: Callable[[str], Chain]) -> None:
+    chain = chain_of("panda")
+    q = chain.sample(np.random.default_rng(3), 300)
+    together = chain.fk(q)
+    assert all(np.array_equal(chain.fk(row)[0], pose) for row, pose in zip(q, together, strict=True))
+
+
+def test_joint_that_mimics_moves_with_its_master(small: Path) -> None:
+    chain = Chain.from_urdf(small, "a", "f")
+    assert chain.names == ("turn", "slide", "roll")
+    assert chain.fk([0.0, 0.1, 0.0])[0][0, 3] == pytest.approx(1 + 0.1 + (2 * 0.1 + 0.1))
+    assert chain.jacobian([0.0, 0.1, 0.0])[0, 0, 1] == pytest.approx(3.0)
+
+
+def test_limits_of_a_mimic_bind_its_master(small: Path) -> None:
+    chain = Chain.from_urdf(small, "a", "f")
+    assert chain.lower.tolist() == pytest.approx([-1, 0, -np.pi])
+    assert chain.upper.tolist() == pytest.approx([2, 0.2, np.pi])
+    assert chain.velocity.tolist() == [0.5, 0.1, 0.0]
+
+
+def test_mimic_without_its_master_in_the_chain_is_moved_by_the_master(small: Path) -> None:
+    assert Chain.from_urdf(small, "d", "e").names == ("slide",)
+
+
+def test_locked_joint_stays_where_it_is_put(small: Path) -> None:
+    assert Chain.from_urdf(small, "a", "d", {"slide": 0.3}).names == ("turn",)
+    assert Chain.from_urdf(small, "a", "d", {"slide": 0.3}).fk([0.0])[0][0, 3] == pytest.approx(1.3)
+    assert Chain.from_urdf(small, "a", "d", ["slide"]).fk([0.0])[0][0, 3] == pytest.approx(1.0)
+
+
+def test_continuous_joint_has_no_limits_and_is_taken_the_short_way(small: Path) -> None:
+    chain = Chain.from_urdf(small, "a", "f")
+    assert chain.within([0.0, 0.1, 50.0]).all()
+    assert not chain.within([2.1, 0.1, 0.0]).any()
+    np.testing.assert_allclose(chain.near([0.0, 0.0, 3.0], [0.0, 0.0, -3.0]), [0.0, 0.0, 3.0 - 2 * np.pi])
+
+
+@pytest.mark.parametrize(
+    ("base", "tip", "said"),
+    [
+        ("nowhere", "b", "there is no link 'nowhere'"),
+        ("d", "b", "'b' does not hang from 'd'"),
+        ("a", "g", "joint 'drift' is 'floating'"),
+        ("b", "c", "no joint between them moves"),
+    ],
+)
+def test_links_that_form_no_chain_are_refused_with_the_reason(small: Path, base: str, tip: str, said: str) -> None:
+    with pytest.raises(NoSuchChain, match=said):
+        Chain.from_urdf(small, base, tip)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<robot", "not well-formed"),
+        ("<sdf/>", "root element is <sdf>"),
+        (SMALL.replace('lower="-1"', 'lower="x"'), "joint 'turn' has <limit lower='x'>, expected 1 number"),
+        (SMALL.replace('lower="-1"', 'lower="3"'), "joint 'turn' has limits .* wrong way round"),
+        (SMALL.replace('xyz="0 0 2"', 'xyz="0 0 0"'), "joint 'turn' has an axis of length zero"),
+        (SMALL.replace('<parent link="a"/>', ""), "joint 'turn' names no parent link"),
+    ],
+)
+def test_file_that_is_no_urdf_is_refused_with_the_reason(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "bad.urdf"
+    path.write_text(text)
+    with pytest.raises(BadRobotDescription, match=said):
+        Chain.from_urdf(path, "a", "d")
+
+
+def test_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadRobotDescription, match="cannot be read"):
+        Chain.from_urdf(tmp_path / "none.urdf", "a", "b")
+
+
+def test_configurations_of_another_length_are_refused(small: Path) -> None:
+    with pytest.raises(ValueError, match=r"expected configurations \(n, 3\)"):
+        Chain.from_urdf(small, "a", "f").fk([0.0, 0.0])
