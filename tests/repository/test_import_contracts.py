@@ -1,0 +1,52 @@
+"""The import contracts of pyproject.toml hold for something: each one notices an import that breaks it."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+PACKAGES = ("planlang", "executive", "sim")
+
+BREACHES = {
+    "planlang knows no robot and no physics": ("planlang/kernel", "import sim"),
+    "sim knows designators, protocols and diagnostics only": ("sim", "import planlang.kernel"),
+    "the compiler reads recipes, recipes read ontologies": ("planlang/ontology", "import planlang.recipe"),
+    "the language stands on the kernel and knows no recipe": ("planlang/kernel", "import planlang.language"),
+    "the language does not know recipes": ("planlang/language", "import planlang.recipe"),
+}
+"""Contract -> a package and an import that it must not contain."""
+
+
+def lint_imports(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Check the contracts of the packages in a folder."""
+    command = [sys.executable, "-c", "from importlinter.cli import lint_imports_command; lint_imports_command()"]
+    return subprocess.run(
+        [*command, "--no-cache"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={"PYTHONPATH": str(folder)},
+    )
+
+
+def test_each_contract_is_broken_by_an_import_that_it_forbids(tmp_path: Path) -> None:
+    configuration = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())
+    contracts = {contract["name"] for contract in configuration["tool"]["importlinter"]["contracts"]}
+    assert contracts == set(BREACHES), "every contract needs an example that breaks it, here in the test"
+
+    shutil.copy(CHECKOUT / "pyproject.toml", tmp_path)
+    for package in PACKAGES:
+        shutil.copytree(CHECKOUT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for folder, statement in BREACHES.values():
+        (tmp_path / folder / "breach.py").touch()
+        with (tmp_path / folder / "breach.py").open("a") as file:
+            file.write(f"{statement}\n")
+    found = lint_imports(tmp_path)
+    broken = set(re.findall(r"^(.+?) BROKEN", found.stdout, flags=re.MULTILINE))
+    assert broken == contracts, found.stdout + found.stderr
