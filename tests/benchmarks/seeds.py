@@ -3,9 +3,9 @@
     python tests/benchmarks/seeds.py                   the bundled recipe, seeds 1 to 30, two runs at a time
     python tests/benchmarks/seeds.py --real            RoboEarth's own recipe, robot and map (needs the corpus)
 
-A seed moves the bottle on its support (up to 0.3 m, and in yaw), the bedside table and the robot's start, never the map.
-A run is counted as served when the simulator's truth says so, whatever the plan believes. The exit code is 0 when no run
-hung and none ended with an internal error.
+A seed moves the bottle on its support (up to 0.3 m, and in yaw), the bedside table and the robot's start; never the
+map. A run is counted as served when the simulator's truth says so, whatever the plan believes. The exit code is 0 when
+no run hung and none ended with an internal error.
 """
 
 from __future__ import annotations
