@@ -4,3 +4,32 @@ General layout: ``urdf`` reads joints, ``symbolic`` and ``levenberg_marquardt`` 
 ``kinematics``; ``arm_path`` and ``base_path`` (on ``clearance``) find waypoints with plain callables for collision;
 ``timing`` turns waypoints into trajectories. Random generators are passed in; ``errors`` lists what is raised.
 """
+
+from executive.motion.arm_path import TipLine, cartesian_path, plan_path
+from executive.motion.errors import (
+    BadRobotDescription,
+    GoalInCollision,
+    MotionError,
+    NoPath,
+    NoSuchChain,
+    OutsideLimits,
+    StartInCollision,
+)
+from executive.motion.kinematics import Chain, InverseKinematics
+from executive.motion.timing import time_path
+
+__all__ = [
+    "BadRobotDescription",
+    "Chain",
+    "GoalInCollision",
+    "InverseKinematics",
+    "MotionError",
+    "NoPath",
+    "NoSuchChain",
+    "OutsideLimits",
+    "StartInCollision",
+    "TipLine",
+    "cartesian_path",
+    "plan_path",
+    "time_path",
+]
