@@ -34,12 +34,14 @@ class Pose:
     def from_matrix(matrix: Array) -> Pose:
         """From a homogeneous (4, 4) matrix whose rotation part is orthonormal with determinant 1."""
         m = matrix
-        w = math.sqrt(max(0.0, 1 + m[0, 0] + m[1, 1] + m[2, 2])) / 2
-        x = math.copysign(math.sqrt(max(0.0, 1 + m[0, 0] - m[1, 1] - m[2, 2])) / 2, m[2, 1] - m[1, 2])
-        y = math.copysign(math.sqrt(max(0.0, 1 - m[0, 0] + m[1, 1] - m[2, 2])) / 2, m[0, 2] - m[2, 0])
-        z = math.copysign(math.sqrt(max(0.0, 1 - m[0, 0] - m[1, 1] + m[2, 2])) / 2, m[1, 0] - m[0, 1])
-        norm = math.sqrt(w * w + x * x + y * y + z * z)
-        return Pose((float(m[0, 3]), float(m[1, 3]), float(m[2, 3])), (x / norm, y / norm, z / norm, w / norm))
+        a, b, c = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+        d, e, f = m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1]
+        squares = np.array([[1, -1, -1], [-1, 1, -1], [-1, -1, 1], [1, 1, 1]]) @ np.diagonal(m)[:3] + 1.0
+        rows = ((squares[0], d, e, a), (d, squares[1], f, b), (e, f, squares[2], c), (a, b, c, squares[3]))
+        largest = np.array(rows[int(np.argmax(squares))])  # 4 times the quaternion's outer product has four such rows
+        largest = largest if largest[3] >= 0 else -largest
+        x, y, z, w = (float(value) for value in largest / np.linalg.norm(largest))
+        return Pose((float(m[0, 3]), float(m[1, 3]), float(m[2, 3])), (x, y, z, w))
 
     def matrix(self) -> Array:
         """The homogeneous (4, 4) matrix of the pose."""
