@@ -1,0 +1,13 @@
+"""A simulated world: rooms of simple shapes, one robot, people who take what is offered.
+
+:class:`PyBulletWorld` (``world.py``) is what others use; ``scene.py`` says what it is made from. Inside, ``bodies.py``
+and ``robot.py`` own what is in the physics client, ``contact.py``, ``rays.py`` and ``camera.py`` answer questions,
+``playback.py``, ``sinking.py`` and ``people.py`` move things. Only ``engine.py`` imports PyBullet.
+"""
+
+from sim.person import Reach, reach_of
+from sim.perturb import perturb
+from sim.scene import Body, CameraModel, RobotBody, Scene
+from sim.world import PyBulletWorld
+
+__all__ = ["Body", "CameraModel", "PyBulletWorld", "Reach", "RobotBody", "Scene", "perturb", "reach_of"]

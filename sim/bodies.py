@@ -1,0 +1,217 @@
+"""The bodies of a scene inside one physics client: convex pieces, where they are, and boxes around them.
+
+A body is one piece (box, cylinder), several (person, room) or none (marker). The boxes around the pieces are kept in
+two arrays, so that a contact query asks PyBullet about near pairs only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planlang.protocols import Array, Pose
+from sim.engine import bullet
+from sim.geometry import rotation
+from sim.scene import Body, Scene
+
+FLOOR = "floor"
+"""Name that the ground has in a scene without a room."""
+
+WALL = 0.1
+_AWAY = (0.0, 0.0, -500.0)
+_COLORS: dict[str, tuple[float, float, float, float]] = {
+    "box": (0.72, 0.60, 0.45, 1.0),
+    "cylinder": (0.20, 0.50, 0.85, 1.0),
+    "person": (0.86, 0.68, 0.56, 1.0),
+    "room": (0.90, 0.90, 0.87, 1.0),
+}
+Color = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A convex primitive in the frame of its body: a box of ``size``, or a cylinder or sphere inscribed in it."""
+
+    kind: str
+    size: tuple[float, float, float]
+    offset: Pose
+    color: Color | None = None
+    limb: bool = False
+    """Part of a person's arm: hands and what they hold may touch it."""
+    outward: tuple[float, float, float] | None = None
+    """A wall's normal away from the room."""
+
+
+@dataclass(slots=True)
+class Piece:
+    """A part that exists in the physics client."""
+
+    uid: int
+    body: str
+    part: Part
+    offset: Pose
+
+
+class Bodies:
+    """The scene's bodies in one client; ``lower`` and ``upper`` are (n, 3), a row per piece, empty when removed."""
+
+    def __init__(self, client: int, scene: Scene, parts: dict[str, tuple[Part, ...]]) -> None:
+        self.client = client
+        self.bodies = {body.name: body for body in scene.bodies}
+        self.poses = {body.name: body.pose for body in scene.bodies}
+        self.removed: set[str] = set()
+        self.pieces: list[Piece] = []
+        self.of: dict[str, list[int]] = {body.name: [] for body in scene.bodies}
+        """Body -> indices of its pieces."""
+        self._index: dict[int, int] = {}
+        for body in scene.bodies:
+            for part in parts.get(body.name) or plain(body):
+                self._add(body, part)
+        if not any(body.shape == "room" for body in scene.bodies):
+            ground = Body(FLOOR, Pose((0.0, 0.0, -0.05)), (60.0, 60.0, 0.1), color=_COLORS["room"])
+            self.bodies[FLOOR], self.poses[FLOOR], self.of[FLOOR] = ground, ground.pose, []
+            self._add(ground, *plain(ground))
+        self.lower = np.full((len(self.pieces), 3), np.inf)
+        self.upper = np.full((len(self.pieces), 3), -np.inf)
+        for name in self.of:
+            self.place(name, self.poses[name])
+
+    def _add(self, body: Body, part: Part) -> None:
+        x, y, z = part.size
+        color = part.color or body.color or _COLORS.get(body.shape, (0.7, 0.7, 0.7, 1.0))
+        solid: dict[str, Any] = {"physicsClientId": self.client}
+        seen: dict[str, Any] = {"physicsClientId": self.client, "rgbaColor": color}
+        match part.kind:
+            case "box":
+                shape = bullet.GEOM_BOX
+                solid |= {"halfExtents": (x / 2, y / 2, z / 2)}
+                seen |= {"halfExtents": (x / 2, y / 2, z / 2)}
+            case "cylinder":
+                shape = bullet.GEOM_CYLINDER
+                solid |= {"radius": max(x, y) / 2, "height": z}
+                seen |= {"radius": max(x, y) / 2, "length": z}
+            case _:
+                shape = bullet.GEOM_SPHERE
+                solid |= {"radius": max(x, y) / 2}
+                seen |= {"radius": max(x, y) / 2}
+        uid = bullet.createMultiBody(
+            0,
+            bullet.createCollisionShape(shape, **solid),
+            bullet.createVisualShape(shape, **seen),
+            physicsClientId=self.client,
+        )
+        self._index[uid] = len(self.pieces)
+        self.of[body.name].append(len(self.pieces))
+        self.pieces.append(Piece(uid, body.name, part, part.offset))
+
+    def place(self, name: str, pose: Pose) -> None:
+        """Put a body, with all its pieces, somewhere; one that was removed stays away until :meth:`restore`."""
+        self.poses[name] = pose
+        for index in self.of[name]:
+            self._put(index)
+
+    def place_part(self, index: int, offset: Pose) -> None:
+        """Move one piece within its body's frame (a person's arm)."""
+        self.pieces[index].offset = offset
+        self._put(index)
+
+    def _put(self, index: int) -> None:
+        piece = self.pieces[index]
+        if piece.body in self.removed:
+            return
+        body = self.poses[piece.body]
+        pose = body if piece.offset == _HERE else body @ piece.offset
+        bullet.resetBasePositionAndOrientation(piece.uid, pose.position, pose.orientation, physicsClientId=self.client)
+        x, y, z = piece.part.size
+        if piece.part.kind != "box":
+            x = y = max(x, y)
+        reach = np.abs(rotation(pose)) @ np.array([x / 2, y / 2, z / 2])
+        self.lower[index] = np.asarray(pose.position) - reach
+        self.upper[index] = np.asarray(pose.position) + reach
+
+    def remove(self, name: str) -> None:
+        """Take a body out of the world: it touches nothing and is not seen."""
+        self.removed.add(name)
+        self.hide(self.of[name])
+        self.lower[self.of[name]], self.upper[self.of[name]] = np.inf, -np.inf
+
+    def restore(self, name: str) -> None:
+        """Bring a removed body back to its last pose."""
+        self.removed.discard(name)
+        self.place(name, self.poses[name])
+
+    def hide(self, indices: Iterable[int]) -> None:
+        """Move pieces out of the way inside the client only; :meth:`show` brings them back."""
+        for index in indices:
+            bullet.resetBasePositionAndOrientation(
+                self.pieces[index].uid, _AWAY, (0, 0, 0, 1), physicsClientId=self.client
+            )
+
+    def show(self, indices: Iterable[int]) -> None:
+        """Undo :meth:`hide`."""
+        for index in indices:
+            self._put(index)
+
+    def name_of(self, uid: int) -> str | None:
+        """Name of the body that a piece of this id belongs to."""
+        index = self._index.get(uid)
+        return None if index is None else self.pieces[index].body
+
+    def near(self, lower: Array, upper: Array) -> Array:
+        """(n, m) booleans: which of n boxes overlap the boxes of which pieces."""
+        overlap: Array = np.all((lower[:, None] <= self.upper[None]) & (upper[:, None] >= self.lower[None]), axis=2)
+        return overlap
+
+    def box_of(self, name: str) -> tuple[Array, Array]:
+        """Lower and upper corner of the box around the body along the map's axes; a removed one has none (inf)."""
+        indices = self.of[name]
+        if not indices:
+            return np.full(3, np.inf), np.full(3, -np.inf)
+        return self.lower[indices].min(axis=0), self.upper[indices].max(axis=0)
+
+    def gap(self, first: Sequence[int], second: Sequence[int], within: float) -> float:
+        """Smallest distance between two sets of pieces [m], negative in penetration, ``inf`` beyond ``within``."""
+        smallest = float("inf")
+        for a in first:
+            for b in second:
+                for point in bullet.getClosestPoints(
+                    self.pieces[a].uid, self.pieces[b].uid, within, physicsClientId=self.client
+                ):
+                    smallest = min(smallest, point[8])
+        return smallest
+
+
+_HERE = Pose((0.0, 0.0, 0.0))
+
+
+def plain(body: Body) -> tuple[Part, ...]:
+    """Parts of a body that is no person."""
+    match body.shape:
+        case "marker" | "person":
+            return ()
+        case "room":
+            return _room(body)
+        case shape:
+            return (Part(shape, body.size, _HERE),)
+
+
+def _room(body: Body) -> tuple[Part, ...]:
+    """A slab under the interior and four walls around it."""
+    x, y, z = body.size
+    floor = Part(
+        "box", (x + 2 * WALL, y + 2 * WALL, WALL), Pose((0.0, 0.0, -z / 2 - WALL / 2)), (0.62, 0.64, 0.66, 1.0)
+    )
+    walls = [
+        Part(
+            "box",
+            (WALL, y, z) if axis == 0 else (x + 2 * WALL, WALL, z),
+            Pose((sign * (x + WALL) / 2, 0.0, 0.0) if axis == 0 else (0.0, sign * (y + WALL) / 2, 0.0)),
+            outward=(sign, 0.0, 0.0) if axis == 0 else (0.0, sign, 0.0),
+        )
+        for axis in (0, 1)
+        for sign in (-1.0, 1.0)
+    ]
+    return (floor, *walls)

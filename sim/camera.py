@@ -1,0 +1,232 @@
+"""Looking: what a camera recognises, which share of a body is visible, and pictures by a software renderer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planlang.protocols import Array, Detection, Pose
+from sim.bodies import Bodies
+from sim.engine import bullet
+from sim.geometry import area, corners, hull, rotation
+from sim.scene import CameraModel
+
+LEAST_PIXELS = 4
+"""An object with fewer pixels in the picture is not recognised."""
+
+_CLIP = 0.02
+_FAR = 60.0
+_SIDES = 12
+_UNSEEN = ("marker", "room")
+Picture = NDArray[np.uint8]
+
+
+class Camera:
+    """Takes pictures in one physics client."""
+
+    def __init__(self, client: int, bodies: Bodies) -> None:
+        self.client, self.bodies = client, bodies
+
+    def detect(self, model: CameraModel, pose: Pose) -> tuple[Detection, ...]:
+        """Objects with enough pixels in a segmentation picture taken at the pose of the camera's link.
+
+        The visible share is the number of pixels over the area of the silhouette that an unoccluded view would have,
+        parts beyond the border of the picture included.
+        """
+        seen = self._segments(model, pose)
+        detections = []
+        for name, count in seen.items():
+            body = self.bodies.bodies[name]
+            if body.shape in _UNSEEN or name in self.bodies.removed or count < LEAST_PIXELS:
+                continue
+            place = self.bodies.poses[name]
+            if not model.near <= place.distance(pose) <= model.far:
+                continue
+            share = min(1.0, count / max(self._silhouette(name, model, pose), 1.0))
+            detections.append(Detection(name, place, round(share, 3)))
+        order = {name: k for k, name in enumerate(self.bodies.bodies)}
+        return tuple(sorted(detections, key=lambda detection: order[detection.name]))
+
+    def _segments(self, model: CameraModel, pose: Pose) -> dict[str, int]:
+        """Body -> number of its pixels."""
+        eye, forward, up = _axes(model, pose)
+        view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
+        vertical = 2 * math.atan(math.tan(model.fov / 2) * model.height / model.width)
+        mask = self._picture(model.width, model.height, view, math.degrees(vertical))[4]
+        counts: dict[str, int] = {}
+        for uid, count in zip(*np.unique(np.asarray(mask), return_counts=True), strict=True):
+            name = self.bodies.name_of(int(uid))
+            if name is not None:
+                counts[name] = counts.get(name, 0) + int(count)
+        return counts
+
+    def _silhouette(self, name: str, model: CameraModel, pose: Pose) -> float:
+        """Pixels that the body would have without anything in front of it."""
+        eye, forward, up = _axes(model, pose)
+        right = np.cross(forward, up)
+        focal = model.width / 2 / math.tan(model.fov / 2)
+        total = 0.0
+        for index in self.bodies.of[name]:
+            offset = self._outline(index) - eye
+            depth = np.maximum(offset @ forward, _CLIP)
+            total += area(hull(np.column_stack([offset @ right / depth, offset @ up / depth]) * focal))
+        return total
+
+    def _outline(self, index: int) -> Array:
+        """Points in the map whose convex hull is the piece (a polygonal one for round pieces)."""
+        piece = self.bodies.pieces[index]
+        place = self.bodies.poses[piece.body] @ piece.offset
+        size = piece.part.size
+        if piece.part.kind == "box":
+            return corners(place, size)
+        angles = np.arange(_SIDES) * (2 * math.pi / _SIDES)
+        radius = max(size[:2]) / 2
+        ring = np.column_stack([np.cos(angles) * radius, np.sin(angles) * radius, np.zeros(_SIDES)])
+        if piece.part.kind == "cylinder":
+            rings = [np.add(ring, (0.0, 0.0, height)) for height in (-size[2] / 2, size[2] / 2)]
+        else:
+            rings = [ring, ring[:, [2, 0, 1]], ring[:, [1, 2, 0]]]
+        points: Array = np.vstack(rings) @ rotation(place).T + np.asarray(place.position)
+        return points
+
+    def visible(self, name: str, model: CameraModel, pose: Pose, cast: Any) -> float:
+        """Share (0..1) of a body's surface facing the camera that a straight line of sight reaches.
+
+        0 when its centre is beyond the camera's distances; points outside the field of view count as hidden.
+        ``cast`` is the world's batch of rays.
+        """
+        if name in self.bodies.removed or not model.near <= self.bodies.poses[name].distance(pose) <= model.far:
+            return 0.0
+        eye, forward, up = _axes(model, pose)
+        right = np.cross(forward, up)
+        points, weights = self._facing(name, eye)
+        if not len(points):
+            return 0.0
+        offset = points - eye
+        depth = offset @ forward
+        wide = math.tan(model.fov / 2)
+        framed = (
+            (depth > _CLIP)
+            & (np.abs(offset @ right) <= depth * wide)
+            & (np.abs(offset @ up) <= depth * wide * model.height / model.width)
+        )
+        if not framed.any():
+            return 0.0
+        starts = eye + offset[framed] / np.linalg.norm(offset[framed], axis=1)[:, None] * _CLIP
+        hits = cast(starts, eye + offset[framed] * 1.01)
+        free = np.array([hit == name for hit in hits])
+        return round(float(weights[framed][free].sum() / weights.sum()), 3)
+
+    def _facing(self, name: str, eye: Array) -> tuple[Array, Array]:
+        """Points on the surface that face the eye, and their shares of the silhouette."""
+        points, weights = [], []
+        for index in self.bodies.of[name]:
+            piece = self.bodies.pieces[index]
+            place = self.bodies.poses[piece.body] @ piece.offset
+            local, normals, areas = _surface(piece.part.kind, piece.part.size)
+            turned = local @ rotation(place).T + np.asarray(place.position)
+            towards = eye - turned
+            distance = np.linalg.norm(towards, axis=1)
+            cosine = np.sum(normals @ rotation(place).T * towards, axis=1) / np.maximum(distance, 1e-9)
+            seen = cosine > 0.05
+            points.append(turned[seen])
+            weights.append((cosine * areas / np.maximum(distance, 1e-9) ** 2)[seen])
+        if not points:
+            return np.zeros((0, 3)), np.zeros(0)
+        return np.vstack(points), np.concatenate(weights)
+
+    def render(self, width: int, height: int, eye: Sequence[float], target: Sequence[float]) -> Picture:
+        """(height, width, 3) picture; walls that stand between the eye and the room are left out."""
+        hidden = [index for index in range(len(self.bodies.pieces)) if self._in_the_way(index, eye)]
+        self.bodies.hide(hidden)
+        try:
+            view = bullet.computeViewMatrix(list(eye), list(target), [0.0, 0.0, 1.0])
+            image = self._picture(width, height, view, 45.0, shadow=1, light=(-2.0, -3.0, 6.0))
+        finally:
+            self.bodies.show(hidden)
+        pixels: Picture = np.asarray(image[2], dtype=np.uint8).reshape(height, width, 4)[:, :, :3].copy()
+        return pixels
+
+    def _in_the_way(self, index: int, eye: Sequence[float]) -> bool:
+        piece = self.bodies.pieces[index]
+        if piece.part.outward is None or piece.body in self.bodies.removed:
+            return False
+        wall = self.bodies.poses[piece.body] @ piece.offset
+        normal = rotation(wall) @ np.asarray(piece.part.outward)
+        return float((np.asarray(eye) - np.asarray(wall.position)) @ normal) > 0.0
+
+    def _picture(
+        self,
+        width: int,
+        height: int,
+        view: Any,
+        vertical: float,
+        *,
+        shadow: int = 0,
+        light: tuple[float, float, float] = (0.0, 0.0, 5.0),
+    ) -> Any:
+        lens = bullet.computeProjectionMatrixFOV(vertical, width / height, _CLIP, _FAR)
+        return bullet.getCameraImage(
+            width,
+            height,
+            view,
+            lens,
+            shadow=shadow,
+            lightDirection=light,
+            renderer=bullet.ER_TINY_RENDERER,
+            physicsClientId=self.client,
+        )
+
+
+def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
+    """Position, viewing direction and upward direction of the camera in the map."""
+    turn = rotation(pose)
+    return np.asarray(pose.position), turn @ np.asarray(model.forward), turn @ np.asarray(model.up)
+
+
+def _surface(kind: str, size: tuple[float, float, float], per_side: int = 5) -> tuple[Array, Array, Array]:
+    """Points, outward normals and areas of patches of a primitive's surface, in its frame."""
+    grid = (np.arange(per_side) + 0.5) / per_side - 0.5
+    points: list[Array] = []
+    normals: list[Array] = []
+    areas: list[Array] = []
+    if kind == "box":
+        for axis in range(3):
+            first, second = [k for k in range(3) if k != axis]
+            for sign in (-1.0, 1.0):
+                for u in grid:
+                    for v in grid:
+                        point, normal = np.zeros(3), np.zeros(3)
+                        point[axis], point[first], point[second] = (
+                            sign * size[axis] / 2,
+                            u * size[first],
+                            v * size[second],
+                        )
+                        normal[axis] = sign
+                        points.append(point)
+                        normals.append(normal)
+                        areas.append(np.array([size[first] * size[second] / per_side**2]))
+        return np.array(points), np.array(normals), np.concatenate(areas)
+    radius = max(size[:2]) / 2
+    around = np.arange(_SIDES) * (2 * math.pi / _SIDES)
+    ring = np.column_stack([np.cos(around), np.sin(around), np.zeros(_SIDES)])
+    if kind == "cylinder":
+        for height in grid:
+            points.append(ring * radius + [0.0, 0.0, height * size[2]])
+            normals.append(ring)
+            areas.append(np.full(_SIDES, 2 * math.pi * radius * size[2] / _SIDES / per_side))
+        for sign in (-1.0, 1.0):
+            points.append(ring * radius * 0.6 + [0.0, 0.0, sign * size[2] / 2])
+            normals.append(np.tile([0.0, 0.0, sign], (_SIDES, 1)))
+            areas.append(np.full(_SIDES, math.pi * radius**2 / _SIDES))
+    else:
+        for sine in (-0.8, -0.4, 0.0, 0.4, 0.8):  # bands of equal height have equal areas (Archimedes)
+            direction = ring * math.sqrt(1 - sine * sine) + [0.0, 0.0, sine]
+            points.append(direction * radius)
+            normals.append(direction)
+            areas.append(np.full(_SIDES, 4 * math.pi * radius**2 / 5 / _SIDES))
+    return np.vstack(points), np.vstack(normals), np.concatenate(areas)

@@ -1,0 +1,190 @@
+"""Contact queries: the robot and what it holds against bodies, and the robot against itself.
+
+Boxes around links and pieces are compared first, in NumPy; PyBullet computes exact distances for what is left. On this
+machine's kind of core a query with Amigo in a furnished room takes about 0.1 ms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planlang.protocols import Array, Contact, Pose
+from sim.bodies import Bodies
+from sim.engine import bullet
+from sim.robot import TOLERANCE, Robot, close_pairs
+
+SUPPORT_DEPTH = 0.02
+"""How deep a held object may be in what it touched when it was grasped [m]."""
+
+PARTED = 0.003
+"""A held object has parted from what it touched when it is farther from it than this [m]."""
+
+Ignored = Collection[str | tuple[str, str]]
+
+
+@dataclass(slots=True)
+class Held:
+    """An object in a hand."""
+
+    link: str
+    offset: Pose
+    """Pose of the object in the link's frame."""
+    hand: frozenset[int]
+    """Numbers of the hand's links; they may touch the object."""
+    touched: set[str] = field(default_factory=set)
+    """Bodies that it has touched ever since it was grasped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """What to look at: ``links`` are numbers of solid links (all when None)."""
+
+    links: frozenset[int] | None = None
+    ignore: Ignored = ()
+    grip: bool = False
+    """Whether a hand's contact with what it holds counts as well (while its fingers close)."""
+    itself: bool = True
+    """Whether to look for self-collision; a motion of the base alone causes none."""
+
+
+class Contacts:
+    """Finds penetrations for the configuration that the robot shows; held objects must be where they belong."""
+
+    def __init__(self, robot: Robot, bodies: Bodies, held: dict[str, Held]) -> None:
+        self.robot, self.bodies, self.held = robot, bodies, held
+        self._pairs = np.array(robot.self_pairs, dtype=np.intp).reshape(-1, 2)
+        hands = [robot.hand_of(link) for link in robot.body.hands]
+        self._hands = frozenset().union(*hands)
+
+    def find(self, query: Query) -> tuple[Contact, ...]:
+        """All contacts: links first, in the order of the URDF, then held objects in the order of grasping."""
+        lower, upper = self.robot.boxes()
+        found: dict[tuple[str, str], float] = {}
+        self._of_links(query, lower, upper, found)
+        if query.itself:
+            self._of_the_robot_itself(query, lower, upper, found)
+        for name, held in self.held.items():
+            if query.links is None or self.robot.carrier(held.link) & query.links:
+                self._of_held(name, query, found)
+            if query.itself:
+                self._of_held_and_robot(name, query, lower, upper, found)
+        return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
+
+    def _of_links(self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]) -> None:
+        near = self.bodies.near(lower, upper)
+        for number, index in zip(*(axis.tolist() for axis in np.nonzero(near)), strict=True):
+            piece = self.bodies.pieces[index]
+            part = self.robot.solid_names[number]
+            if query.links is not None and number not in query.links:
+                continue
+            if piece.body in query.ignore or (part, piece.body) in query.ignore:
+                continue
+            if piece.part.limb and number in self._hands:
+                continue
+            if piece.body in self.held and not query.grip and number in self.held[piece.body].hand:
+                continue
+            if piece.body in self.held and number not in self.held[piece.body].hand:
+                continue  # found from the side of the held object
+            _deepen(found, part, piece.body, self.robot.depth_with(number, piece.uid))
+
+    def _of_the_robot_itself(
+        self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
+    ) -> None:
+        for a, b in close_pairs(self._pairs, lower, upper):
+            if query.links is not None and a not in query.links and b not in query.links:
+                continue
+            first, second = self.robot.solid_names[a], self.robot.solid_names[b]
+            if first in query.ignore or second in query.ignore:
+                continue
+            if (first, second) in query.ignore or (second, first) in query.ignore:
+                continue
+            _deepen(found, first, second, self.robot.depth_between(a, b))
+
+    def _of_held(self, name: str, query: Query, found: dict[tuple[str, str], float]) -> None:
+        held = self.held[name]
+        for mine in self.bodies.of[name]:
+            near = self.bodies.near(self.bodies.lower[mine][None], self.bodies.upper[mine][None])[0]
+            for index in np.nonzero(near)[0].tolist():
+                piece = self.bodies.pieces[index]
+                if piece.body == name or piece.part.limb:
+                    continue
+                if name in query.ignore or piece.body in query.ignore or (name, piece.body) in query.ignore:
+                    continue
+                depth = -self.bodies.gap([mine], [index], 0.0)
+                if piece.body not in held.touched or depth > SUPPORT_DEPTH:
+                    _deepen(found, name, piece.body, depth)
+
+    def _of_held_and_robot(
+        self, name: str, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
+    ) -> None:
+        held = self.held[name]
+        every = query.links is None or bool(self.robot.carrier(held.link) & query.links)
+        for mine in self.bodies.of[name]:
+            overlap = np.all((lower <= self.bodies.upper[mine]) & (upper >= self.bodies.lower[mine]), axis=1)
+            for number in np.nonzero(overlap)[0].tolist():
+                link = self.robot.solid_names[number]
+                if number in held.hand or not (every or (query.links and number in query.links)):
+                    continue
+                if {name, link} & set(query.ignore) or {(name, link), (link, name)} & set(query.ignore):
+                    continue
+                _deepen(found, name, link, self.robot.depth_with(number, self.bodies.pieces[mine].uid))
+
+    def touching(self, name: str, within: float) -> set[str]:
+        """Bodies not farther than ``within`` [m] from a body; the robot is none."""
+        mine = self.bodies.of[name]
+        lower, upper = self.bodies.box_of(name)
+        near = self.bodies.near(lower[None] - within, upper[None] + within)[0]
+        return {
+            self.bodies.pieces[index].body
+            for index in np.nonzero(near)[0].tolist()
+            if index not in mine and self.bodies.gap(mine, [index], within) <= within
+        }
+
+    def part(self) -> None:
+        """Forget for every held object what it touched and has parted from by now."""
+        for name, held in self.held.items():
+            if held.touched:
+                held.touched &= self.touching(name, PARTED)
+
+    def between(self, fingers: Collection[str], reach: float = 0.01) -> str | None:
+        """The body that two or more finger links have between them, each not farther than ``reach`` [m] from it."""
+        numbers = [self.robot.number[link] for link in fingers if link in self.robot.number]
+        if len(numbers) < 2:
+            return None
+        lower, upper = self.robot.boxes()
+        near = self.bodies.near(lower[numbers] - reach, upper[numbers] + reach).all(axis=0)
+        names = dict.fromkeys(self.bodies.pieces[index].body for index in np.nonzero(near)[0].tolist())
+        best: tuple[float, str] | None = None
+        for name in names:
+            normals = [self._normal(number, name, reach) for number in numbers]
+            sides = [normal for normal in normals if normal is not None]
+            if len(sides) < len(numbers):
+                continue
+            opposed = min(float(a @ b) for k, a in enumerate(sides) for b in sides[k + 1 :])
+            if opposed < -0.5 and (best is None or opposed < best[0]):
+                best = (opposed, name)
+        return None if best is None else best[1]
+
+    def _normal(self, number: int, name: str, reach: float) -> Array | None:
+        """Direction from a body towards a link where they are nearest."""
+        nearest: tuple[float, Array] | None = None
+        for index in self.bodies.of[name]:
+            for point in bullet.getClosestPoints(
+                self.robot.uid,
+                self.bodies.pieces[index].uid,
+                reach,
+                self.robot.solid[number],
+                -1,
+                physicsClientId=self.robot.client,
+            ):
+                if nearest is None or point[8] < nearest[0]:
+                    nearest = (point[8], np.array(point[7]))
+        return None if nearest is None else nearest[1]
+
+
+def _deepen(found: dict[tuple[str, str], float], part: str, body: str, depth: float) -> None:
+    if depth > TOLERANCE and depth > found.get((part, body), 0.0):
+        found[part, body] = depth

@@ -1,0 +1,250 @@
+"""The robot inside one physics client: joints, links, boxes around its links, pairs of links that must not touch."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planlang.protocols import Array, Configuration, Pose
+from sim.engine import bullet, quiet
+from sim.geometry import rotations
+from sim.scene import RobotBody
+
+TOLERANCE = 0.0005
+"""Penetrations not deeper than this are touching, not contact [m]."""
+
+_SAMPLES = 120
+_ALWAYS = 0.95
+_COINCIDENT = 0.03
+_pairs_of: dict[str, tuple[tuple[int, int], ...]] = {}
+Index = NDArray[np.intp]
+
+
+class Robot:
+    """A URDF in a client, its base frame placed in the plane.
+
+    ``show`` puts it into a configuration; every other method speaks of the configuration shown last. Links with
+    collision shapes are "solid" and numbered 0..n-1 in the order of the URDF.
+    """
+
+    def __init__(self, client: int, body: RobotBody) -> None:
+        self.client, self.body = client, body
+        with quiet():
+            self.uid: int = bullet.loadURDF(str(body.urdf), useFixedBase=True, physicsClientId=client)
+        self._read_joints()
+        self._read_links()
+        self.shown: dict[str, float] = {}
+        self.base = (0.0, 0.0, 0.0)
+        self.show(Configuration(self.base, {name: min(max(0.0, lo), hi) for name, (lo, hi) in self.limits.items()}))
+        self._measure()
+        self._moved = {name: self._below(index) for name, index in self.joints.items()}
+        self.self_pairs = self._free_pairs()
+        self.show(Configuration(self.base, {**self.shown, **self._known(body.posture)}))
+
+    def _read_joints(self) -> None:
+        self.joints: dict[str, int] = {}
+        self.limits: dict[str, tuple[float, float]] = {}
+        self.links: dict[str, int] = {_text(bullet.getBodyInfo(self.uid, physicsClientId=self.client)[0]): -1}
+        self.parent: dict[int, int] = {-1: -2}
+        self._fixed: set[int] = set()
+        for index in range(bullet.getNumJoints(self.uid, physicsClientId=self.client)):
+            info = bullet.getJointInfo(self.uid, index, physicsClientId=self.client)
+            self.links[_text(info[12])], self.parent[index] = index, info[16]
+            if info[2] not in (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC):
+                self._fixed.add(index)
+                continue
+            lower, upper = float(info[8]), float(info[9])
+            self.joints[_text(info[1])] = index
+            self.limits[_text(info[1])] = (lower, upper) if lower < upper else (-float("inf"), float("inf"))
+        self.link_names = {index: name for name, index in self.links.items()}
+
+    def _read_links(self) -> None:
+        inertial = bullet.getDynamicsInfo(self.uid, -1, physicsClientId=self.client)
+        self._inertial = Pose(tuple(inertial[3]), tuple(inertial[4]))
+        self._frame = self._inertial.inverse()
+        self.solid = [
+            index
+            for index in sorted(self.links.values())
+            if bullet.getCollisionShapeData(self.uid, index, physicsClientId=self.client)
+        ]
+        self.solid_names = [self.link_names[index] for index in self.solid]
+        self.number = {name: k for k, name in enumerate(self.solid_names)}
+        self._moving_solid = [index for index in self.solid if index >= 0]
+
+    def _known(self, posture: Mapping[str, float]) -> dict[str, float]:
+        unknown = sorted(set(posture) - set(self.joints))
+        if unknown:
+            raise ValueError(
+                f"the robot has no joint {', '.join(unknown)}; {self.body.urdf.name} has {', '.join(self.joints)}"
+            )
+        return {name: float(value) for name, value in posture.items()}
+
+    def configuration(self) -> Configuration:
+        """The configuration that is shown."""
+        return Configuration(self.base, dict(self.shown))
+
+    def show(self, configuration: Configuration) -> None:
+        """Put the robot there; joints not named stay. Unknown joints raise ``ValueError``."""
+        changed = [(n, float(v)) for n, v in configuration.joints.items() if self.shown.get(n) != v]
+        if changed:
+            if any(name not in self.joints for name, _ in changed):
+                self._known(dict(changed))
+            bullet.resetJointStatesMultiDof(
+                self.uid,
+                [self.joints[name] for name, _ in changed],
+                [[value] for _, value in changed],
+                physicsClientId=self.client,
+            )
+            self.shown.update(changed)
+        base = (float(configuration.base[0]), float(configuration.base[1]), float(configuration.base[2]))
+        if base != self.base:
+            self.base = base
+            pose = Pose.planar(*base) @ self._inertial
+            bullet.resetBasePositionAndOrientation(
+                self.uid, pose.position, pose.orientation, physicsClientId=self.client
+            )
+
+    def link_pose(self, link: str) -> Pose:
+        """Pose of a link frame in the map; ``KeyError`` for an unknown link."""
+        if link not in self.links:
+            raise KeyError(f"the robot has no link {link!r}; it has {', '.join(self.links)}")
+        index = self.links[link]
+        if index < 0:
+            return Pose.planar(*self.base)
+        state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
+        return Pose(tuple(state[4]), tuple(state[5]))
+
+    def _frames(self) -> Array:
+        """(n, 7) positions and quaternions of the frames of the solid links."""
+        states = bullet.getLinkStates(
+            self.uid, self._moving_solid, computeForwardKinematics=True, physicsClientId=self.client
+        )
+        rows = [state[4] + state[5] for state in states]
+        if len(self._moving_solid) < len(self.solid):
+            pose = Pose.planar(*self.base)
+            rows.insert(0, pose.position + pose.orientation)
+        return np.array(rows)
+
+    def _measure(self) -> None:
+        """A box around each solid link, in its frame: the map-aligned one at this configuration, taken along."""
+        frames = self._frames()
+        axes = rotations(frames[:, 3:])
+        corners = np.array([bullet.getAABB(self.uid, index, physicsClientId=self.client) for index in self.solid])
+        self._axes = np.swapaxes(axes, 1, 2)
+        self._center = np.einsum("nij,nj->ni", self._axes, corners.mean(axis=1) - frames[:, :3])
+        self._half = (corners[:, 1] - corners[:, 0]) / 2
+
+    def boxes(self) -> tuple[Array, Array]:
+        """(n, 3) lower and upper corners of map-aligned boxes around the solid links."""
+        frames = self._frames()
+        axes = rotations(frames[:, 3:])
+        center = frames[:, :3] + np.einsum("nij,nj->ni", axes, self._center)
+        half = np.einsum("nij,nj->ni", np.abs(axes @ self._axes), self._half)
+        return center - half, center + half
+
+    def _ancestors(self, index: int) -> list[int]:
+        chain = [index]
+        while chain[-1] != -1:
+            chain.append(self.parent[chain[-1]])
+        return chain
+
+    def _below(self, index: int) -> frozenset[int]:
+        return frozenset(k for k, link in enumerate(self.solid) if index in self._ancestors(link))
+
+    def moved_by(self, name: str) -> frozenset[int]:
+        """Numbers of the solid links that a joint, or "x", "y", "yaw" of the base, moves."""
+        return self._moved[name] if name in self._moved else frozenset(range(len(self.solid)))
+
+    def carrier(self, link: str) -> frozenset[int]:
+        """Numbers of the nearest solid link upwards from a link: it moves when the link does."""
+        index = self.links[link]
+        while index not in self.solid and index != -1:
+            index = self.parent[index]
+        return frozenset({self.solid.index(index)}) if index in self.solid else frozenset()
+
+    def hand_of(self, link: str) -> frozenset[int]:
+        """Numbers of the solid links of the hand at a link: the nearest solid link upwards and all below it."""
+        index = self.links[link]
+        while index not in self.solid and index != -1:
+            index = self.parent[index]
+        return self._below(index)
+
+    def _free_pairs(self) -> tuple[tuple[int, int], ...]:
+        """Pairs of solid links to watch, computed once per URDF and set of allowed pairs."""
+        text = self.body.urdf.read_bytes() + repr(sorted(tuple(sorted(pair)) for pair in self.body.allowed)).encode()
+        key = hashlib.sha256(text).hexdigest()
+        if key not in _pairs_of:
+            _pairs_of[key] = self._find_pairs()
+        return _pairs_of[key]
+
+    def _find_pairs(self) -> tuple[tuple[int, int], ...]:
+        allowed = {frozenset(pair) for pair in self.body.allowed}
+        names = self.solid_names
+        pairs = [
+            (a, b)
+            for a in range(len(names))
+            for b in range(a + 1, len(names))
+            if frozenset((names[a], names[b])) not in allowed and not self._adjacent(self.solid[a], self.solid[b])
+        ]
+        counts = dict.fromkeys(pairs, 0)
+        generator = np.random.default_rng(0)
+        spans = {n: (max(lo, -np.pi), min(hi, np.pi)) for n, (lo, hi) in self.limits.items()}
+        with self._kept():
+            for _ in range(_SAMPLES):
+                joints = {name: float(generator.uniform(*span)) for name, span in spans.items()}
+                self.show(Configuration(self.base, joints))
+                for pair in self.near_pairs(pairs):
+                    counts[pair] += self.depth_between(*pair) > TOLERANCE
+        return tuple(pair for pair in pairs if counts[pair] < _ALWAYS * _SAMPLES)
+
+    @contextlib.contextmanager
+    def _kept(self) -> Iterator[None]:
+        before = self.configuration()
+        yield
+        self.show(before)
+
+    def _adjacent(self, a: int, b: int) -> bool:
+        """Rigidly connected, or joined by one joint or by several whose frames coincide (a shoulder, a wrist)."""
+        up_a, up_b = self._ancestors(a), self._ancestors(b)
+        between = [i for i in up_a if i not in up_b] + [i for i in up_b if i not in up_a]
+        moving = [index for index in between if index not in self._fixed]
+        if len(moving) <= 1:
+            return True
+        if a not in up_b and b not in up_a:
+            return False
+        frames = np.array(
+            [bullet.getLinkState(self.uid, i, physicsClientId=self.client)[4] for i in moving], dtype=float
+        )
+        return bool(np.all(np.linalg.norm(frames - frames[0], axis=1) < _COINCIDENT))
+
+    def near_pairs(self, pairs: list[tuple[int, int]] | tuple[tuple[int, int], ...]) -> list[tuple[int, int]]:
+        """Those pairs whose boxes overlap."""
+        lower, upper = self.boxes()
+        return close_pairs(np.array(pairs, dtype=np.intp).reshape(-1, 2), lower, upper)
+
+    def depth_between(self, a: int, b: int) -> float:
+        """Penetration of two solid links [m], 0 when they are apart."""
+        points = bullet.getClosestPoints(
+            self.uid, self.uid, 0.0, self.solid[a], self.solid[b], physicsClientId=self.client
+        )
+        return max((-point[8] for point in points), default=0.0)
+
+    def depth_with(self, number: int, uid: int) -> float:
+        """Penetration of a solid link and a piece [m], 0 when they are apart."""
+        points = bullet.getClosestPoints(self.uid, uid, 0.0, self.solid[number], -1, physicsClientId=self.client)
+        return max((-point[8] for point in points), default=0.0)
+
+
+def close_pairs(pairs: Index, lower: Array, upper: Array) -> list[tuple[int, int]]:
+    """Rows of (n, 2) ``pairs`` whose boxes overlap."""
+    a, b = pairs[:, 0], pairs[:, 1]
+    overlap = np.all((lower[a] <= upper[b]) & (upper[a] >= lower[b]), axis=1)
+    return [(int(x), int(y)) for x, y in pairs[overlap]]
+
+
+def _text(name: bytes) -> str:
+    return name.decode()

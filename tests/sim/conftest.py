@@ -1,0 +1,69 @@
+"""A furnished room with Amigo in it."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from planlang.protocols import Pose
+from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
+
+URDF = Path(__file__).resolve().parents[2] / "ontologies" / "robots" / "amigo.urdf"
+
+TUCKED = {"spindle_joint": 0.2} | {
+    f"{joint}_joint_{side}": value
+    for side in ("right", "left")
+    for joint, value in (
+        ("shoulder_yaw", -0.1),
+        ("shoulder_pitch", -0.3),
+        ("elbow_pitch", 1.9),
+        ("finger1", 0.4),
+        ("finger2", -0.4),
+    )
+}
+
+ROOM = Scene(
+    (
+        Body("room", Pose((0.0, 0.0, 1.25)), (6.0, 5.0, 2.5), "room"),
+        Body("bed", Pose((1.7, 0.5, 0.30)), (2.1, 0.95, 0.60), color=(0.93, 0.93, 0.95, 1.0)),
+        Body("patient", Pose((1.65, 0.5, 0.86), (0.0, 0.0, 1.0, 0.0)), (1.7, 0.5, 0.54), "person"),
+        Body("bedside", Pose((2.4, 1.3, 0.3)), (0.45, 0.45, 0.6), movable=True),
+        Body("cabinet", Pose((-1.2, 2.25, 0.4)), (0.8, 0.4, 0.8)),
+        Body("bottle", Pose((-1.1, 2.15, 0.9)), (0.06, 0.06, 0.2), "cylinder", movable=True, color=(0.1, 0.6, 0.3, 1)),
+        Body("cup", Pose((2.35, 1.2, 0.65)), (0.07, 0.07, 0.1), "cylinder", movable=True),
+        Body("door", Pose((-2.9, 0.0, 1.0)), (0.1, 0.9, 2.0), "marker"),
+    ),
+    bounds=(-3.0, -2.5, 3.0, 2.5),
+    start=(-1.1, 0.6, 1.5708),
+)
+
+AMIGO = RobotBody(
+    URDF,
+    CameraModel("openni_rgb_optical_frame"),
+    {f"hand_{side}": (f"finger1_{side}", f"finger2_{side}") for side in ("right", "left")},
+    posture=TUCKED,
+)
+
+MakeWorld = Callable[..., PyBulletWorld]
+
+
+@pytest.fixture
+def make_world() -> Iterator[MakeWorld]:
+    """Makes worlds of the furnished room; keywords replace fields of the scene, ``extra`` adds bodies."""
+    made: list[PyBulletWorld] = []
+
+    def make(robot: RobotBody | None = AMIGO, extra: tuple[Body, ...] = (), **fields: object) -> PyBulletWorld:
+        scene = replace(ROOM, **fields)  # type: ignore[arg-type]
+        made.append(PyBulletWorld(replace(scene, bodies=scene.bodies + extra), robot))
+        return made[-1]
+
+    yield make
+    for world in made:
+        world.close()
+
+
+@pytest.fixture
+def world(make_world: MakeWorld) -> PyBulletWorld:
+    """The room as it is, Amigo in front of the cabinet, arms tucked."""
+    return make_world()
