@@ -6,6 +6,8 @@ General layout: ``urdf`` reads joints, ``symbolic`` and ``levenberg_marquardt`` 
 """
 
 from executive.motion.arm_path import TipLine, cartesian_path, plan_path
+from executive.motion.base_path import plan_base_path
+from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
 from executive.motion.errors import (
     BadRobotDescription,
     GoalInCollision,
@@ -20,8 +22,10 @@ from executive.motion.timing import time_path
 
 __all__ = [
     "BadRobotDescription",
+    "Boxes",
     "Chain",
     "GoalInCollision",
+    "Grid",
     "InverseKinematics",
     "MotionError",
     "NoPath",
@@ -30,6 +34,9 @@ __all__ = [
     "StartInCollision",
     "TipLine",
     "cartesian_path",
+    "clearance_at",
+    "clearance_field",
+    "plan_base_path",
     "plan_path",
     "time_path",
 ]

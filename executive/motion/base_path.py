@@ -1,0 +1,266 @@
+"""Paths of an omnidirectional base: A* over a field of clearance, pulled straight, checked exactly.
+
+The field judges the robot as a round silhouette. Where it has no room by that measure but stands free nevertheless
+(near a bed, at a cabinet), it may leave and arrive without turning; the exact check has the last word everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from heapq import heappop, heappush
+from itertools import pairwise
+
+import numpy as np
+
+from executive.motion.clearance import Grid
+from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
+from planlang.protocols import Array
+
+Planar = tuple[float, float, float]
+"""x, y [m] and yaw [rad] in the map."""
+TIGHT = 10.0
+"""What a metre without room costs, in metres with plenty."""
+NARROW = 3.0
+"""What a metre with hardly any room costs more than one with plenty."""
+
+
+@dataclass(slots=True)
+class _Search:
+    """One question for a path, and what is known of the answer."""
+
+    grid: Grid
+    room: Array
+    is_free: Callable[[float, float, float], bool]
+    start: Planar
+    goal: Planar
+    comfort: float
+    escape: float
+    resolution: float
+    costs: Array = field(init=False)
+    known: dict[Planar, bool] = field(default_factory=dict)
+    expanded: int = 0
+
+    def __post_init__(self) -> None:
+        """Cost per metre (rows, columns): inf where the base may not go."""
+        tight = np.zeros(self.room.shape, dtype=bool)
+        centres = self.grid.centres()
+        for x, y, _ in (self.start, self.goal):
+            tight |= np.hypot(centres[..., 0] - x, centres[..., 1] - y) <= self.escape
+        narrow = 1.0 + NARROW * np.clip(1.0 - self.room / self.comfort, 0.0, 1.0)
+        self.costs = np.where(self.room > 0, narrow, np.where(tight, TIGHT, np.inf))
+
+    def free(self, pose: Planar) -> bool:
+        if pose not in self.known:
+            self.known[pose] = bool(self.is_free(*pose))
+        return self.known[pose]
+
+    def cost(self, a: Array, b: Array) -> float:
+        """Cost of the straight line between two places (2,); inf if it leaves the allowed cells."""
+        length = float(np.hypot(*(b - a)))
+        count = max(1, math.ceil(2 * length / self.grid.resolution))
+        points = a + (b - a) * ((np.arange(count) + 0.5) / count)[:, None]
+        return float(self.costs[self.cells(points)].mean()) * length
+
+    def cells(self, points: Array) -> tuple[Array, Array]:
+        """Rows (k,) and columns (k,) of places (k, 2), those outside the grid moved to its rim."""
+        row = np.rint((points[:, 1] - self.grid.y) / self.grid.resolution).astype(int)
+        column = np.rint((points[:, 0] - self.grid.x) / self.grid.resolution).astype(int)
+        return np.clip(row, 0, self.grid.rows - 1), np.clip(column, 0, self.grid.columns - 1)
+
+
+def plan_base_path(
+    start: Planar,
+    goal: Planar,
+    grid: Grid,
+    clearance: Array,
+    is_free: Callable[[float, float, float], bool],
+    *,
+    comfort: float = 0.25,
+    escape: float = 0.8,
+    resolution: float = 0.08,
+    replans: int = 12,
+) -> Array:
+    """Waypoints (n, 3) of x, y [m] and yaw [rad] from start to goal; yaw is continuous, turned the shorter way.
+
+    ``clearance`` (rows, columns) is the field over the grid. Where there is more room than ``comfort`` no more is
+    preferred; within ``escape`` of start and goal the field may be negative. ``is_free(x, y, yaw)`` is asked at steps
+    of ``resolution`` [m, rad] along the path found; where it says no the path is planned anew around these places, at
+    most ``replans`` times. Raises :class:`StartInCollision`, :class:`GoalInCollision` (by the exact check),
+    :class:`OutsideLimits` for places off the grid and :class:`NoPath` with counts.
+    """
+    if clearance.shape != (grid.rows, grid.columns):
+        raise ValueError(f"expected a field of shape {(grid.rows, grid.columns)}, got {clearance.shape}")
+    start, goal = _planar(start), _planar(goal)
+    turn = (goal[2] - start[2] + math.pi) % (2 * math.pi) - math.pi
+    goal = (goal[0], goal[1], start[2] + turn)
+    half = grid.resolution / 2
+    low = (grid.x - half, grid.y - half)
+    high = (low[0] + grid.columns * grid.resolution, low[1] + grid.rows * grid.resolution)
+    for what, place in (("the start", start), ("the goal", goal)):
+        if grid.cell(place[0], place[1]) is None:
+            raise OutsideLimits(what, place[:2], low, high)
+    search = _Search(grid, clearance, is_free, start, goal, comfort, escape, resolution)
+    if not search.free(start):
+        raise StartInCollision(start)
+    if not search.free(goal):
+        raise GoalInCollision(goal)
+    attempts = 0
+    while attempts <= replans:
+        attempts += 1
+        places = _astar(search)
+        if places is None:
+            break
+        paths = list(_turned(search, _pulled(search, places)))
+        for path in paths:
+            if next(_hits(search, path), None) is None:
+                return np.asarray(path[np.append(True, (np.diff(path, axis=0) != 0).any(axis=1))])
+        for pose in list(_hits(search, paths[0])):
+            _forbid(search, pose, (1.0 + 0.5 * attempts) * grid.resolution)
+    counts = {"cells expanded": search.expanded, "exact checks": len(search.known), "attempts": attempts}
+    raise NoPath(start, goal, counts)
+
+
+def _astar(search: _Search) -> Array | None:
+    """Corners (n, 2) of the cheapest way over the grid, start and goal included."""
+    grid = search.grid
+    width = grid.columns + 2
+    # a rim of forbidden cells spares the search every test of bounds
+    padded = np.full((grid.rows + 2, width), np.inf)
+    padded[1:-1, 1:-1] = search.costs
+    costs: list[float] = padded.ravel().tolist()
+    first, last = (
+        (cell[0] + 1) * width + cell[1] + 1
+        for cell in (grid.cell(place[0], place[1]) for place in (search.start, search.goal))
+        if cell is not None
+    )
+    costs[first], costs[last] = min(costs[first], TIGHT), min(costs[last], TIGHT)
+    root = math.sqrt(2.0)
+    moves = [(1, 0.5), (-1, 0.5), (width, 0.5), (-width, 0.5)]
+    moves += [(down + side, root / 2) for down in (width, -width) for side in (1, -1)]
+    goal_row, goal_column = divmod(last, width)
+
+    def ahead(cell: int) -> float:
+        row, column = divmod(cell, width)
+        down, side = abs(row - goal_row), abs(column - goal_column)
+        return max(down, side) + (root - 1) * min(down, side)
+
+    best = {first: 0.0}
+    before: dict[int, int] = {}
+    queue = [(ahead(first), first)]
+    done: set[int] = set()
+    while queue:
+        _, cell = heappop(queue)
+        if cell == last:
+            return _corners(search, cell, before, width)
+        if cell in done:
+            continue
+        done.add(cell)
+        search.expanded += 1
+        so_far, here = best[cell], costs[cell]
+        for move, share in moves:
+            other = cell + move
+            cost = so_far + share * (here + costs[other])
+            if cost < best.get(other, math.inf):
+                best[other] = cost
+                before[other] = cell
+                heappush(queue, (cost + ahead(other), other))
+    return None
+
+
+def _corners(search: _Search, cell: int, before: dict[int, int], width: int) -> Array:
+    """Exact start, the places (n, 2) where the way over the grid begins, changes direction or ends, exact goal."""
+    cells = [cell]
+    while cells[-1] in before:
+        cells.append(before[cells[-1]])
+    cells.reverse()
+    kept = [
+        cell
+        for i, cell in enumerate(cells)
+        if i in (0, len(cells) - 1)
+        or cells[i + 1] - cell != cell - cells[i - 1]
+        or search.room.flat[_unpadded(cell, width)] <= 0
+    ]
+    grid = search.grid
+    middle = [
+        (grid.x + (cell % width - 1) * grid.resolution, grid.y + (cell // width - 1) * grid.resolution) for cell in kept
+    ]
+    return np.array([search.start[:2], *middle, search.goal[:2]])
+
+
+def _unpadded(cell: int, width: int) -> int:
+    return (cell // width - 1) * (width - 2) + cell % width - 1
+
+
+def _pulled(search: _Search, places: Array) -> Array:
+    """Leave out the places (n, 2) that a straight line passes by at no higher cost."""
+    legs = [search.cost(a, b) for a, b in pairwise(places)]
+    kept = [0]
+    while kept[-1] < len(places) - 1:
+        i = kept[-1]
+        for k in range(len(places) - 1, i, -1):
+            if k == i + 1 or _cheaper(search.cost(places[i], places[k]), sum(legs[i:k])):
+                kept.append(k)
+                break
+    return places[kept]
+
+
+def _cheaper(straight: float, around: float) -> bool:
+    return math.isfinite(straight) and straight <= around + 1e-9
+
+
+def _turned(search: _Search, places: Array) -> Iterator[Array]:
+    """The path over places (n, 2) with yaws (n, 3) in ways to turn: on the way where there is room, or on the spot."""
+    yaw, goal_yaw = search.start[2], search.goal[2]
+    fine = _refined(search, places)
+    inner = np.flatnonzero(search.room[search.cells(fine)] > 0)
+    first, last = (int(inner[0]), int(inner[-1])) if len(inner) else (0, len(fine) - 1)
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(fine, axis=0).T))])
+    kept = np.flatnonzero([i in (first, last) or (fine[i] == places).all(axis=1).any() for i in range(len(fine))])
+    if lengths[last] > lengths[first]:
+        share = np.clip((lengths[kept] - lengths[first]) / (lengths[last] - lengths[first]), 0.0, 1.0)
+        yield np.column_stack([fine[kept], yaw + share * (goal_yaw - yaw)])
+    roomiest = int(np.argmax(search.room[search.cells(fine)]))
+    for spot in dict.fromkeys((roomiest, 0, len(fine) - 1)):
+        places_there = np.unique([*kept, spot])
+        before, after = places_there[places_there <= spot], places_there[places_there >= spot]
+        yield np.concatenate(
+            [
+                np.column_stack([fine[before], np.full(len(before), yaw)]),
+                np.column_stack([fine[after], np.full(len(after), goal_yaw)]),
+            ]
+        )
+
+
+def _refined(search: _Search, places: Array) -> Array:
+    """Places (n, 2) with more between them, no farther apart than a cell."""
+    pieces = [places[:1]]
+    for a, b in pairwise(places):
+        count = max(1, math.ceil(float(np.hypot(*(b - a))) / search.grid.resolution))
+        pieces.append(a + (b - a) * (np.arange(1, count) / count)[:, None])
+        pieces.append(b[None])
+    return np.concatenate(pieces)
+
+
+def _hits(search: _Search, path: Array) -> Iterator[Planar]:
+    """The poses of a path (n, 3), at the resolution, that are not exactly free."""
+    for a, b in pairwise(path):
+        far = max(math.hypot(b[0] - a[0], b[1] - a[1]), abs(b[2] - a[2]))
+        count = max(1, math.ceil(far / search.resolution))
+        for i in range(1, count + 1):
+            x, y, yaw = (b if i == count else a + (b - a) * (i / count)).tolist()
+            if not search.free((x, y, yaw)):
+                yield x, y, yaw
+
+
+def _forbid(search: _Search, pose: Planar, radius: float) -> None:
+    """Keep the next path away from a pose that is not free, the cells of start and goal excepted."""
+    centres = search.grid.centres()
+    near = np.hypot(centres[..., 0] - pose[0], centres[..., 1] - pose[1]) <= radius
+    search.costs[near] = np.inf
+
+
+def _planar(pose: Planar) -> Planar:
+    x, y, yaw = (float(value) for value in pose)
+    return x, y, yaw

@@ -1,0 +1,109 @@
+"""How much room a standing robot has at each place of a map: distances from oriented boxes to its silhouette."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planlang.protocols import Array, Pose
+
+Band = tuple[float, float, float]
+"""A slice of a robot's silhouette: from z_low to z_high [m] above the floor it stays within a radius [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Boxes:
+    """Upright boxes: ``centres`` (n, 3) and ``half_extents`` (n, 3) [m], ``yaws`` (n,) [rad], in the map."""
+
+    centres: Array
+    half_extents: Array
+    yaws: Array
+
+    @staticmethod
+    def around(poses: Iterable[Pose], sizes: ArrayLike) -> Boxes:
+        """Boxes with poses and sizes (n, 3); a tilted one is replaced by the smallest upright prism along an edge."""
+        matrices = np.array([pose.matrix() for pose in poses]).reshape(-1, 4, 4)
+        half = np.asarray(sizes, float).reshape(-1, 3) / 2
+        if len(matrices) != len(half):
+            raise ValueError(f"{len(matrices)} poses do not go with {len(half)} sizes")
+        columns = matrices[:, :3, :3]
+        flat = np.linalg.norm(columns[:, :2], axis=1)
+        # the three candidates for the prism's x direction: each edge of the box seen from above
+        candidates = np.where(flat > 1e-9, np.arctan2(columns[:, 1], columns[:, 0]), 0.0)
+        cosine, sine = np.cos(candidates), np.sin(candidates)
+        along = cosine[:, :, None] * columns[:, None, 0] + sine[:, :, None] * columns[:, None, 1]
+        across = -sine[:, :, None] * columns[:, None, 0] + cosine[:, :, None] * columns[:, None, 1]
+        x = (np.abs(along) * half[:, None]).sum(axis=2)
+        y = (np.abs(across) * half[:, None]).sum(axis=2)
+        best = np.argmin(np.where(flat > 1e-9, np.round(x * y, 12), np.inf), axis=1)
+        rows = np.arange(len(half))
+        z = (np.abs(columns[:, 2]) * half).sum(axis=1)
+        return Boxes(matrices[:, :3, 3], np.stack([x[rows, best], y[rows, best], z], axis=1), candidates[rows, best])
+
+    def __len__(self) -> int:
+        return len(self.yaws)
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Square cells over a rectangle of the map; ``x`` and ``y`` [m] are the centre of cell (0, 0).
+
+    An array over the grid has shape (rows, columns): rows go along y, columns along x.
+    """
+
+    x: float
+    y: float
+    columns: int
+    rows: int
+    resolution: float = 0.05
+
+    @staticmethod
+    def over(lower: tuple[float, float], upper: tuple[float, float], resolution: float = 0.05) -> Grid:
+        """The grid whose cells cover the rectangle between two corners [m] without leaving it."""
+        counts = [int(np.floor((high - low) / resolution + 1e-9)) for low, high in zip(lower, upper, strict=True)]
+        if min(counts) < 1:
+            raise ValueError(f"no cell of {resolution} m fits between {lower} and {upper}")
+        return Grid(lower[0] + resolution / 2, lower[1] + resolution / 2, counts[0], counts[1], resolution)
+
+    def centres(self) -> Array:
+        """Cell centres (rows, columns, 2) [m]."""
+        xs = self.x + self.resolution * np.arange(self.columns)
+        ys = self.y + self.resolution * np.arange(self.rows)
+        return np.stack(np.meshgrid(xs, ys), axis=-1)
+
+    def cell(self, x: float, y: float) -> tuple[int, int] | None:
+        """Row and column of the cell that holds a place, None outside the grid."""
+        row, column = round((y - self.y) / self.resolution), round((x - self.x) / self.resolution)
+        return (row, column) if 0 <= row < self.rows and 0 <= column < self.columns else None
+
+
+def clearance_at(points: ArrayLike, boxes: Boxes, silhouette: Sequence[Band]) -> Array:
+    """Room (k,) [m] around a robot standing at points (k, 2); negative where its silhouette meets a box.
+
+    The smallest horizontal distance of any band from any box in its heights, less the band's radius; inf without one.
+    Inside a box distances count negative, to the nearest side.
+    """
+    places = np.asarray(points, float).reshape(-1, 2)
+    room = np.full(len(places), np.inf)
+    bottom = boxes.centres[:, 2] - boxes.half_extents[:, 2]
+    top = boxes.centres[:, 2] + boxes.half_extents[:, 2]
+    # the widest band that meets a box decides for it
+    widest = np.full(len(boxes), -np.inf)
+    for low, high, radius in silhouette:
+        widest = np.maximum(widest, np.where((bottom < high) & (top > low), radius, -np.inf))
+    for i in np.flatnonzero(np.isfinite(widest)):
+        dx, dy = places[:, 0] - boxes.centres[i, 0], places[:, 1] - boxes.centres[i, 1]
+        cosine, sine = np.cos(boxes.yaws[i]), np.sin(boxes.yaws[i])
+        along = np.abs(cosine * dx + sine * dy) - boxes.half_extents[i, 0]
+        across = np.abs(cosine * dy - sine * dx) - boxes.half_extents[i, 1]
+        outside = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
+        np.minimum(room, outside + np.minimum(np.maximum(along, across), 0.0) - widest[i], out=room)
+    return room
+
+
+def clearance_field(grid: Grid, boxes: Boxes, silhouette: Sequence[Band]) -> Array:
+    """Room (rows, columns) [m] at the cell centres of a grid, as :func:`clearance_at`."""
+    return clearance_at(grid.centres(), boxes, silhouette).reshape(grid.rows, grid.columns)
