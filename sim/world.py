@@ -9,7 +9,7 @@ import numpy as np
 
 from planlang.protocols import Array, Configuration, Contact, Detection, Motion, Pose, Trajectory
 from sim import picture
-from sim.bodies import Bodies
+from sim.bodies import Bodies, Part
 from sim.camera import Camera, Picture
 from sim.contact import PARTED, Contacts, Held, Ignored, Query
 from sim.engine import bullet, connect
@@ -155,6 +155,32 @@ class PyBulletWorld:
             itself = not set(moving) <= {*BASE, "base"}
         return self._find(configuration or self._now, Query(links, ignore, itself=itself))
 
+    def silhouette(self) -> tuple[tuple[float, float, float], ...]:
+        """What the robot, with what it holds, needs of room when it turns on the spot in its present posture.
+
+        Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object.
+        """
+        self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
+        boxes = [self.robot.boxes(), *(tuple(c[None] for c in self._bodies.box_of(name)) for name in self._held)]
+        lower, upper = (np.concatenate([box[side] for box in boxes]) for side in (0, 1))
+        radius = np.hypot(*np.maximum(np.abs(lower[:, :2]), np.abs(upper[:, :2])).T)
+        self._here()
+        return tuple(zip(lower[:, 2].tolist(), upper[:, 2].tolist(), radius.tolist(), strict=True))
+
+    def obstacles(self) -> tuple[tuple[Pose, ...], tuple[tuple[float, float, float], ...]]:
+        """Poses in the map and sizes [m] of boxes around the pieces of all bodies that are not held, floors left out."""
+        self._here()
+        poses, sizes = [], []
+        for index, piece in enumerate(self._bodies.pieces):
+            if piece.body in self._held or piece.body in self._bodies.removed or self._bodies.upper[index, 2] < 1e-3:
+                continue
+            x, y, z = piece.part.size
+            if piece.part.kind != "box":
+                x = y = max(x, y)
+            poses.append(self._bodies.poses[piece.body] @ piece.offset)
+            sizes.append((x, y, z))
+        return tuple(poses), tuple(sizes)
+
     def between_fingers(self, fingers: str | Collection[str]) -> str | None:
         """The body between the fingers of a hand (its link, or the finger links), each within 1 cm of it."""
         links = self.robot.body.hands[fingers] if isinstance(fingers, str) else fingers
@@ -188,6 +214,10 @@ class PyBulletWorld:
     def size(self, name: str) -> tuple[float, float, float]:
         """Extents of the body's box along its own axes [m]."""
         return self.scene.body(name).size
+
+    def pieces(self, name: str) -> tuple[tuple[Part, Pose], ...]:
+        """The primitives that a body consists of, each with its pose in the body's frame; that of a limb changes."""
+        return tuple((self._bodies.pieces[k].part, self._bodies.pieces[k].offset) for k in self._bodies.of[name])
 
     def set_pose(self, name: str, pose: Pose) -> None:
         """Put a body somewhere, at rest; a held one is from now on held like that."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from executive.outputs import replace
-from executive.report.shapes import Shape
+from executive.report.shapes import Drawn, Shape
 from planlang.diagnostics import BadInput, Diagnostic, error
-from planlang.protocols import Pose, World
+from planlang.protocols import Pose
 
 if TYPE_CHECKING:
     import rerun
@@ -36,32 +36,24 @@ class Recording:
     Single log calls cost 50 us each; columns are sent once, at the end.
     """
 
-    def __init__(
-        self,
-        world: World,
-        bodies: Mapping[str, Sequence[Shape]],
-        links: Mapping[str, Sequence[Shape]] | None = None,
-        *,
-        title: str = "planlang run",
-    ) -> None:
-        """``bodies`` are drawn at ``world.pose(name)``, ``links`` at ``world.link_pose(name)``.
+    def __init__(self, rate: int, drawn: Sequence[Drawn], *, title: str = "planlang run") -> None:
+        """``rate``: world steps per second; ``drawn``: what is looked at in every frame.
 
         Raises BadInput when the package rerun-sdk is not installed.
         """
         problems = missing()
         if problems:
             raise BadInput(problems)
-        self._world = world
+        self._rate = rate
         self._title = title
-        self._shapes = {("bodies", name): tuple(shapes) for name, shapes in bodies.items()}
-        self._shapes |= {("robot", name): tuple(shapes) for name, shapes in (links or {}).items()}
-        self._tracks: dict[tuple[str, str], list[tuple[int, Pose]]] = {entity: [] for entity in self._shapes}
+        self._drawn = tuple(drawn)
+        self._tracks: list[list[tuple[int, Pose]]] = [[] for _ in self._drawn]
         self._events: list[tuple[int, str]] = []
 
     def frame(self, step: int) -> None:
         """Keep where everything is after ``step`` world steps."""
-        for (group, name), track in self._tracks.items():
-            pose = self._world.pose(name) if group == "bodies" else self._world.link_pose(name)
+        for thing, track in zip(self._drawn, self._tracks, strict=True):
+            pose = thing.pose()
             if not track or track[-1][1] != pose:
                 track.append((step, pose))
 
@@ -79,9 +71,9 @@ class Recording:
         stream = rerun.RecordingStream("planlang", recording_id=self._title, send_properties=False)
         stream.save(path, default_blueprint=_blueprint())
         stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for (group, name), track in self._tracks.items():
-            entity = f"world/{group}/{rerun.escape_entity_path_part(name)}"
-            for place, drawing in _drawings(entity, self._shapes[group, name]):
+        for thing, track in zip(self._drawn, self._tracks, strict=True):
+            entity = "/".join(rerun.escape_entity_path_part(part) for part in ("world", *thing.path))
+            for place, drawing in _drawings(entity, thing.shapes):
                 stream.log(place, drawing, static=True)
             if track:
                 stream.send_columns(
@@ -104,7 +96,7 @@ class Recording:
     def _times(self, steps: Sequence[int]) -> rerun.TimeColumn:
         import rerun
 
-        return rerun.TimeColumn(TIME_LINE, duration=[step / self._world.rate for step in steps])
+        return rerun.TimeColumn(TIME_LINE, duration=[step / self._rate for step in steps])
 
 
 def _drawings(entity: str, shapes: Sequence[Shape]) -> list[tuple[str, Any]]:

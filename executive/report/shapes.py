@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from planlang.protocols import Pose
+
+if TYPE_CHECKING:
+    from sim import PyBulletWorld
+    from sim.bodies import Part
 
 HERE = Pose((0.0, 0.0, 0.0))
 GREY = (150, 150, 155, 255)
@@ -25,6 +31,48 @@ class Shape:
     pose: Pose = HERE
     colour: tuple[int, int, int, int] = GREY
     """Red, green, blue and opacity, 0..255."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """Shapes that move together. A path that continues another's is placed in the frame of that one."""
+
+    path: tuple[str, ...]
+    shapes: tuple[Shape, ...]
+    pose: Callable[[], Pose]
+    """Where they are now, in the map or in the frame of what they are a part of."""
+
+
+def drawn_in(world: PyBulletWorld, urdf: Path | None = None) -> tuple[Drawn, ...]:
+    """All bodies of a world, limbs of people one by one, and the links of its robot. Walls are left out."""
+    drawn: list[Drawn] = []
+    for name in world.names():
+        pieces = [(k, part) for k, (part, _) in enumerate(world.pieces(name)) if part.outward is None]
+        color = world.scene.body(name).color
+        still = tuple(_piece(part, color, part.offset) for _, part in pieces if not part.limb)
+        drawn.append(Drawn(("bodies", name), still, partial(world.pose, name)))
+        for k, part in pieces:
+            if part.limb:
+                drawn.append(
+                    Drawn(("bodies", name, f"limb{k}"), (_piece(part, color, HERE),), partial(_limb, world, name, k))
+                )
+    if urdf is not None:
+        for link, shapes in link_shapes(urdf).items():
+            drawn.append(Drawn(("robot", link), shapes, partial(world.link_pose, link)))
+    return tuple(drawn)
+
+
+def _limb(world: PyBulletWorld, name: str, k: int) -> Pose:
+    return world.pieces(name)[k][1]
+
+
+def _piece(part: Part, color: tuple[float, float, float, float] | None, pose: Pose) -> Shape:
+    red, green, blue, opacity = part.color or color or (0.7, 0.65, 0.55, 1.0)
+    colour = (round(255 * red), round(255 * green), round(255 * blue), round(255 * opacity))
+    x, y, z = part.size
+    if part.kind != "box":
+        x = y = max(x, y)
+    return Shape(part.kind, (x, y, x if part.kind == "sphere" else z), pose, colour)
 
 
 def link_shapes(urdf: Path) -> dict[str, tuple[Shape, ...]]:

@@ -6,31 +6,16 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import cast
 
 import pytest
 
 from executive.report import recording
 from executive.report.recording import Recording
-from executive.report.shapes import Shape, link_shapes
+from executive.report.shapes import drawn_in, link_shapes
 from planlang.diagnostics import BadInput
-from planlang.protocols import Pose, World
-
-BOTTLE = Shape("cylinder", (0.07, 0.07, 0.25))
-BED = Shape("box", (2.0, 1.0, 0.6))
-
-
-class Room:
-    """A bed that stands, a bottle that moves along x, a robot's hand."""
-
-    rate = 30
-    time = 0
-
-    def pose(self, name: str) -> Pose:
-        return Pose((0.01 * self.time if name == "bottle 1" else 0.0, 0.0, 0.5))
-
-    def link_pose(self, link: str) -> Pose:
-        return Pose((0.0, 0.0, 1.0))
+from planlang.protocols import Pose
+from planlang.resources import bundled
+from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
 
 
 def test_without_the_package_a_recording_is_bad_input_that_says_what_to_install(
@@ -38,7 +23,7 @@ def test_without_the_package_a_recording_is_bad_input_that_says_what_to_install(
 ) -> None:
     monkeypatch.setattr(recording, "find_spec", lambda name: None)
     with pytest.raises(BadInput, match=r"C012.*\n.*pip install 'planlang\[record\]'"):
-        Recording(cast(World, Room()), {})
+        Recording(30, [])
 
 
 def test_importing_the_recorder_does_not_import_the_viewer() -> None:
@@ -48,11 +33,20 @@ def test_importing_the_recorder_does_not_import_the_viewer() -> None:
 
 def test_a_saved_recording_passes_the_viewers_verification(tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="the extra [record] is not installed")
-    room = Room()
-    kept = Recording(cast(World, room), {"bottle 1": [BOTTLE], "bed1": [BED]}, {"hand": [Shape("sphere", (0.1,) * 3)]})
+    room = Scene(
+        (
+            Body("bottle 1", Pose((0.0, 0.0, 1.0)), (0.07, 0.07, 0.25), "cylinder", movable=True),
+            Body("bed1", Pose((2.0, 0.0, 0.3)), (2.0, 1.0, 0.6)),
+            Body("patient1", Pose((2.0, 0.0, 0.75)), (1.8, 0.6, 0.3), "person"),
+        )
+    )
+    urdf = bundled("ontologies") / "robots" / "amigo.urdf"
+    world = PyBulletWorld(room, RobotBody(urdf, CameraModel("base_link")))
+    kept = Recording(world.rate, drawn_in(world, urdf))
     for step in range(60):
-        room.time = step
+        world.set_pose("bottle 1", Pose((0.01 * step, 0.0, 1.0)))
         kept.frame(step)
+    world.close()
     kept.event(0, "serve_a_drink started")
     path = tmp_path / "run.rrd"
     kept.save(path)
@@ -63,7 +57,8 @@ def test_a_saved_recording_passes_the_viewers_verification(tmp_path: Path) -> No
     verified = subprocess.run([rerun, "rrd", "verify", str(path)], capture_output=True, text=True, check=False)
     assert verified.returncode == 0, verified.stderr
     printed = subprocess.run([rerun, "rrd", "print", "-vvv", str(path)], capture_output=True, text=True, check=False)
-    for entity in ("bodies/bottle\\ 1", "bodies/bed1/box", "robot/hand/sphere", "plan"):
+    link = next(iter(link_shapes(urdf)))
+    for entity in ("bodies/bottle\\ 1", "bodies/bed1/box", "bodies/patient1/limb", f"robot/{link}/", "plan"):
         assert entity in printed.stdout
     assert recording.TIME_LINE in printed.stdout
     assert "serve_a_drink started" in printed.stdout
