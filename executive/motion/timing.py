@@ -49,7 +49,7 @@ def time_path(
     points = points[np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))]
     times = (np.abs(np.diff(points, axis=0)) / v).max(axis=1)
     directions = np.diff(points, axis=0) / times[:, None]
-    passing = _passing_speeds(directions, a, rate)
+    passing = _passing_speeds(times, directions, a, rate)
 
     rows = [points[:1]]
     first = 0
@@ -83,9 +83,14 @@ def _limits(what: str, value: ArrayLike, names: Sequence[str]) -> Array:
     return limits
 
 
-def _passing_speeds(directions: Array, acceleration: Array, rate: int) -> Array:
-    """Speed (n - 1,) at which each corner's jump of velocity stays within half the acceleration of one sample."""
-    jumps = np.abs(np.diff(directions, axis=0))
+def _passing_speeds(times: Array, directions: Array, acceleration: Array, rate: int) -> Array:
+    """Speed (n - 1,) at which each corner's jump of velocity stays within half the acceleration of one sample.
+
+    Corners that can follow within a sample count together: their jumps fall into one difference of velocities.
+    """
+    marks = np.cumsum(times)[:-1]
+    together = np.abs(marks[:, None] - marks) <= 1 / rate
+    jumps = together @ np.abs(np.diff(directions, axis=0))
     with np.errstate(divide="ignore"):
         return np.asarray((0.5 * acceleration / rate / jumps).min(axis=1, initial=np.inf))
 

@@ -8,29 +8,34 @@ import pytest
 
 from executive.motion.kinematics import Chain
 
+ROBOTS = Path(__file__).resolve().parents[3] / "ontologies" / "robots"
 CHAINS = {
-    "amigo": ("amigo@hydro.urdf", "base_link", "grippoint_right"),
+    "amigo": (ROBOTS / "amigo.urdf", "base_link", "grippoint_right"),
     "pr2": ("pr2@hydro.urdf", "base_link", "r_gripper_tool_frame"),
-    "panda": ("panda", "panda_link0", "panda_hand"),
+    "panda": (Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf", "panda_link0", "panda_hand"),
 }
 
 
 @pytest.fixture(scope="session")
-def panda_urdf() -> Path:
-    """The Panda's URDF of pybullet_data."""
-    return Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
+def urdf_of(request: pytest.FixtureRequest) -> Callable[[str], Path]:
+    """The URDF file of a robot by name; skips where the corpus is needed and absent."""
+
+    def path(robot: str) -> Path:
+        file = CHAINS[robot][0]
+        corpus: Path = request.getfixturevalue("corpus") if isinstance(file, str) else Path()
+        return corpus / "robots" / file
+
+    return path
 
 
 @pytest.fixture(scope="session")
-def chain_of(panda_urdf: Path, request: pytest.FixtureRequest) -> Callable[[str], Chain]:
-    """The chain of a robot by name, read once; skips where the corpus is absent."""
+def chain_of(urdf_of: Callable[[str], Path]) -> Callable[[str], Chain]:
+    """The chain of a robot by name, read once."""
     read: dict[str, Chain] = {}
 
     def chain(robot: str) -> Chain:
         if robot not in read:
-            file, base, tip = CHAINS[robot]
-            path = panda_urdf if file == "panda" else request.getfixturevalue("corpus") / "robots" / file
-            read[robot] = Chain.from_urdf(path, base, tip)
+            read[robot] = Chain.from_urdf(urdf_of(robot), *CHAINS[robot][1:])
         return read[robot]
 
     return chain

@@ -51,14 +51,17 @@ def test_jacobian_is_the_derivative_of_forward_kinematics(robot: str, chain_of: 
         np.testing.assert_allclose(jacobian[:, 3:, joint], angular, atol=1e-8)
 
 
-def test_forward_kinematics_agrees_with_pybullet(chain_of: Callable[[str], Chain], panda_urdf: Path) -> None:
-    chain = chain_of("panda")
+@pytest.mark.parametrize(("robot", "tip_link"), [("panda", "panda_hand"), ("amigo", "grippoint_right")])
+def test_forward_kinematics_agrees_with_pybullet(
+    robot: str, tip_link: str, chain_of: Callable[[str], Chain], urdf_of: Callable[[str], Path]
+) -> None:
+    chain = chain_of(robot)
     client = pybullet.connect(pybullet.DIRECT)
     try:
-        body = pybullet.loadURDF(str(panda_urdf), useFixedBase=True, physicsClientId=client)
+        body = pybullet.loadURDF(str(urdf_of(robot)), useFixedBase=True, physicsClientId=client)
         joints = [pybullet.getJointInfo(body, i, client) for i in range(pybullet.getNumJoints(body, client))]
         index = {joint[1].decode(): joint[0] for joint in joints}
-        tip = next(joint[0] for joint in joints if joint[12].decode() == "panda_hand")
+        tip = next(joint[0] for joint in joints if joint[12].decode() == tip_link)
         for q in chain.sample(np.random.default_rng(2), 20):
             for name, value in zip(chain.names, q, strict=True):
                 pybullet.resetJointState(body, index[name], value, physicsClientId=client)
@@ -73,9 +76,11 @@ def test_amigos_right_arm_hangs_from_its_lift(chain_of: Callable[[str], Chain]) 
     assert chain.names[:2] == ("spindle_joint", "shoulder_yaw_joint_right")
     assert chain.dof == 8
     assert chain.prismatic.tolist() == [True] + [False] * 7
-    # shoulder at base link + 0.715 + 0.055 + 0.05 - 0.055, stretched straight down: 0.32 + 0.28 + 0.14 below
+    # lift at its zero, arm stretched straight down: 0.32 + 0.28 + 0.14 below the shoulder
     tip = chain.fk(np.zeros(8))[0]
     assert tip[2, 3] == pytest.approx(0.055 + 0.58 + 0.135 + 0.05 - 0.74, abs=1e-3)
+    lifted = chain.fk([0.3, 0, 0, 0, 0, 0, 0, 0])[0]
+    assert lifted[2, 3] - tip[2, 3] == pytest.approx(0.3)
 
 
 def test_result_of_a_row_does_not_depend_on_other_rows(chain_of: Callable[[str], Chain]) -> None:

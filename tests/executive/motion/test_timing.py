@@ -90,6 +90,16 @@ def test_slight_corners_are_passed_without_a_stop() -> None:
     assert inner.min() * RATE > 0.3
 
 
+@pytest.mark.parametrize("count", [5, 10, 40, 200])
+@pytest.mark.parametrize("bend", [0.05, 0.3, 1.0, 4.0])
+def test_limits_are_kept_where_corners_are_passed(count: int, bend: float) -> None:
+    t = np.linspace(0, 1, count)
+    rows = timed(np.stack([0.05 * t, 0.8 * t, 0.2 * np.sin(bend * t)], axis=1))
+    velocity = np.diff(np.concatenate([rows[:1], rows, rows[-1:]]), axis=0) * RATE
+    assert (np.abs(velocity) <= V + 1e-9).all()
+    assert (np.abs(np.diff(velocity, axis=0) * RATE) <= A + 1e-6).all()
+
+
 def test_repeated_waypoints_cost_no_time() -> None:
     a, b = [0.0, 0.0, 0.0], [0.1, 0.2, 0.3]
     assert np.array_equal(timed(np.array([a, a, b, b, b])), timed(np.array([a, b])))
