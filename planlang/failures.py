@@ -1,0 +1,500 @@
+"""What can go wrong in a plan: one root, two levels, typed fields, and the text that explains a failure.
+
+Process modules raise low-level failures; plans handle them or raise high-level ones from them. Whatever is not a
+:class:`PlanFailure` is a programming error, which no construct and no recovery catches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, Self
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """Where in the plan a failure arose: path in the task tree, source line, revision of the belief if known."""
+
+    path: str
+    file: str = ""
+    line: int = 0
+    revision: int | None = None
+
+    def __str__(self) -> str:
+        return f"{self.path} ({self.file}:{self.line})" if self.file else self.path
+
+
+@dataclass(eq=False, repr=False)
+class PlanFailure(Exception):
+    """A failure that a plan may handle.
+
+    The message is ``message``, or else is built from the fields. ``where`` is filled in by the first construct that
+    the failure passes; ``siblings`` are failures of other branches that died at the same decision, by branch name;
+    ``cleanup_failures`` are those of branches that were evaporated because of this one.
+    """
+
+    message: str = ""
+    where: Where | None = field(default=None, init=False)
+    siblings: tuple[tuple[str, PlanFailure], ...] = field(default=(), init=False)
+    cleanup_failures: tuple[PlanFailure, ...] = field(default=(), init=False)
+
+    text: ClassVar[str] = "the plan failed"
+
+    def __str__(self) -> str:
+        return self.message or self.describe()
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({str(self)!r})"
+
+    def describe(self) -> str:
+        """The message built from the fields."""
+        details = [f"{key.replace('_', ' ')} {_plain(value)}" for key, value in self.details().items()]
+        return f"{self.text}: {', '.join(details)}" if details else self.text
+
+    def details(self) -> dict[str, Any]:
+        """The typed fields that are known, by name, in order of definition."""
+        skipped = {"message", "where", "siblings", "cleanup_failures"}
+        own = ((f.name, getattr(self, f.name)) for f in fields(self) if f.name not in skipped)
+        return {name: value for name, value in own if value not in (None, (), "") and value != {}}
+
+    def chain(self) -> Iterator[BaseException]:
+        """The failure itself, what it was raised from, and so on."""
+        seen: set[int] = set()
+        link: BaseException | None = self
+        while link is not None and id(link) not in seen:
+            seen.add(id(link))
+            yield link
+            link = link.__cause__ or (None if link.__suppress_context__ else link.__context__)
+
+    @classmethod
+    def caused_by(cls, failure: PlanFailure) -> Self:
+        """A failure of this class that takes over the fields it shares with ``failure`` and names it as cause."""
+        shared = {
+            f.name: getattr(failure, f.name)
+            for f in fields(cls)
+            if f.init and f.name != "message" and hasattr(failure, f.name)
+        }
+        raised = cls(**shared)
+        raised.__cause__ = failure
+        return raised
+
+
+# -- raised by process modules
+
+
+@dataclass(eq=False, repr=False)
+class LowLevelFailure(PlanFailure):
+    """Raised by a process module."""
+
+    text: ClassVar[str] = "the action failed"
+
+
+@dataclass(eq=False, repr=False)
+class NavigationFailure(LowLevelFailure):
+    """The base did not get where it should; ``target`` is (x, y, yaw) in the map [m, rad]."""
+
+    target: tuple[float, float, float] | None = field(default=None, kw_only=True)
+    blocked_by: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "navigation failed"
+
+
+class NavigationPoseUnreachable(NavigationFailure):
+    """No free path leads to the target."""
+
+    text: ClassVar[str] = "no path for the base"
+
+
+class NavigationGoalNotReached(NavigationFailure):
+    """The base stopped before the target."""
+
+    text: ClassVar[str] = "the base did not arrive"
+
+
+class NavigationGoalInCollision(NavigationFailure):
+    """The base would collide at the target."""
+
+    text: ClassVar[str] = "the base has no room at its target"
+
+
+@dataclass(eq=False, repr=False)
+class PerceptionFailure(LowLevelFailure):
+    """Perception did not give what was asked for; ``what`` names the object."""
+
+    what: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "perception failed"
+
+
+class ObjectNotFound(PerceptionFailure):
+    """The object is not seen where it was looked for."""
+
+    text: ClassVar[str] = "object not found"
+
+
+class ObjectLost(PerceptionFailure):
+    """An object that was seen is not where it was."""
+
+    text: ClassVar[str] = "object lost"
+
+
+@dataclass(eq=False, repr=False)
+class AmbiguousPerception(PerceptionFailure):
+    """Several objects fit the description equally well."""
+
+    candidates: tuple[str, ...] = field(default=(), kw_only=True)
+
+    text: ClassVar[str] = "several objects fit"
+
+
+@dataclass(eq=False, repr=False)
+class LookingFailure(LowLevelFailure):
+    """The camera could not be pointed; ``what`` names what it should look at."""
+
+    what: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "looking failed"
+
+
+class LookingGoalUnreachable(LookingFailure):
+    """The neck cannot point the camera there."""
+
+    text: ClassVar[str] = "the camera cannot be pointed there"
+
+
+@dataclass(eq=False, repr=False)
+class ManipulationFailure(LowLevelFailure):
+    """An arm did not do what it should; ``what`` is what it was about, ``blocked_by`` what was in the way."""
+
+    arm: str | None = field(default=None, kw_only=True)
+    what: str | None = field(default=None, kw_only=True)
+    blocked_by: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "manipulation failed"
+
+
+class ManipulationPoseUnreachable(ManipulationFailure):
+    """The arm cannot reach the pose from here."""
+
+    text: ClassVar[str] = "the arm cannot reach the pose"
+
+
+class ManipulationGoalNotReached(ManipulationFailure):
+    """The arm stopped before the goal."""
+
+    text: ClassVar[str] = "the arm did not arrive"
+
+
+class ManipulationGoalInCollision(ManipulationFailure):
+    """The arm, or what it holds, would collide at the goal."""
+
+    text: ClassVar[str] = "the arm has no room at its goal"
+
+
+class GripperFailure(ManipulationFailure):
+    """A gripper did not do what it should."""
+
+    text: ClassVar[str] = "the gripper failed"
+
+
+class GraspMissed(GripperFailure):
+    """The gripper closed on nothing."""
+
+    text: ClassVar[str] = "the gripper closed on nothing"
+
+
+class GraspSlipped(GripperFailure):
+    """What the gripper held slipped out."""
+
+    text: ClassVar[str] = "the object slipped out of the gripper"
+
+
+class GripperGoalNotReached(GripperFailure):
+    """The fingers stopped before the commanded opening."""
+
+    text: ClassVar[str] = "the gripper did not reach its opening"
+
+
+@dataclass(eq=False, repr=False)
+class TorsoFailure(ManipulationFailure):
+    """The torso did not do what it should; ``height`` is the commanded joint position [m]."""
+
+    height: float | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "the torso failed"
+
+
+class TorsoGoalUnreachable(TorsoFailure):
+    """The torso cannot reach the height."""
+
+    text: ClassVar[str] = "the torso cannot reach the height"
+
+
+@dataclass(eq=False, repr=False)
+class EnvironmentManipulationFailure(LowLevelFailure):
+    """A container or handle did not move as it should."""
+
+    what: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "operating the furniture failed"
+
+
+class ContainerStuck(EnvironmentManipulationFailure):
+    """The container does not open or close."""
+
+    text: ClassVar[str] = "the container is stuck"
+
+
+class HandleNotReachable(EnvironmentManipulationFailure):
+    """The handle cannot be reached from here."""
+
+    text: ClassVar[str] = "the handle is out of reach"
+
+
+@dataclass(eq=False, repr=False)
+class CommunicationFailure(LowLevelFailure):
+    """A person did not do what the robot waited for."""
+
+    what: str | None = field(default=None, kw_only=True)
+    recipient: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "the person did not answer"
+
+
+class HandoverNotTaken(CommunicationFailure):
+    """The person did not take what was offered."""
+
+    text: ClassVar[str] = "the object was not taken"
+
+
+# -- raised by plans from low-level ones
+
+
+@dataclass(eq=False, repr=False)
+class HighLevelFailure(PlanFailure):
+    """A purpose of the plan cannot be served; ``what`` names the object it was about."""
+
+    what: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "the purpose cannot be served"
+
+
+class ObjectUnreachable(HighLevelFailure):
+    """No place was found from which the object can be reached."""
+
+    text: ClassVar[str] = "the object cannot be reached"
+
+
+class ObjectUnfetchable(HighLevelFailure):
+    """The object can be reached and seen, but not grasped."""
+
+    text: ClassVar[str] = "the object cannot be fetched"
+
+
+class ObjectUndeliverable(HighLevelFailure):
+    """The robot holds the object and finds no place to deliver it from."""
+
+    text: ClassVar[str] = "the object cannot be delivered"
+
+
+class ObjectNowhereToBeFound(HighLevelFailure):
+    """The object was looked for from all places tried."""
+
+    text: ClassVar[str] = "the object is nowhere to be found"
+
+
+class EnvironmentUnreachable(HighLevelFailure):
+    """A piece of furniture cannot be operated from any place tried."""
+
+    text: ClassVar[str] = "the furniture cannot be reached"
+
+
+# -- descriptions that cannot be grounded
+
+
+@dataclass(eq=False, repr=False)
+class DesignatorFailure(PlanFailure):
+    """A description cannot be grounded; ``designator`` is its text."""
+
+    designator: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "cannot be grounded"
+
+    def describe(self) -> str:
+        """``TEXT: DESIGNATOR (details)``."""
+        rest = {key: value for key, value in self.details().items() if key != "designator"}
+        text = f"{self.text}: {self.designator}" if self.designator else self.text
+        return f"{text} ({', '.join(f'{key} {_plain(value)}' for key, value in rest.items())})" if rest else text
+
+
+@dataclass(eq=False, repr=False)
+class LocationUnresolvable(DesignatorFailure):
+    """No candidate is left; ``counts`` says how many were rejected for which reason, ``blocking`` which bodies."""
+
+    counts: Mapping[str, int] = field(default_factory=dict, kw_only=True)
+    blocking: Mapping[str, int] = field(default_factory=dict, kw_only=True)
+
+    text: ClassVar[str] = "no place found"
+
+    def describe(self) -> str:
+        """``no place found: DESIGNATOR: 312 candidates: 200 out of reach, 112 in collision (bed1 96, ...)``."""
+        text = f"{self.text}: {self.designator}" if self.designator else self.text
+        if self.counts:
+            reasons = ", ".join(f"{number} {reason}" for reason, number in self.counts.items())
+            text = f"{text}: {sum(self.counts.values())} candidates: {reasons}"
+        if self.blocking:
+            text += f" (in the way: {', '.join(f'{body} {number}' for body, number in self.blocking.items())})"
+        return text
+
+
+class ObjectUnresolvable(DesignatorFailure):
+    """No known object fits the description."""
+
+    text: ClassVar[str] = "no such object is known"
+
+
+class ActionUnresolvable(DesignatorFailure):
+    """Nothing is registered that performs the action."""
+
+    text: ClassVar[str] = "nothing performs this action"
+
+
+@dataclass(eq=False, repr=False)
+class MissingCapability(DesignatorFailure):
+    """The robot lacks a capability or component that the action depends on."""
+
+    missing: tuple[str, ...] = field(default=(), kw_only=True)
+
+    text: ClassVar[str] = "the robot cannot do this"
+
+
+# -- raised by constructs
+
+
+@dataclass(eq=False, repr=False)
+class CompositeFailure(PlanFailure):
+    """Several branches failed; ``failures`` and ``names`` are in textual order."""
+
+    failures: tuple[PlanFailure, ...] = field(default=(), kw_only=True)
+    names: tuple[str, ...] = field(default=(), kw_only=True)
+
+    text: ClassVar[str] = "all branches failed"
+
+    def describe(self) -> str:
+        """``all branches failed: NAME: MESSAGE; ...``."""
+        if not self.failures:
+            return "there was no branch that could succeed"
+        return f"{self.text}: {'; '.join(f'{n}: {f}' for n, f in zip(self.names, self.failures, strict=True))}"
+
+
+@dataclass(eq=False, repr=False)
+class Timeout(PlanFailure):
+    """A body took longer than it was given."""
+
+    seconds: float | None = field(default=None, kw_only=True)
+    construct: str | None = field(default=None, kw_only=True)
+
+    def describe(self) -> str:
+        """``NAME took longer than S s``."""
+        return f"{self.construct or 'the body'} took longer than {self.seconds} s"
+
+
+@dataclass(eq=False, repr=False)
+class BudgetExceeded(PlanFailure):
+    """The allowance of a plan is used up; ``spent`` says where it went: part of the plan -> seconds."""
+
+    seconds: float | None = field(default=None, kw_only=True)
+    spent: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+
+    def describe(self) -> str:
+        """``the budget of S s is used up: PART S s, ...``."""
+        text = f"the budget of {self.seconds} s is used up"
+        if self.spent:
+            text += f": {', '.join(f'{part} {seconds:g} s' for part, seconds in self.spent.items())}"
+        return text
+
+
+@dataclass(eq=False, repr=False)
+class BranchEvaporated(PlanFailure):
+    """A branch was evaporated from outside its construct."""
+
+    path: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "a branch was evaporated from outside"
+
+
+@dataclass(eq=False, repr=False)
+class PolicyViolated(PlanFailure):
+    """A condition that must hold while a body runs was violated."""
+
+    policy: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "a policy was violated"
+
+
+@dataclass(eq=False, repr=False)
+class GoalNotAchieved(PlanFailure):
+    """The body ended, and the goal does not hold."""
+
+    goal: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "the goal does not hold after the body"
+
+
+@dataclass(eq=False, repr=False)
+class TransitionMissing(PlanFailure):
+    """A state ended with an outcome for which there is no transition."""
+
+    state: str | None = field(default=None, kw_only=True)
+    outcome: str | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "no transition"
+
+
+def matches(failure: BaseException, kinds: type[PlanFailure] | tuple[type[PlanFailure], ...]) -> bool:
+    """Whether a failure is of a kind; a composite one is if it has members and every leaf is."""
+    if isinstance(failure, kinds):
+        return True
+    open_: list[BaseException] = [failure]
+    while open_:
+        one = open_.pop()
+        if isinstance(one, kinds):
+            continue
+        if not isinstance(one, CompositeFailure) or not one.failures:
+            return False
+        open_.extend(one.failures)
+    return True
+
+
+def explain(failure: BaseException) -> str:
+    """Several lines: the failure, where in the plan, what it was raised from, what else failed with it."""
+    lines: list[str] = []
+    links = list(failure.chain()) if isinstance(failure, PlanFailure) else [failure]
+    for number, link in enumerate(links):
+        lead = "" if number == 0 else "because of "
+        lines.extend(_explain_one(link, lead, "  " * number))
+    return "\n".join(lines)
+
+
+def _explain_one(link: BaseException, lead: str, indent: str) -> Iterator[str]:
+    message = str(link)
+    yield f"{indent}{lead}{type(link).__name__}: {message}" if message else f"{indent}{lead}{type(link).__name__}"
+    if not isinstance(link, PlanFailure):
+        return
+    if link.where is not None:
+        yield f"{indent}  in {link.where}"
+    if isinstance(link, CompositeFailure):
+        for name, member in zip(link.names, link.failures, strict=True):
+            yield f"{indent}  branch {name}: {type(member).__name__}: {member}"
+    for name, sibling in link.siblings:
+        yield f"{indent}  at the same time, {name}: {type(sibling).__name__}: {sibling}"
+    for cleanup in link.cleanup_failures:
+        yield f"{indent}  during cleanup: {type(cleanup).__name__}: {cleanup}"
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_plain, value))})"
+    return str(value)

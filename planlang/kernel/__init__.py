@@ -1,0 +1,59 @@
+"""The kernel: tasks, deterministic scheduler, integer clock, fluents, hosts, trace. It knows no construct by name.
+
+General layout: ``scheduler`` runs tasks in rounds and steps the host; ``scope`` is what constructs are made of;
+``evaporation`` and ``suspension`` say who is reached; ``primitives`` and ``fluent`` are what a task can wait for;
+``park`` is the narrow place where tasks and scheduler meet; ``trace`` and ``listing`` tell what happened and where.
+"""
+
+from planlang.kernel.errors import (
+    CleanupOverrun,
+    CutShort,
+    DeadlockError,
+    Evaporated,
+    NoProgress,
+    PlanStructureError,
+    RunError,
+    StepLimit,
+    StuckTask,
+)
+from planlang.kernel.evaporation import shield
+from planlang.kernel.fluent import Fluent, Signal, WorldFluent, wait_for
+from planlang.kernel.hosts import Host, SimulationHost, VirtualHost
+from planlang.kernel.park import checkpoint
+from planlang.kernel.primitives import now, record, rng, sleep
+from planlang.kernel.scheduler import Scheduler
+from planlang.kernel.scope import All, Scope, failure_of
+from planlang.kernel.task import Status, Task
+from planlang.kernel.trace import Trace
+
+__all__ = [
+    "All",
+    "CleanupOverrun",
+    "CutShort",
+    "DeadlockError",
+    "Evaporated",
+    "Fluent",
+    "Host",
+    "NoProgress",
+    "PlanStructureError",
+    "RunError",
+    "Scheduler",
+    "Scope",
+    "Signal",
+    "SimulationHost",
+    "Status",
+    "StepLimit",
+    "StuckTask",
+    "Task",
+    "Trace",
+    "VirtualHost",
+    "WorldFluent",
+    "checkpoint",
+    "failure_of",
+    "now",
+    "record",
+    "rng",
+    "shield",
+    "sleep",
+    "wait_for",
+]

@@ -1,0 +1,41 @@
+"""What a run changes in the process while it lasts: the collector's threshold and the handler of Ctrl-C."""
+
+from __future__ import annotations
+
+import gc
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+YOUNG = 50_000
+"""Allocations before the collector looks: live tasks are no garbage, and looking at them costs more than they do."""
+
+
+@contextmanager
+def quiet_collector() -> Iterator[None]:
+    """Raise the collector's threshold, and restore it."""
+    before = gc.get_threshold()
+    if before[0] and before[0] < YOUNG:
+        gc.set_threshold(YOUNG, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
+@contextmanager
+def signals(on_interrupt: Callable[[], None]) -> Iterator[None]:
+    """Call ``on_interrupt`` on Ctrl-C where Python's own handler is in place and this is the main thread."""
+    ours = (
+        threading.current_thread() is threading.main_thread()
+        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    )
+    if not ours:
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda number, frame: on_interrupt())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,0 +1,102 @@
+"""Evaporation: who is reached, shields, and the warning for cleanup code that forgot its shield."""
+
+from __future__ import annotations
+
+import warnings
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from planlang.kernel.errors import CleanupOverrun, CutShort
+from planlang.kernel.listing import innermost_frame, innermost_line
+from planlang.kernel.park import here
+from planlang.kernel.suspension import unhold
+from planlang.kernel.task import Status, Task
+
+if TYPE_CHECKING:
+    from planlang.kernel.scheduler import Scheduler
+    from planlang.kernel.timers import Timer
+
+
+def evaporate(scheduler: Scheduler, root: Task, through_shields: bool = False) -> bool:
+    """Evaporate a subtree, children first; True if this changed something.
+
+    A task that has not begun never begins; a shielded one goes on until its shield ends, with all it started inside.
+    """
+    changed = False
+    stack = [root]
+    while stack:
+        task = stack.pop()
+        if task.dead:
+            continue
+        if not task.cancelled:
+            task.cancelled = changed = True
+            unhold(scheduler, task)
+            if task.watched is not None:
+                task.watched.set(Status.EVAPORATING)
+        if not task.begun:
+            scheduler.finish(task, Status.EVAPORATED)
+            continue
+        if task.shields and not through_shields:
+            continue
+        if task.doomed and not through_shields:
+            continue
+        task.doomed = True
+        scope = task.scope
+        if scope is not None and not scope.complete:
+            scope.over = True
+            stack.extend(reversed(scope.live))
+        elif task is not scheduler.current and not task.woken:
+            scheduler.throw(task, scheduler.delivery(task))
+    return changed
+
+
+def review(scheduler: Scheduler, task: Task) -> None:
+    """Work out again whether evaporation reaches the task now."""
+    task.doomed = scheduler.draining or task.overrun is not None or (task.cancelled and not task.shields)
+
+
+class shield:  # noqa: N801 - used like a function: with shield(within=10)
+    """``with shield(within=10):`` keeps evaporation from outside away until the block ends.
+
+    It reaches neither the task nor what the task starts inside. When the block has not ended after ``within`` seconds
+    of plan time, :class:`CleanupOverrun` is raised in it. Evaporation from inside works as usual.
+    """
+
+    def __init__(self, within: float = 10.0) -> None:
+        self.within = within
+
+    def __enter__(self) -> None:
+        self._scheduler, self._task = scheduler, task = here()
+        steps = scheduler.steps(self.within)
+        task.shields += 1
+        review(scheduler, task)
+        self._timer: Timer = scheduler.deadline(task, steps, self._overrun)
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._timer.drop()
+        self._task.shields -= 1
+        review(self._scheduler, self._task)
+
+    def _overrun(self) -> None:
+        scheduler, task = self._scheduler, self._task
+        line = innermost_line(task.coroutine)
+        task.overrun = CleanupOverrun(f"shielded code in {task.path} took longer than {self.within} s, at {line}")
+        task.doomed = True
+        scope = task.scope
+        if scope is not None and not scope.complete:
+            scope.close()
+        elif not task.woken:
+            scheduler.throw(task, scheduler.delivery(task))
+
+
+def warn_cut_short(task: Task) -> None:
+    """Warn that code after the delivery of evaporation awaits without a shield."""
+    frame = innermost_frame(task.coroutine)
+    if frame is not None:
+        warnings.warn_explicit(
+            f"{task.path} is being evaporated, so this await is cut short; cleanup that waits belongs into "
+            "unwind_protect(body, cleanup) or a shield()",
+            CutShort,
+            frame.f_code.co_filename,
+            frame.f_lineno,
+        )

@@ -1,0 +1,83 @@
+"""Where tasks are: lines of waiting code and of failures, and the list of blocked tasks in an error."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from planlang.failures import PlanFailure, Where
+from planlang.kernel.tree import Node
+
+if TYPE_CHECKING:
+    from planlang.kernel.task import Task
+
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_OWN = (os.path.join(_PACKAGE, "kernel") + os.sep, os.path.join(_PACKAGE, "language") + os.sep)
+SHOWN = 20
+
+
+def is_own(filename: str) -> bool:
+    """Whether a source file is part of the plan language itself."""
+    return filename.startswith(_OWN)
+
+
+def innermost_frame(coroutine: object) -> FrameType | None:
+    """The innermost frame of waiting code that is the plan's, not ours."""
+    found: FrameType | None = None
+    link = coroutine
+    while link is not None:
+        frame = getattr(link, "cr_frame", None) or getattr(link, "gi_frame", None) or getattr(link, "ag_frame", None)
+        if isinstance(frame, FrameType) and not is_own(frame.f_code.co_filename):
+            found = frame
+        link = getattr(link, "cr_await", None) or getattr(link, "gi_yieldfrom", None) or getattr(link, "ag_await", None)
+    return found
+
+
+def innermost_line(coroutine: object) -> str:
+    """``file.py:12`` of the innermost waiting code that is the plan's."""
+    frame = innermost_frame(coroutine)
+    if frame is None:
+        return "an unknown line"
+    return f"{os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
+
+
+def blocked(root: Task) -> Iterable[Task]:
+    """The live tasks that do not merely wait for their branches."""
+    stack = [root]
+    while stack:
+        task = stack.pop()
+        if task.scope is not None and task.scope.live:
+            stack.extend(reversed(task.scope.live))
+        elif not task.dead:
+            yield task
+
+
+def listing(title: str, tasks: Iterable[Task]) -> str:
+    """The title and one line per task: its path, what it waits for, and where."""
+    lines = [f"{title}:"]
+    more = 0
+    for task in tasks:
+        if len(lines) > SHOWN:
+            more += 1
+            continue
+        state = "is suspended, waiting for" if task.holds else "waits for"
+        what = f" {state} {task.wait}" if task.wait is not None else ""
+        at = f" at {innermost_line(task.coroutine)}" if task.coroutine is not None else ""
+        lines.append(f"  {task.path}{what}{at}")
+    if more:
+        lines.append(f"  and {more} more")
+    return "\n".join(lines)
+
+
+def locate(failure: PlanFailure, node: Node, revision: Callable[[], int] | None) -> None:
+    """Fill in where a failure arose: the node, and the innermost line of its traceback that is not ours."""
+    file, line = "", 0
+    traceback = failure.__traceback__
+    while traceback is not None:
+        filename = traceback.tb_frame.f_code.co_filename
+        if not is_own(filename):
+            file, line = os.path.basename(filename), traceback.tb_lineno
+        traceback = traceback.tb_next
+    failure.where = Where(node.path, file, line, revision() if revision is not None else None)

@@ -1,0 +1,202 @@
+"""A scope: a construct at work. It starts branches, decides between rounds, and ends after all of them are dead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from planlang.failures import BranchEvaporated, PlanFailure
+from planlang.kernel.errors import Evaporated, PlanStructureError
+from planlang.kernel.listing import locate
+from planlang.kernel.park import checkpoint, deliver, here, park
+from planlang.kernel.task import Status, Task
+from planlang.kernel.tree import Node
+
+MAX_DEPTH = 10_000
+
+
+class Scope(Node):
+    """A construct with branches. Subclasses say in :meth:`decide` when it is over.
+
+    Invariants: ``live`` holds the branches that are not dead; ``fresh`` those that died since the last decision;
+    ``over`` means that the outcome is fixed and what is live is being evaporated.
+    """
+
+    def __init__(self, kind: str, name: str | None = None) -> None:
+        self.scheduler, self.owner = here()
+        Node.__init__(self, self.owner.node, kind, name or kind)
+        self.depth = self.owner.depth + 1
+        if self.depth > MAX_DEPTH:
+            raise PlanStructureError(f"more than {MAX_DEPTH} constructs nested: {_innermost_names(self.owner)}")
+        self.birth = self.scheduler.next_birth()
+        self.live: dict[Task, None] = {}
+        self.fresh: list[Task] = []
+        self.dirty = False
+        self.over = False
+        self.complete = False
+        self.crash: BaseException | None = None
+        self.cleanup: list[PlanFailure] = []
+
+    # -- for subclasses
+
+    def begin(self) -> None:
+        """Start the first branches."""
+        raise NotImplementedError
+
+    def details(self) -> dict[str, object]:
+        """What the trace tells about the start."""
+        return {}
+
+    def decide(self, dead: list[Task]) -> None:
+        """Look at the branches that died in the last round, in textual order; :meth:`close` when the outcome is fixed.
+
+        May start branches. When none is live afterwards, the scope is over.
+        """
+        raise NotImplementedError
+
+    def finish(self) -> Any:
+        """Return or raise the outcome, when all branches are dead."""
+        raise NotImplementedError
+
+    def start(self, branch: Callable[[], Any], name: str, index: int) -> Task:
+        """Start a branch; it runs after what is already in the queue."""
+        task = Task(self, self, name, branch, index)
+        self.live[task] = None
+        owner = self.owner
+        if owner.holds:
+            task.holds = owner.holds
+        self.scheduler.enqueue(task)
+        return task
+
+    def close(self) -> None:
+        """Fix the outcome and evaporate what is live."""
+        if not self.over:
+            self.over = True
+            for task in tuple(self.live):
+                self.scheduler.evaporate(task)
+
+    async def execute(self) -> Any:
+        """Run the construct to its end.
+
+        Raises a programming error that left a branch, before anything else; Evaporated if the owner is evaporated.
+        """
+        scheduler, owner = self.scheduler, self.owner
+        trace = scheduler.trace
+        if owner.doomed:
+            await deliver(owner)
+        if trace is not None:
+            trace.started(scheduler.now, self, **self.details())
+        outer, outer_node = owner.scope, owner.node
+        owner.scope, owner.node = self, self
+        try:
+            try:
+                self.begin()
+            except Exception as error:
+                self.crash = error
+                self.close()
+            if self.live or self.fresh:
+                await park(self)
+            else:
+                self.complete = True
+                await checkpoint()
+            if self.crash is not None:
+                raise self.crash
+            owner.scope = outer
+            result = self.finish()
+        except BaseException as error:
+            owner.scope, owner.node = outer, outer_node
+            if isinstance(error, PlanFailure) and error.where is None:
+                locate(error, self, scheduler.revision)
+            if trace is not None and not isinstance(error, GeneratorExit):
+                if isinstance(error, Evaporated):
+                    trace.ended(scheduler.now, self, Status.EVAPORATED)
+                else:
+                    trace.ended(scheduler.now, self, Status.FAILED, None, error)
+            raise
+        owner.node = outer_node
+        if trace is not None:
+            trace.ended(scheduler.now, self, Status.SUCCEEDED)
+        return result
+
+    def attach(self, failure: PlanFailure) -> PlanFailure:
+        """Attach what went wrong in cleanups to what the construct raises."""
+        if self.cleanup:
+            failure.cleanup_failures += tuple(f for f in self.cleanup if f is not failure)
+        return failure
+
+    # -- for the scheduler
+
+    def settle(self) -> None:
+        """The decision after a round in which branches died."""
+        dead, self.fresh = self.fresh, []
+        if len(dead) > 1:
+            dead.sort(key=_index)
+        for task in dead:
+            if task.crash is not None:
+                if self.crash is None:
+                    self.crash = task.crash
+                elif self.crash is not task.crash:
+                    self.crash.add_note(f"at the same time, in {task.path}: {task.crash!r}")
+            elif task.cleanup_failure is not None:
+                self.cleanup.append(task.cleanup_failure)
+        if self.crash is not None:
+            self.close()
+        elif not self.over:
+            try:
+                self.decide(dead)
+            except Exception as error:
+                self.crash = error
+                self.close()
+        if not self.live:
+            self.over = True
+            if not self.fresh:
+                self.complete = True
+                self.scheduler.release(self.owner, evaporate=self.crash is None)
+
+    def __str__(self) -> str:
+        return f"{self.kind} of {len(self.live)} live branches"
+
+
+class All(Scope):
+    """Over at the first failure; the failure is the earliest round's, then the textually first."""
+
+    failed: Task | None = None
+    siblings: tuple[tuple[str, PlanFailure], ...] = ()
+
+    def decide(self, dead: list[Task]) -> None:
+        failures = [task for task in dead if task.outcome is not Status.SUCCEEDED]
+        if failures:
+            self.fail(failures)
+
+    def fail(self, failures: list[Task]) -> None:
+        """Fix the first of these as the outcome, the others as its siblings."""
+        self.failed = failures[0]
+        self.siblings = tuple((task.name, failure_of(task)) for task in failures[1:])
+        self.close()
+
+    def raise_failure(self) -> None:
+        """Raise the failure that was fixed, if any, with its attachments."""
+        if self.failed is not None:
+            failure = failure_of(self.failed)
+            failure.siblings += tuple((name, other) for name, other in self.siblings if other is not failure)
+            raise self.attach(failure)
+
+
+def failure_of(task: Task) -> PlanFailure:
+    """The failure of a branch that did not succeed: its own, or that it was evaporated from outside."""
+    if task.failure is None:
+        task.failure = BranchEvaporated(path=task.path)
+    return task.failure
+
+
+def _index(task: Task) -> int:
+    return task.index
+
+
+def _innermost_names(task: Task) -> str:
+    names: list[str] = []
+    current: Task | None = task
+    while current is not None and len(names) < 6:
+        names.append(current.base_name)
+        current = current.group.owner if current.group is not None else None
+    return " in ".join(names)

@@ -1,0 +1,115 @@
+"""A task: one branch of a plan, driven by the scheduler."""
+
+from __future__ import annotations
+
+import contextvars
+from collections.abc import AsyncGenerator, Callable, Coroutine, Generator
+from enum import Enum
+from random import Random
+from typing import TYPE_CHECKING, Any
+
+from planlang.kernel.tree import Node
+
+if TYPE_CHECKING:
+    from planlang.failures import PlanFailure
+    from planlang.kernel.fluent import Fluent
+    from planlang.kernel.scope import Scope
+    from planlang.kernel.timers import Timer
+
+
+class Status(Enum):
+    """Life of a task; the last three are final. Handles also show ``EVAPORATING``."""
+
+    CREATED = "created"
+    RUNNING = "running"
+    SUSPENDED = "suspended"
+    EVAPORATING = "evaporating"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    EVAPORATED = "evaporated"
+
+    @property
+    def final(self) -> bool:
+        """True for a task that is dead."""
+        return self in _FINAL
+
+
+_FINAL = frozenset({Status.SUCCEEDED, Status.FAILED, Status.EVAPORATED})
+
+
+class Task(Node):
+    """One branch. Invariants: ``doomed`` iff evaporation reaches the task now (``cancelled`` and not shielded, or the
+    run is drained); ``holds`` counts the tasks among itself and its ancestors that are suspended; a task is in the
+    run queue iff ``in_queue``; ``woken`` without ``in_queue`` means woken while held.
+    """
+
+    # Defaults live on the class: most tasks never touch most of them, and creating one stays cheap.
+    begun: bool = False
+    dead: bool = False
+    outcome: Status | None = None
+    result: Any = None
+    failure: PlanFailure | None = None
+    crash: BaseException | None = None
+    """A programming error that left the task."""
+    cleanup_failure: PlanFailure | None = None
+    """A plan failure that left the task after it was evaporated."""
+
+    coroutine: Coroutine[Any, Any, Any] | Generator[Any, Any, Any] | None = None
+    scope: Scope | None = None
+    """The construct whose branches this task waits for."""
+    wait: object = None
+    """What the task waits for; its text is shown in listings."""
+    woken: bool = False
+    in_queue: bool = False
+    value: Any = None
+    error: BaseException | None = None
+    """What the wait returns or raises at the next resumption."""
+
+    cancelled: bool = False
+    doomed: bool = False
+    thrown: bool = False
+    """Evaporation was delivered: the task ends evaporated, whatever it returns or raises."""
+    deliveries: int = 0
+    shields: int = 0
+    overrun: BaseException | None = None
+    """A bound of a shield ran out while the task ran; raised at its next checkpoint."""
+
+    count: int = 0
+    """How often the task itself was suspended and not woken up."""
+    holds: int = 0
+    timers: list[Timer] | None = None
+    hooks: list[Callable[[], object]] | None = None
+    """Called on suspension, last first."""
+    generators: list[AsyncGenerator[Any, Any]] | None = None
+    stream: Random | None = None
+    watched: Fluent[Status] | None = None
+    """The status as a fluent, once someone asked for it."""
+    listeners: list[Callable[[], object]] | None = None
+    """Called once when the task has died."""
+
+    def __init__(
+        self, group: Scope | None, parent: Node | None, name: str, branch: Callable[[], Any], index: int
+    ) -> None:
+        Node.__init__(self, parent, "branch", name)
+        self.group = group
+        self.branch = branch
+        self.index = index
+        self.node: Node = self
+        """The innermost open node of this task."""
+        self.context: contextvars.Context = contextvars.copy_context() if group is None else group.owner.context.copy()
+
+    @property
+    def depth(self) -> int:
+        """Number of constructs around the task."""
+        return 0 if self.group is None else self.group.depth
+
+    @property
+    def status(self) -> Status:
+        """The state as its handle shows it."""
+        if self.outcome is not None:
+            return self.outcome
+        if self.cancelled:
+            return Status.EVAPORATING
+        if self.holds:
+            return Status.SUSPENDED
+        return Status.RUNNING if self.begun else Status.CREATED

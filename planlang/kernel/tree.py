@@ -1,0 +1,70 @@
+"""The tree of a run: constructs, branches, tags, plans and performs; a path names a place in it."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+
+class Node:
+    """A place in the tree of a run. Its name is unique under its parent: later ones get ``#2``, ``#3``."""
+
+    __slots__ = ("_counts", "_name", "_ordinal", "_path", "kind", "parent")
+
+    def __init__(self, parent: Node | None, kind: str, name: str) -> None:
+        self.parent = parent
+        self.kind = kind
+        self._name = name
+        self._counts: dict[str, int] | None = None
+        self._path: str | None = None
+        if parent is None:
+            self._ordinal = 1
+        else:
+            counts = parent._counts
+            if counts is None:
+                parent._counts = {name: 1}
+                self._ordinal = 1
+            else:
+                self._ordinal = counts[name] = counts.get(name, 0) + 1
+
+    @property
+    def name(self) -> str:
+        """The path element."""
+        return self._name if self._ordinal == 1 else f"{self._name}#{self._ordinal}"
+
+    @property
+    def base_name(self) -> str:
+        """The path element without its number."""
+        return self._name
+
+    @property
+    def path(self) -> str:
+        """Names from the root, joined by ``/``."""
+        if self._path is not None:
+            return self._path
+        names: list[str] = []
+        node: Node | None = self
+        while node is not None and node._path is None:
+            names.append(node.name)
+            node = node.parent
+        head = "" if node is None or node._path is None else f"{node._path}/"
+        path = head + "/".join(reversed(names))
+        self._path = path
+        return path
+
+    @property
+    def unused(self) -> bool:
+        """True as long as nothing was started under this node."""
+        return self._counts is None
+
+
+def name_of(branch: Callable[..., Any]) -> str:
+    """The path element of a branch: its function's name, ``lambda:LINE`` for a lambda, the class's name otherwise."""
+    while isinstance(branch, functools.partial):
+        branch = branch.func
+    name = getattr(branch, "__name__", None)
+    if name == "<lambda>":
+        code = getattr(branch, "__code__", None)
+        return f"lambda:{code.co_firstlineno}" if code is not None else "lambda"
+    return name if isinstance(name, str) else type(branch).__name__

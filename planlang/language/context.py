@@ -1,0 +1,21 @@
+"""What surrounds a running plan: the executive."""
+
+from __future__ import annotations
+
+from contextvars import ContextVar
+from typing import TYPE_CHECKING
+
+from planlang.kernel import PlanStructureError
+
+if TYPE_CHECKING:
+    from planlang.protocols import Executive
+
+current: ContextVar[Executive | None] = ContextVar("executive", default=None)
+
+
+def executive_for(construct: str) -> Executive:
+    """The current executive; PlanStructureError when the plan runs without one."""
+    executive = current.get()
+    if executive is None:
+        raise PlanStructureError(f"{construct} needs an executive: run(plan, host=..., executive=...)")
+    return executive

@@ -1,0 +1,46 @@
+"""achieve: steps that are skipped when what they are for already holds."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Any, TypeVar
+
+from planlang.designators import Condition
+from planlang.failures import GoalNotAchieved
+from planlang.kernel import Fluent, Signal, checkpoint, wait_for
+from planlang.kernel.primitives import inside, record
+from planlang.kernel.tree import name_of
+from planlang.language.branches import check
+from planlang.language.context import executive_for
+
+V = TypeVar("V")
+Goal = Condition | Callable[[], bool] | Signal[Any]
+
+
+async def achieve(goal: Goal, body: Callable[[], Awaitable[V]], *, within: float = 0.0) -> V | None:
+    """Run the body unless the goal already holds; returns its result, or None if it was skipped.
+
+    After the body the goal must hold, at the latest ``within`` seconds of plan time later: else GoalNotAchieved.
+    A condition is looked up in the executive's belief; a fluent is read anew.
+    """
+    check("achieve", (body,))
+    text, holds = _reader(goal)
+    with inside("achieve", "achieve", goal=text) as node:
+        if holds():
+            record("skipped", goal=text)
+            await checkpoint()
+            return None
+        result = await body()
+        if not holds() and not (within and await wait_for(Fluent(read=holds, name=text), within)):
+            raise GoalNotAchieved(goal=text)
+        node.result = result
+    return result
+
+
+def _reader(goal: Goal) -> tuple[str, Callable[[], bool]]:
+    if isinstance(goal, Condition):
+        executive = executive_for("achieve")
+        return str(goal), lambda: executive.holds(goal)
+    if isinstance(goal, Signal):
+        return str(goal), lambda: bool(goal.read())
+    return name_of(goal), goal

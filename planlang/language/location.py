@@ -1,0 +1,218 @@
+"""at_location: a scope in which the base stays at a place from which the steps inside can work."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from planlang.designators import Location, Object, a_location
+from planlang.failures import (
+    LocationUnresolvable,
+    LookingGoalUnreachable,
+    ManipulationGoalInCollision,
+    ManipulationPoseUnreachable,
+    NavigationFailure,
+    NavigationGoalNotReached,
+    ObjectUndeliverable,
+    ObjectUnreachable,
+    PlanFailure,
+    matches,
+)
+from planlang.kernel import Fluent, Scope, Status, Task, WorldFluent, failure_of, wait_for
+from planlang.kernel.primitives import inside, record
+from planlang.kernel.tree import name_of
+from planlang.language.branches import Branch, check
+from planlang.language.context import executive_for
+from planlang.language.performing import perform
+from planlang.language.place import Place, place
+from planlang.language.resources import Lease, using
+
+if TYPE_CHECKING:
+    from planlang.protocols import Executive, Solution
+
+V = TypeVar("V")
+
+CURABLE = (NavigationFailure, ManipulationPoseUnreachable, ManipulationGoalInCollision, LookingGoalUnreachable)
+"""Failures that another place for the base can cure."""
+APART = 0.05
+"""Places nearer than this to one that failed count as the same [m]."""
+REPLACED = 10
+"""How often the base is put back when something else has moved it."""
+
+
+async def at_location(
+    location: Location,
+    body: Callable[[], Awaitable[V]],
+    *,
+    attempts: int = 5,
+    reaching: Iterable[Object | Location] = (),
+) -> V:
+    """Go to a place of ``location`` from which everything in ``reaching`` can be reached, and run the body there.
+
+    When the body fails in a way that another place can cure, the next place is tried, at most ``attempts`` in all.
+    Places within 5 cm of one that failed at the same revision of the belief are skipped. The base is held: side by
+    side, scopes take turns; a nested scope may move it, and it is moved back. When something else moves it, the body
+    is evaporated and runs again at the same place, at most 10 times.
+
+    Raises ObjectUnreachable, or ObjectUndeliverable when something is held, from the last failure, or from
+    LocationUnresolvable when no place was found at all.
+    """
+    check("at_location", (body,))
+    executive = executive_for("at_location")
+    wanted = tuple(reaching)
+    if wanted:
+        location = location & a_location(in_reach_of=wanted)
+    outer = place.get()
+    with inside("at_location", "at_location", location=location, attempts=attempts) as node:
+        async with using("base") as lease:
+            visit = _Visit(executive, location, lease)
+            token = place.set(visit.place)
+            try:
+                node.result = await visit.run(body, attempts)
+            finally:
+                place.reset(token)
+                if outer is not None and visit.moved:
+                    outer.displaced = True
+        if outer is not None and outer.displaced:
+            await outer.establish()
+    return node.result  # type: ignore[no-any-return]
+
+
+class _Visit:
+    """One entry of at_location: the cursor of solutions and what was tried."""
+
+    def __init__(self, executive: Executive, location: Location, lease: Lease) -> None:
+        self.executive = executive
+        self.location = location
+        self.lease = lease
+        self.place = Place(self._return)
+        self.moved = False
+        self._failed: list[Solution] = []
+        self._cursor: Iterator[Solution] | None = None
+        self._revision: int | None = None
+        self._solution: Solution | None = None
+
+    async def run(self, body: Branch, attempts: int) -> Any:
+        """Try one place after another."""
+        last: PlanFailure | None = None
+        for attempt in range(1, attempts + 1):
+            try:
+                solution = self._next()
+            except LocationUnresolvable as exhausted:
+                record("no more places", attempt=attempt, failure=exhausted)
+                raise self._escalated(last or exhausted) from (last or exhausted)
+            record("solution", attempt=attempt, base=solution.base, revision=solution.revision, detail=solution.detail)
+            try:
+                if last is not None:
+                    for action in self.executive.before_retry():
+                        await perform(action)
+                return await self._visit(solution, body)
+            except PlanFailure as failure:
+                if not matches(failure, CURABLE):
+                    raise
+                last = failure
+                self._failed.append(solution)
+                record("place failed", attempt=attempt, base=solution.base, failure=failure)
+        if last is None:
+            raise ValueError(f"attempts is a number of places, at least 1, not {attempts}")
+        raise self._escalated(last) from last
+
+    def _next(self) -> Solution:
+        """The next place that is not one that failed; the cursor starts anew when the belief has changed."""
+        revision = self.executive.revision()
+        if self._cursor is None or revision != self._revision:
+            self._cursor, self._revision = iter(self.executive.solutions(self.location)), revision
+        for solution in self._cursor:
+            if not any(_near(solution, failed) for failed in self._failed):
+                return solution
+        raise LocationUnresolvable(designator=str(self.location))
+
+    def _escalated(self, cause: PlanFailure) -> PlanFailure:
+        held = tuple(self.executive.held())
+        if held:
+            return ObjectUndeliverable(what=", ".join(held))
+        return ObjectUnreachable(what=_reference(self.location))
+
+    async def _visit(self, solution: Solution, body: Branch) -> Any:
+        self._solution = solution
+        for _ in range(REPLACED + 1):
+            await self._go(solution)
+            watched = _Watched(self, body)
+            result = await watched.execute()
+            if not watched.lost:
+                return result
+            record("displaced", base=solution.base)
+        raise NavigationGoalNotReached(
+            f"the base was moved away {REPLACED} times by something else", target=solution.base
+        )
+
+    async def _go(self, solution: Solution) -> None:
+        self.moved = True
+        await perform(self.executive.move_to(solution))
+        self.place.displaced = False
+        self.lease.touched.discard("base")
+
+    async def _return(self) -> None:
+        if self._solution is not None and not self.executive.is_at(self._solution):
+            await self._go(self._solution)
+        self.lease.touched.discard("base")
+
+    def lost(self) -> bool:
+        """Whether something else than what runs inside has moved the base."""
+        solution = self._solution
+        return solution is not None and "base" not in self.lease.touched and not self.executive.is_at(solution)
+
+
+class _Watched(Scope):
+    """The body and, beside it, a watch over the place; the body counts when both end together."""
+
+    lost = False
+    body_task: Task | None = None
+
+    def __init__(self, visit: _Visit, body: Branch) -> None:
+        super().__init__("at_place")
+        self.visit = visit
+        self.body = body
+
+    def begin(self) -> None:
+        self.start(self.body, name_of(self.body), 0)
+        self.start(self._watch, "watch", 1)
+
+    async def _watch(self) -> None:
+        gone: Fluent[bool] = Fluent(read=self.visit.lost, name=f"the base leaving {self.visit.location}")
+        if isinstance(gone, WorldFluent):
+            gone.vital = False
+        await wait_for(gone)
+
+    def decide(self, dead: list[Task]) -> None:
+        first = dead[0]
+        if first.index == 0:
+            self.body_task = first
+        elif first.outcome is Status.SUCCEEDED:
+            self.lost = True
+        self.close()
+
+    def finish(self) -> Any:
+        task = self.body_task
+        if task is None:
+            return None
+        if task.outcome is not Status.SUCCEEDED:
+            raise self.attach(failure_of(task))
+        return task.result
+
+
+def _near(solution: Solution, failed: Solution) -> bool:
+    if solution.revision != failed.revision:
+        return False
+    dx, dy = solution.base[0] - failed.base[0], solution.base[1] - failed.base[1]
+    return dx * dx + dy * dy <= APART * APART
+
+
+def _reference(location: Location) -> str:
+    """The object that a location is about, through chains of locations."""
+    reference: Object | Location = location
+    while isinstance(reference, Location):
+        if not reference.relations:
+            return str(location)
+        reference = reference.relations[0].reference
+    return reference.name

@@ -1,0 +1,82 @@
+"""Performing actions: finding the process module, taking turns, and stopping the robot on suspension."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from planlang.designators import Action, local_name
+from planlang.failures import ActionUnresolvable, PlanFailure
+from planlang.kernel import PlanStructureError
+from planlang.kernel.primitives import inside, record
+from planlang.language.branches import check
+from planlang.language.context import current, executive_for
+from planlang.language.place import place
+from planlang.language.resources import using
+from planlang.language.restarting import Restarting
+
+if TYPE_CHECKING:
+    from planlang.protocols import Executive, ProcessModule
+
+
+def module_for(executive: Executive, action: Action) -> ProcessModule | None:
+    """The module registered for the nearest ancestor of the action's class; of several the first registered."""
+    for ancestor in executive.ancestors(action.type):
+        for module in executive.modules:
+            if ancestor in module.actions:
+                return module
+    return None
+
+
+async def perform(action: Action, name: str | None = None) -> Any:
+    """Have a process module perform an action; returns what the module returns.
+
+    A module works on one request at a time, first come, first served, and holds the action's resources meanwhile.
+    Evaporation cancels the request; suspension cancels it, and it is made again after waking up. Raises what the
+    module raises, ActionUnresolvable if there is none; a failure that the module does not declare is a programming
+    error.
+    """
+    executive = executive_for("perform")
+    module = module_for(executive, action)
+    path_element = name or action.name or local_name(action.type)
+    if module is None:
+        with inside("perform", path_element, action=action):
+            raise ActionUnresolvable(designator=str(action))
+    resources = tuple(module.resources(action))
+    here = place.get()
+    if here is not None and here.displaced and "base" not in resources:
+        await here.establish()
+    return await _Perform(path_element, action, module, resources).execute()
+
+
+async def perform_or(action: Action, branch: Callable[[], Awaitable[Any]]) -> Any:
+    """Have a module perform the action if one is registered for its class or an ancestor; else run the branch."""
+    check("perform_or", (branch,))
+    executive = current.get()
+    if executive is not None and module_for(executive, action) is not None:
+        return await perform(action)
+    return await branch()
+
+
+class _Perform(Restarting):
+    def __init__(self, name: str, action: Action, module: ProcessModule, resources: tuple[str, ...]) -> None:
+        super().__init__("perform", name, partial(_request, module, action, resources), module.name)
+        self.action = action
+
+    def details(self) -> dict[str, object]:
+        return {"action": self.action}
+
+
+async def _request(module: ProcessModule, action: Action, resources: tuple[str, ...]) -> Any:
+    async with using(f"module {module.name}", *resources):
+        record("request", module=module.name, action=action)
+        try:
+            return await module.execute(action)
+        except PlanFailure as failure:
+            if not isinstance(failure, tuple(module.failures)):
+                raise PlanStructureError(
+                    f"process module {module.name} raised {type(failure).__name__}, which it does not declare; "
+                    f"declared: {', '.join(kind.__name__ for kind in module.failures) or 'none'}"
+                ) from failure
+            raise

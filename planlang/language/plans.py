@@ -1,0 +1,83 @@
+"""Plan functions: marked, named in the tree of a run, and the home of their tags."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Awaitable, Callable, Coroutine
+from contextvars import ContextVar
+from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, overload
+
+from planlang.kernel.park import here
+from planlang.kernel.primitives import inside, record
+from planlang.kernel.task import Task
+
+if TYPE_CHECKING:
+    from planlang.language.tags import Handle
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class Frame:
+    """One entry of a plan function: the tags in it."""
+
+    __slots__ = ("outer", "tags")
+
+    def __init__(self, outer: Frame | None) -> None:
+        self.outer = outer
+        self.tags: dict[str, Handle] = {}
+
+
+frame: ContextVar[Frame | None] = ContextVar("frame", default=None)
+
+
+class Plan(Generic[P, R]):
+    """A plan function; calling it gives a coroutine, as with any ``async def``. Made by :func:`plan`."""
+
+    def __init__(self, function: Callable[P, Awaitable[R]], iri: str | None) -> None:
+        functools.update_wrapper(self, function)
+        self.function = function
+        self.iri = iri
+        self.name: str = getattr(function, "__name__", "plan")
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Coroutine[Any, Any, R]:
+        """The plan as a coroutine; to run it side by side with others pass the plan itself, not a call."""
+        return self._execute(args, kwargs)
+
+    async def _execute(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> R:
+        task = here()[1]
+        details: dict[str, object] = {}
+        if self.iri is not None:
+            details["iri"] = self.iri
+        if args:
+            details["arguments"] = args
+        if kwargs:
+            details["parameters"] = kwargs
+        token = frame.set(Frame(frame.get()))
+        try:
+            if isinstance(task.node, Task) and task.node.unused and task.node.base_name == self.name:
+                record("plan", **details)  # the branch is this plan: one node in the tree
+                return await self.function(*args, **kwargs)
+            with inside("plan", self.name, **details) as node:
+                node.result = await self.function(*args, **kwargs)
+            return node.result  # type: ignore[no-any-return]
+        finally:
+            frame.reset(token)
+
+    def __repr__(self) -> str:
+        return f"<plan {self.name}>"
+
+
+@overload
+def plan(iri: str | None = None, /) -> Callable[[Callable[P, Awaitable[R]]], Plan[P, R]]: ...
+@overload
+def plan(function: Callable[P, Awaitable[R]], /) -> Plan[P, R]: ...
+def plan(what: Any = None, /) -> Any:
+    """Mark a plan function: ``@plan("http://...#ServeADrink")`` or ``@plan``."""
+    if callable(what):
+        return Plan(what, None)
+    return functools.partial(_marked, what)
+
+
+def _marked(iri: str | None, function: Callable[P, Awaitable[R]]) -> Plan[P, R]:
+    return Plan(function, iri)

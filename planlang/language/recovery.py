@@ -1,0 +1,187 @@
+"""Recovery from failures: which failures, what to do about them, how often, and what to raise when that is used up."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from planlang.failures import PlanFailure, matches
+from planlang.kernel.park import here
+from planlang.kernel.primitives import inside, record
+from planlang.language.branches import check
+
+if TYPE_CHECKING:
+    from planlang.kernel.timers import Timer
+
+T = TypeVar("T")
+V = TypeVar("V")
+
+
+class _Decision(Enum):
+    RETRY = "retry"
+    PROPAGATE = "propagate"
+
+
+RETRY = _Decision.RETRY
+"""Decision of a recovery: run the body again."""
+PROPAGATE = _Decision.PROPAGATE
+"""Decision of a recovery: let the failure go outward."""
+
+
+@dataclass(frozen=True, slots=True)
+class Return(Generic[T]):
+    """Decision of a recovery, or of a body of ``whenever``: leave with this value."""
+
+    value: T
+
+
+Decision = _Decision | Return[Any]
+Do = Callable[[PlanFailure], Awaitable[Decision]]
+Otherwise = type[PlanFailure] | Callable[[PlanFailure], PlanFailure] | Return[Any]
+
+
+async def retry(failure: PlanFailure) -> Decision:
+    """Run the body again, nothing else."""
+    return RETRY
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What to do about failures of the classes ``on``.
+
+    ``do`` is called with the failure after the body is fully unwound, at most ``attempts`` times per entry, and
+    returns RETRY, ``Return(value)`` or PROPAGATE. ``within`` [s] of active time after entry it no longer retries.
+    ``alternatives``: keyword -> function that makes an iterable; the body gets the first value of each as keyword
+    argument, and with each retry by this recovery the next. When attempts, time or alternatives are used up, ``do``
+    is not called and ``otherwise`` decides: None lets the failure go outward, a failure class or a function of the
+    failure gives what is raised from it, ``Return(value)`` leaves with a value.
+    """
+
+    on: type[PlanFailure] | tuple[type[PlanFailure], ...]
+    do: Do = retry
+    attempts: int = field(default=1, kw_only=True)
+    within: float | None = field(default=None, kw_only=True)
+    alternatives: Mapping[str, Callable[[], Iterable[Any]]] | None = field(default=None, kw_only=True)
+    otherwise: Otherwise | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        kinds = self.on if isinstance(self.on, tuple) else (self.on,)
+        for kind in kinds:
+            if not (isinstance(kind, type) and issubclass(kind, PlanFailure)):
+                raise TypeError(f"a recovery is for plan failures, which {kind!r} is not; programming errors are fixed")
+        if self.attempts < 0:
+            raise ValueError(f"attempts is a number of times, at least 0, not {self.attempts}")
+
+
+class _Entry:
+    """One recovery during one entry of with_failure_handling."""
+
+    def __init__(self, recovery: Recovery) -> None:
+        self.recovery = recovery
+        self.used = 0
+        self.late = False
+        self.values: dict[str, Iterator[Any]] = {
+            key: iter(make()) for key, make in (recovery.alternatives or {}).items()
+        }
+        self.timer: Timer | None = None
+        if recovery.within is not None:
+            scheduler, task = here()
+            self.timer = scheduler.deadline(task, scheduler.steps(recovery.within), self._expire)
+
+    def _expire(self) -> None:
+        self.late = True
+
+    def next_values(self) -> dict[str, Any] | None:
+        """The next value of each alternative, or None when one of them has no more."""
+        found: dict[str, Any] = {}
+        for key, values in self.values.items():
+            try:
+                found[key] = next(values)
+            except StopIteration:
+                return None
+        return found
+
+
+async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: Recovery) -> V:
+    """Run a body; a failure is handled by the first recovery, in textual order, that is for its class.
+
+    The counters are per entry, so the body runs at most 1 + sum of all ``attempts`` times. What ``do`` raises goes
+    outward, with the failure as its cause.
+    """
+    check("with_failure_handling", (body,))
+    with inside("with_failure_handling", "with_failure_handling") as node:
+        entries = [_Entry(recovery) for recovery in recoveries]
+        try:
+            node.result = await _attempts(body, entries)
+        finally:
+            for entry in entries:
+                if entry.timer is not None:
+                    entry.timer.drop()
+    return node.result  # type: ignore[no-any-return]
+
+
+async def _attempts(body: Callable[..., Awaitable[V]], entries: list[_Entry]) -> Any:
+    keywords: dict[str, Any] = {}
+    for entry in entries:
+        first = entry.next_values()
+        if first is None:
+            raise ValueError("alternatives need at least one value for the first run")
+        keywords.update(first)
+    attempt = 0
+    while True:
+        attempt += 1
+        record("attempt", attempt=attempt, **({"alternatives": keywords} if keywords else {}))
+        try:
+            return await body(**keywords)
+        except PlanFailure as raised:
+            failure = raised
+        decided = await _recover(failure, entries, keywords)
+        if isinstance(decided, Return):
+            return decided.value
+
+
+async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[str, Any]) -> Return[Any] | None:
+    """What leaves the construct with a value, or None when the body shall run again."""
+    number = next((n for n, entry in enumerate(entries) if matches(failure, entry.recovery.on)), None)
+    if number is None:
+        record("recovery", decision="none", failure=failure)
+        raise failure
+    entry = entries[number]
+    recovery = entry.recovery
+    values = entry.next_values() if entry.used < recovery.attempts and not entry.late else None
+    if values is None:
+        record("recovery", recovery=number, decision="used up", used=entry.used, failure=failure)
+        return _otherwise(recovery.otherwise, failure)
+    entry.used += 1
+    try:
+        decision = await recovery.do(failure)
+    except PlanFailure as raised:
+        record("recovery", recovery=number, decision="failed", used=entry.used, failure=raised)
+        if raised is not failure and raised.__cause__ is None:
+            raise raised from failure
+        raise
+    if isinstance(decision, Return):
+        record("recovery", recovery=number, decision="return", used=entry.used, failure=failure)
+        return decision
+    if decision is PROPAGATE:
+        record("recovery", recovery=number, decision="propagate", used=entry.used, failure=failure)
+        raise failure
+    if decision is not RETRY:
+        raise TypeError(
+            f"the recovery for {type(failure).__name__} returned {decision!r}; "
+            "it has to return RETRY, PROPAGATE or Return(value)"
+        )
+    record("recovery", recovery=number, decision="retry", used=entry.used, failure=failure)
+    keywords.update(values)
+    return None
+
+
+def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]:
+    if isinstance(otherwise, Return):
+        return otherwise
+    if otherwise is None:
+        raise failure
+    make: Callable[[PlanFailure], PlanFailure] = getattr(otherwise, "caused_by", otherwise)
+    raise make(failure) from failure

@@ -1,0 +1,68 @@
+"""Constructs that run branches one after another, in the same task: seq, try_in_order, try_each_in_order."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable
+from functools import partial
+from typing import Any, TypeVar
+
+from planlang.failures import CompositeFailure, PlanFailure
+from planlang.kernel import checkpoint
+from planlang.kernel.primitives import inside
+from planlang.kernel.tree import name_of
+from planlang.language.branches import Branch, check, named_branches
+
+A = TypeVar("A")
+V = TypeVar("V")
+
+
+async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> list[Any]:
+    """Run branches one after another; returns the list of their results; the first failure is raised at once."""
+    results: list[Any] = []
+    with inside("seq", name or "seq"):
+        for branch_name, branch in named_branches("seq", branches, named):
+            with inside("branch", branch_name) as node:
+                node.result = await branch()
+                results.append(node.result)
+        if not results:
+            await checkpoint()
+    return results
+
+
+async def try_in_order(
+    *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
+) -> V:
+    """Try branches one after another; returns the result of the first that succeeds.
+
+    A failed branch is fully unwound before the next starts. When all fail: CompositeFailure in order.
+    """
+    result: V = await _first("try_in_order", name, named_branches("try_in_order", branches, named))
+    return result
+
+
+async def try_each_in_order(values: Iterable[A], body: Callable[[A], Awaitable[V]]) -> V:
+    """Try ``body(value)`` for one value after another; returns the first result.
+
+    When all fail, or there is no value: CompositeFailure in order.
+    """
+    check("try_each_in_order", (body,))
+    name = name_of(body)
+    result: V = await _first("try_each_in_order", None, ((name, partial(body, value)) for value in values))
+    return result
+
+
+async def _first(kind: str, name: str | None, branches: Iterable[tuple[str, Branch]]) -> Any:
+    failures: list[PlanFailure] = []
+    names: list[str] = []
+    with inside(kind, name or kind) as construct:
+        for branch_name, branch in branches:
+            try:
+                with inside("branch", branch_name) as node:
+                    construct.result = node.result = await branch()
+                    return node.result
+            except PlanFailure as failure:
+                failures.append(failure)
+                names.append(node.name)
+        if not failures:
+            await checkpoint()
+        raise CompositeFailure(failures=tuple(failures), names=tuple(names))

@@ -1,0 +1,204 @@
+"""Tagged tasks and their handles: observing, joining, suspending, waking up, evaporating."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from typing import Any, TypeVar
+
+from planlang.failures import BranchEvaporated, PlanFailure
+from planlang.kernel import All, Fluent, PlanStructureError, Status, Task, suspension, wait_for
+from planlang.kernel.fluent import Expression, Signal
+from planlang.kernel.park import here
+from planlang.language.branches import Branch, check
+from planlang.language.plans import Frame, frame
+
+V = TypeVar("V")
+
+
+class Handle:
+    """A task seen from elsewhere in the plan. It may be asked for before the task has begun."""
+
+    def __init__(self, name: str, task: Task | None = None) -> None:
+        self.name = name
+        self._task: Task | None = None
+        self._status: Fluent[Status] = Fluent(Status.CREATED, f"the status of {name}")
+        self._suspensions = 0
+        self._evaporated = False
+        if task is not None:
+            self.bind(task)
+
+    def bind(self, task: Task) -> None:
+        """Stand for this task from now on."""
+        self._task = task
+        if task.watched is None:
+            task.watched = self._status
+            self._status.set(task.status)
+        else:
+            self._status = task.watched
+        scheduler = here()[0]
+        for _ in range(self._suspensions):
+            suspension.suspend(scheduler, task)
+        self._suspensions = 0
+        if self._evaporated:
+            self._evaporated = False
+            scheduler.evaporate(task)
+
+    @property
+    def status(self) -> Fluent[Status]:
+        """The task's state, as a fluent."""
+        return self._status
+
+    @property
+    def result(self) -> Any:
+        """What the task returned, None until it has succeeded."""
+        return None if self._task is None else self._task.result
+
+    @property
+    def failure(self) -> PlanFailure | None:
+        """What the task failed with, if it has."""
+        return None if self._task is None else self._task.failure
+
+    @property
+    def children(self) -> tuple[Handle, ...]:
+        """Handles of the live branches that the task waits for."""
+        if self._task is None or self._task.scope is None:
+            return ()
+        return tuple(Handle(task.name, task) for task in self._task.scope.live)
+
+    @property
+    def path(self) -> str | None:
+        """The task's path in the tree, None before it exists."""
+        return None if self._task is None else self._task.path
+
+    @property
+    def live(self) -> bool:
+        """True from start to end of the task."""
+        return self._task is not None and not self._task.dead
+
+    def _suspend(self) -> bool:
+        if self._task is not None:
+            return suspension.suspend(here()[0], self._task)
+        if self._evaporated:
+            return False
+        self._suspensions += 1
+        return True
+
+    def _wake_up(self) -> bool:
+        if self._task is not None:
+            return suspension.wake_up(here()[0], self._task)
+        if not self._suspensions:
+            return False
+        self._suspensions -= 1
+        return True
+
+    def _evaporate(self) -> bool:
+        if self._task is not None:
+            return here()[0].evaporate(self._task)
+        changed, self._evaporated, self._suspensions = not self._evaporated, True, 0
+        return changed
+
+    def __repr__(self) -> str:
+        return f"<task {self.path or self.name}, {self._status.value.value}>"
+
+
+class _Tag(All):
+    def __init__(self, name: str, body: Branch, handle: Handle) -> None:
+        super().__init__("tag", name)
+        self.body = body
+        self.handle = handle
+        self.result: Any = None
+
+    def begin(self) -> None:
+        if self.handle.live:
+            raise PlanStructureError(f"two live tasks tagged {self.handle.name!r} in one plan; give them two names")
+        self.handle.bind(self.start(self.body, self.handle.name, 0))
+
+    def decide(self, dead: list[Task]) -> None:
+        super().decide(dead)
+        self.result = dead[0].result
+
+    def finish(self) -> Any:
+        self.raise_failure()
+        return self.result
+
+
+async def tag(name: str, body: Callable[[], Awaitable[V]]) -> V:
+    """Run a body as a named task, whose handle ``task(name)`` gives in the same plan; returns its result."""
+    check("tag", (body,))
+    tags = _frame().tags
+    handle = tags.get(name)
+    if handle is None:
+        handle = tags[name] = Handle(name)
+    result: V = await _Tag(name, body, handle).execute()
+    return result
+
+
+def task(name: str) -> Handle:
+    """The handle of a tagged task: of the nearest enclosing plan that knows the name, else of this plan's to come."""
+    own = _frame()
+    around: Frame | None = own
+    while around is not None:
+        if name in around.tags:
+            return around.tags[name]
+        around = around.outer
+    handle = own.tags[name] = Handle(name)
+    return handle
+
+
+async def join(handle: Handle) -> Any:
+    """Wait until the task has ended; returns its result, or raises its failure."""
+    over: Signal[bool] = Expression(lambda status: status.final, "the end of", handle.status)
+    await wait_for(over)
+    if handle.status.value is Status.SUCCEEDED:
+        return handle.result
+    if handle.failure is not None:
+        raise handle.failure
+    raise BranchEvaporated(path=handle.path)
+
+
+def suspend(handle: Handle) -> bool:
+    """Hold the task and all below it, at once; True if this changed something."""
+    return handle._suspend()
+
+
+def wake_up(handle: Handle) -> bool:
+    """Undo one suspension of the task; True if this changed something."""
+    return handle._wake_up()
+
+
+def evaporate(handle: Handle) -> bool:
+    """Evaporate the task and all below it; True if this changed something."""
+    return handle._evaporate()
+
+
+@asynccontextmanager
+async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
+    """``async with task_suspended(h):`` holds the task while the block runs, and always wakes it up."""
+    changed = suspend(handle)
+    try:
+        yield handle
+    finally:
+        if changed:
+            wake_up(handle)
+
+
+@asynccontextmanager
+async def on_suspension(function: Callable[[], object]) -> AsyncIterator[None]:
+    """``async with on_suspension(f):`` calls the plain function whenever the task gets held inside the block."""
+    owner = here()[1]
+    if owner.hooks is None:
+        owner.hooks = []
+    owner.hooks.append(function)
+    try:
+        yield
+    finally:
+        owner.hooks.remove(function)
+
+
+def _frame() -> Frame:
+    found = frame.get()
+    if found is None:
+        found = Frame(None)
+        frame.set(found)
+    return found

@@ -1,0 +1,36 @@
+"""whenever: a body that runs each time a fluent is true."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from planlang.kernel import Signal, wait_for
+from planlang.kernel.park import deliver, here, park
+from planlang.kernel.primitives import inside
+from planlang.language.branches import check
+from planlang.language.recovery import Return
+
+
+async def whenever(signal: Signal[Any], body: Callable[[], Awaitable[Any]]) -> Any:
+    """Run the body each time the fluent is true, at most once per world step; ``Return(v)`` from it leaves with v."""
+    check("whenever", (body,))
+    with inside("whenever", "whenever", signal=str(signal)) as node:
+        while True:
+            await wait_for(signal)
+            result = await body()
+            if isinstance(result, Return):
+                node.result = result.value
+                return result.value
+            await _next_step()
+
+
+async def _next_step() -> None:
+    scheduler, task = here()
+    if task.doomed:
+        await deliver(task)
+    timer = scheduler.alarm(task, 1, lambda: scheduler.wake(task))
+    try:
+        await park(timer)
+    finally:
+        timer.drop()

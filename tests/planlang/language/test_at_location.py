@@ -1,0 +1,272 @@
+"""at_location: places tried, failures cured by another place, nesting, displacement."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import pytest
+
+from planlang import (
+    Trace,
+    VirtualHost,
+    a_location,
+    action,
+    an_object,
+    at_location,
+    par,
+    perform,
+    run,
+    sleep,
+)
+from planlang.failures import (
+    LocationUnresolvable,
+    ManipulationPoseUnreachable,
+    NavigationGoalNotReached,
+    ObjectNotFound,
+    ObjectUndeliverable,
+    ObjectUnreachable,
+)
+
+CUP = an_object("Cup", "http://example.org/map#cup1")
+BED = an_object("Bed-PieceOfFurniture")
+NEAR_CUP = a_location(in_reach_of=CUP)
+
+
+def go(plan: Any, executive: Any, **options: Any) -> Any:
+    return run(plan, host=VirtualHost(), executive=executive, **options)
+
+
+def test_the_body_runs_at_the_first_solution_and_its_result_is_returned(executive: Any) -> None:
+    async def body() -> str:
+        assert executive.base == (1.0, 0.0, 0.0)
+        return "done"
+
+    assert go(partial(at_location, NEAR_CUP, body), executive) == "done"
+    assert executive.log == ["at 1"]
+
+
+def test_what_shall_be_reached_joins_the_location(executive: Any) -> None:
+    grasp = a_location(in_center_of=CUP)
+
+    async def body() -> None: ...
+
+    go(partial(at_location, NEAR_CUP, body, reaching=(grasp,)), executive)
+    assert executive.asked == [NEAR_CUP & a_location(in_reach_of=grasp)]
+
+
+def test_a_failure_that_another_place_cures_tries_the_next_place(executive: Any) -> None:
+    async def body() -> float:
+        if executive.base[0] == 1.0:
+            raise ManipulationPoseUnreachable(arm="right")
+        return float(executive.base[0])
+
+    assert go(partial(at_location, NEAR_CUP, body), executive) == 2.0
+    assert executive.log == ["at 1", "at 2"]
+
+
+def test_before_a_retry_the_robot_takes_the_posture_that_the_executive_names(executive: Any, module: Any) -> None:
+    async def carry(wanted: Any) -> None:
+        executive.log.append("carrying")
+
+    executive.extra.append(module("arm", ("Reaching",), carry))
+    executive.retry_actions = (action("Reaching"),)
+
+    async def body() -> None:
+        if executive.base[0] == 1.0:
+            raise ManipulationPoseUnreachable
+
+    go(partial(at_location, NEAR_CUP, body), executive)
+    assert executive.log == ["at 1", "carrying", "at 2"]
+
+
+def test_other_failures_go_outward_at_once(executive: Any) -> None:
+    async def body() -> None:
+        raise ObjectNotFound(what="cup1")
+
+    with pytest.raises(ObjectNotFound):
+        go(partial(at_location, NEAR_CUP, body), executive)
+    assert executive.log == ["at 1"]
+
+
+def test_exhausted_places_raise_object_unreachable_from_the_last_failure(executive: Any) -> None:
+    async def body() -> None:
+        raise ManipulationPoseUnreachable(what=f"cup from {executive.base[0]:g}")
+
+    with pytest.raises(ObjectUnreachable, match="cup1") as caught:
+        go(partial(at_location, NEAR_CUP, body), executive)
+    assert isinstance(caught.value.__cause__, ManipulationPoseUnreachable)
+    assert caught.value.__cause__.what == "cup from 2"
+
+
+def test_attempts_bound_the_number_of_places(executive: Any) -> None:
+    executive.places = [(float(x), 0.0, 0.0) for x in range(1, 9)]
+
+    async def body() -> None:
+        raise ManipulationPoseUnreachable
+
+    with pytest.raises(ObjectUnreachable):
+        go(partial(at_location, NEAR_CUP, body, attempts=3), executive)
+    assert executive.log == ["at 1", "at 2", "at 3"]
+
+
+def test_while_something_is_held_the_failure_is_object_undeliverable(executive: Any) -> None:
+    executive.holding = ["bottle1"]
+
+    async def body() -> None:
+        raise ManipulationPoseUnreachable
+
+    with pytest.raises(ObjectUndeliverable, match="bottle1"):
+        go(partial(at_location, NEAR_CUP, body), executive)
+
+
+def test_no_place_at_all_raises_object_unreachable_from_location_unresolvable(executive: Any) -> None:
+    executive.places = []
+
+    async def body() -> None:
+        pytest.fail("there is no place to run this at")
+
+    with pytest.raises(ObjectUnreachable) as caught:
+        go(partial(at_location, NEAR_CUP, body), executive)
+    assert isinstance(caught.value.__cause__, LocationUnresolvable)
+
+
+def test_places_near_one_that_failed_are_skipped_until_the_belief_changes(executive: Any) -> None:
+    executive.places = [(1.0, 0.0, 0.0), (1.04, 0.0, 0.0), (1.0, 0.0, 3.0), (2.0, 0.0, 0.0)]
+
+    async def body() -> None:
+        raise ManipulationPoseUnreachable
+
+    with pytest.raises(ObjectUnreachable):
+        go(partial(at_location, NEAR_CUP, body), executive)
+    assert executive.log == ["at 1", "at 2"]
+
+    async def seen_anew() -> None:
+        executive.belief += 1
+        raise ManipulationPoseUnreachable
+
+    executive.log.clear()
+    with pytest.raises(ObjectUnreachable):
+        go(partial(at_location, NEAR_CUP, seen_anew, attempts=3), executive)
+    assert executive.log == ["at 1", "at 1", "at 1"]
+
+
+def test_a_nested_scope_moves_the_base_and_the_outer_place_is_taken_again(executive: Any) -> None:
+    async def inner() -> None:
+        executive.log.append("inner")
+
+    async def outer() -> None:
+        executive.places = [(5.0, 0.0, 0.0)]
+        await at_location(a_location(in_reach_of=BED), inner)
+        executive.log.append(f"outer at {executive.base[0]:g}")
+
+    go(partial(at_location, NEAR_CUP, outer), executive)
+    assert executive.log == ["at 1", "at 5", "inner", "at 1", "outer at 1"]
+
+
+def test_after_a_failed_nested_scope_the_next_step_outside_it_goes_back_first(executive: Any, module: Any) -> None:
+    async def reach(wanted: Any) -> None:
+        executive.log.append(f"reach at {executive.base[0]:g}")
+
+    executive.extra.append(module("arm", ("Reaching",), reach))
+
+    async def inner() -> None:
+        raise ObjectNotFound
+
+    async def outer() -> None:
+        executive.places = [(5.0, 0.0, 0.0)]
+        try:
+            await at_location(a_location(in_reach_of=BED), inner)
+        except ObjectNotFound:
+            await perform(action("Reaching"))
+
+    go(partial(at_location, NEAR_CUP, outer), executive)
+    assert executive.log == ["at 1", "at 5", "at 1", "reach at 1"]
+
+
+def test_scopes_side_by_side_take_turns(executive: Any) -> None:
+    async def body(name: str) -> None:
+        executive.log.append(f"{name} begins")
+        await sleep(1)
+        executive.log.append(f"{name} ends")
+
+    async def both() -> None:
+        scopes = [partial(at_location, NEAR_CUP, partial(body, name)) for name in ("a", "b")]
+        await par(*scopes)
+
+    go(both, executive)
+    assert executive.log == ["at 1", "a begins", "a ends", "at 1", "b begins", "b ends"]
+
+
+def test_nested_scopes_side_by_side_inside_one_take_turns_too(executive: Any) -> None:
+    async def body(name: str) -> None:
+        executive.log.append(f"{name} begins")
+        await sleep(1)
+        executive.log.append(f"{name} ends")
+
+    async def both() -> None:
+        scopes = [partial(at_location, NEAR_CUP, partial(body, name)) for name in ("a", "b")]
+        await par(*scopes)
+
+    go(partial(at_location, NEAR_CUP, both), executive)
+    assert [line for line in executive.log if not line.startswith("at")] == ["a begins", "a ends", "b begins", "b ends"]
+
+
+def test_a_base_that_something_else_moves_is_put_back_and_the_body_runs_again(executive: Any) -> None:
+    runs: list[str] = []
+
+    async def body() -> str:
+        runs.append("begun")
+        await sleep(2)
+        runs.append("ended")
+        return "done"
+
+    async def push() -> None:
+        await sleep(1)
+        executive.base = (9.0, 9.0, 0.0)
+
+    async def both() -> Any:
+        return await par(partial(at_location, NEAR_CUP, body), push)
+
+    assert go(both, executive)[0] == "done"
+    assert runs == ["begun", "begun", "ended"]
+    assert executive.log == ["at 1", "at 1"]
+
+
+def test_a_base_that_never_stays_is_a_navigation_failure(executive: Any) -> None:
+    async def body() -> None:
+        await sleep(100)
+
+    async def push() -> None:
+        while True:
+            await sleep(1)
+            executive.base = (9.0, 9.0, 0.0)
+
+    async def both() -> None:
+        await par(partial(at_location, NEAR_CUP, body, attempts=1), push)
+
+    with pytest.raises(ObjectUnreachable) as caught:
+        go(both, executive)
+    assert isinstance(caught.value.__cause__, NavigationGoalNotReached)
+    assert executive.log == ["at 1"] * 11
+
+
+def test_a_base_motion_of_the_body_itself_is_no_displacement(executive: Any) -> None:
+    async def body() -> None:
+        await perform(action("Translation-LocationChange", x=7.0))
+        await sleep(2)
+        executive.log.append("done")
+
+    go(partial(at_location, NEAR_CUP, body), executive)
+    assert executive.log == ["at 1", "at 7", "done"]
+
+
+def test_each_place_and_its_failure_is_in_the_trace(executive: Any) -> None:
+    async def body() -> None:
+        if executive.base[0] == 1.0:
+            raise ManipulationPoseUnreachable(arm="right")
+
+    trace = Trace()
+    go(partial(at_location, NEAR_CUP, body), executive, trace=trace)
+    told = [(e["event"], e["base"]) for e in trace.events if e["event"] in ("solution", "place failed")]
+    assert told == [("solution", [1.0, 0.0, 0.0]), ("place failed", [1.0, 0.0, 0.0]), ("solution", [2.0, 0.0, 0.0])]
