@@ -1,0 +1,167 @@
+"""What the robot believes about where things are: map poses until seen, then what it saw, felt and did itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from executive.knowledge.semantic_map import MapObject, SemanticMap
+from planlang.designators import Object
+from planlang.failures import ObjectUnresolvable
+from planlang.ontology import expand
+from planlang.protocols import Configuration, Detection, Pose
+from sim import PyBulletWorld
+
+MOVED = 0.002
+"""A thing seen within this distance of where it was believed to be has not moved [m]."""
+TURNED = 0.01
+"""The same for its rotation [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """How a hand holds a thing."""
+
+    arm: str
+    link: str
+    offset: Pose
+    """Pose of the thing in the link's frame."""
+    before: Pose
+    """Pose of the thing in the map when it was grasped: what locations relative to it refer to until it is let go."""
+
+
+def _ignore(event: str, details: Mapping[str, Any]) -> None:
+    """Tell nobody."""
+
+
+class Belief:
+    """Poses of the things of a map as the robot knows them. Only sensing and acting change it."""
+
+    def __init__(self, semantic_map: SemanticMap, world: PyBulletWorld) -> None:
+        """``world`` is a planning world of the map's scene; its poses are the first ones believed."""
+        self.map = semantic_map
+        self.revision = 0
+        self.held: dict[str, Grip] = {}
+        self.tell: Callable[[str, Mapping[str, Any]], None] = _ignore
+        """Where changes are written: event, details."""
+        self._poses: dict[str, Pose] = {name: world.pose(name) for name in world.names()}
+        self._with: dict[str, str] = {}
+        """Things that a person has taken."""
+        self._seen: dict[str, int] = {}
+        self._moves = 0
+        self._in_vain: dict[str, list[tuple[float, float, float]]] = {}
+
+    # Asking
+
+    def names(self) -> tuple[str, ...]:
+        """Names of all things with a place, in the order of the map."""
+        return tuple(self._poses)
+
+    def pose(self, name: str) -> Pose:
+        """Where a thing is believed to be; of a held one, where it was last known to stand."""
+        return self._poses[name]
+
+    def reference_pose(self, name: str) -> Pose:
+        """What locations relative to a thing refer to: its pose, of a held one that before it was grasped."""
+        return self.held[name].before if name in self.held else self._poses[name]
+
+    def seen_from_here(self, name: str) -> bool:
+        """Whether a thing has been seen since the base last moved."""
+        return self._seen.get(name) == self._moves
+
+    def looked_in_vain(self, name: str) -> tuple[tuple[float, float, float], ...]:
+        """Places of the base from where a thing was looked for without being seen."""
+        return tuple(self._in_vain.get(name, ()))
+
+    def bind(self, what: Object, near: tuple[float, float, float]) -> str:
+        """The thing that a designator means: the one of its IRI; else of its class, the nearest to the robot.
+
+        Raises ObjectUnresolvable, telling what there is.
+        """
+        for thing in self.map.objects:
+            if what.iri is not None and thing.iri == what.iri and thing.name in self._poses:
+                return thing.name
+        fitting = [thing for thing in self.map.objects if thing.name in self._poses and self._is_a(thing, what.type)]
+        if not fitting:
+            known = ", ".join(self._poses)
+            raise ObjectUnresolvable(f"{what} ({what.type}) is not in the map; there are {known}", designator=str(what))
+        return min(fitting, key=lambda thing: math.dist(self._poses[thing.name].position[:2], near[:2])).name
+
+    def _is_a(self, thing: MapObject, cls: str) -> bool:
+        return any(self.map.ontology.is_a(one, expand(cls)) for one in thing.types)
+
+    # Learning
+
+    def see(self, detections: Iterable[Detection]) -> None:
+        """What the camera recognised is where it saw it."""
+        for detection in detections:
+            if detection.name in self._poses and detection.name not in self.held:
+                self._seen[detection.name] = self._moves
+                self._in_vain.pop(detection.name, None)
+                self._put(detection.name, detection.pose, "seen")
+
+    def not_seen(self, name: str, base: tuple[float, float, float]) -> None:
+        """A thing was looked for from here and not seen."""
+        self._in_vain.setdefault(name, []).append(base)
+        self._changed("not_seen", name=name, base=base)
+
+    def bump(self, name: str, pose: Pose) -> None:
+        """The robot ran into a thing and feels where it is."""
+        if name in self._poses:
+            self._put(name, pose, "felt")
+
+    def base_moved(self) -> None:
+        """Things have to be looked at again before they are manipulated."""
+        self._moves += 1
+
+    def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
+        """A hand holds a thing from now on."""
+        self.held[name] = Grip(arm, link, offset, self._poses[name])
+        self._changed("grasped", name=name, arm=arm)
+
+    def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
+        """A thing was let go: to a person, or it came down at ``pose``."""
+        self.held.pop(name, None)
+        self._poses[name] = pose
+        if to is not None:
+            self._with[name] = to
+        self._changed("released", name=name, pose=pose, to=to)
+
+    def _put(self, name: str, pose: Pose, how: str) -> None:
+        before = self._poses[name]
+        if pose.distance(before) <= MOVED and _angle(pose, before) <= TURNED:
+            return
+        self._poses[name] = pose
+        self._changed(how, name=name, pose=pose)
+
+    def _changed(self, how: str, **details: Any) -> None:
+        self.revision += 1
+        self.tell("belief", {"revision": self.revision, "change": how, **details})
+
+    # Imagining
+
+    def sync(self, world: PyBulletWorld, configuration: Configuration) -> None:
+        """Make a planning world equal to the belief: the robot, what it holds, everything else."""
+        for name in world.attached():
+            if name not in self.held or world.attached()[name] != self.held[name].link:
+                world.release(name)
+        world.set_configuration(configuration)
+        for name, pose in self._poses.items():
+            if name in self.held:
+                grip = self.held[name]
+                at = world.link_pose(grip.link) @ grip.offset
+                if name not in world.attached():
+                    world.set_pose(name, at)
+                    world.attach(grip.link, name)
+            elif name in self._with:
+                world.remove(name)
+            elif world.pose(name) != pose:
+                world.set_pose(name, pose)
+
+
+def _angle(one: Pose, other: Pose) -> float:
+    """Angle between two orientations [rad]."""
+    dot = abs(sum(a * b for a, b in zip(one.orientation, other.orientation, strict=True)))
+    return 2 * math.acos(min(1.0, dot))
