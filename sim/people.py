@@ -8,7 +8,7 @@ import numpy as np
 
 from planlang.protocols import Array, Pose
 from sim.bodies import Bodies
-from sim.person import TAKING_DISTANCE, TAKING_TIME, Person, Reach, arm_parts, reach_of, taking_point
+from sim.person import TAKING_DISTANCE, TAKING_TIME, Person, Reach, arm_parts, reach_from, taking_point
 
 _REST = 8
 """Steps for which an object must have been at rest before it counts as offered."""
@@ -23,12 +23,16 @@ class People:
         self.bodies, self.rate = bodies, rate
         self.persons = {name: Person.of(b) for name, b in bodies.bodies.items() if b.shape == "person"}
         self._still: dict[str, tuple[Pose, int]] = {}
+        self._reach: dict[str, tuple[Pose, Reach]] = {}
 
     def reach(self, name: str) -> Reach:
         """What a person reaches now; ``KeyError`` when that is no person."""
         if name not in self.persons:
             raise KeyError(f"{name!r} is no person; the persons are {', '.join(self.persons) or 'none'}")
-        return reach_of(self.persons[name].body, self.bodies.poses[name])
+        pose = self.bodies.poses[name]
+        if name not in self._reach or self._reach[name][0] != pose:
+            self._reach[name] = (pose, reach_from(self.persons[name].figure, pose))
+        return self._reach[name][1]
 
     def hand(self, name: str, k: int) -> Array:
         """Position of a palm (0 right, 1 left) in the map."""

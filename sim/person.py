@@ -84,12 +84,10 @@ class Figure:
 def figure_of(body: Body) -> Figure:
     """Lying (long and low: raised upper body as far as the box is high), seated or standing."""
     length, width, height = body.size
-    turn = Pose((0.0, 0.0, 0.0))
-    if width > 1.2 * length:
-        turn, length, width = Pose.planar(0.0, 0.0, math.pi / 2), width, length
-    if length >= 1.2 and length > height:
-        return _lying(length, height, turn)
-    return _upright(length, height, turn, seated=height < 1.45)
+    along = max(length, width)
+    if along >= 1.2 and along > height:
+        return _lying(along, height, Pose.planar(0.0, 0.0, 0.0 if length >= width else math.pi / 2))
+    return _upright(length, height, seated=height < 1.45)
 
 
 def _lying(length: float, height: float, turn: Pose) -> Figure:
@@ -103,7 +101,8 @@ def _lying(length: float, height: float, turn: Pose) -> Figure:
     return _figure(pelvis, up, scale, turn, [legs], np.array([0.18, 0.27, 0.03]))
 
 
-def _upright(length: float, height: float, turn: Pose, *, seated: bool) -> Figure:
+def _upright(length: float, height: float, *, seated: bool) -> Figure:
+    turn = Pose((0.0, 0.0, 0.0))
     scale = height / (1.28 if seated else 1.75)
     ground = -height / 2
     if not seated:
@@ -150,8 +149,12 @@ def _triple(vector: Array) -> tuple[float, float, float]:
 
 def reach_of(body: Body, pose: Pose | None = None) -> Reach:
     """What a person of the scene reaches, at the body's pose or another."""
-    figure = figure_of(body)
-    matrix = (pose or body.pose).matrix()
+    return reach_from(figure_of(body), pose or body.pose)
+
+
+def reach_from(figure: Figure, pose: Pose) -> Reach:
+    """As :func:`reach_of`, for a figure at hand."""
+    matrix = pose.matrix()
     shoulders = [matrix[:3, :3] @ shoulder + matrix[:3, 3] for shoulder in figure.shoulders]
     ahead = matrix[:3, :3] @ rotation(figure.turn)[:, 0]
     ahead[2] = 0.0

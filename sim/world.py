@@ -286,6 +286,12 @@ class PyBulletWorld:
         with self._rays.without(name):
             return resting(self._bodies.poses[name], body.size, self._rays.down, round_=body.shape == "cylinder")
 
+    def clearance(self, first: str, second: str, within: float = 1.0) -> float:
+        """Distance of two bodies' surfaces [m], negative in penetration, ``inf`` beyond ``within``."""
+        self._here()
+        pieces = [self._bodies.of[self.scene.body(name).name] for name in (first, second)]
+        return self._bodies.gap(pieces[0], pieces[1], within)
+
     # People
 
     def person(self, name: str) -> Reach:

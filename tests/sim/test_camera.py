@@ -1,0 +1,140 @@
+"""Facts about seeing: limits, occlusion, pictures."""
+
+import struct
+import subprocess
+import sys
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planlang.protocols import Configuration, Pose
+from sim import Body, CameraModel, PyBulletWorld
+from sim.picture import png
+from tests.sim.conftest import AMIGO, MakeWorld
+
+LINK = "openni_rgb_optical_frame"
+LOOKING = {"neck_tilt_joint": 0.2}
+SCREEN = Body("screen", Pose((-1.1, 1.6, 0.9)), (0.5, 0.02, 0.7))
+
+
+def _seen(world: PyBulletWorld) -> dict[str, float]:
+    return {detection.name: detection.visible for detection in world.detect(LINK)}
+
+
+@pytest.fixture
+def looking(world: PyBulletWorld) -> PyBulletWorld:
+    world.set_configuration(Configuration((-1.1, 0.9, 1.5708), LOOKING))
+    return world
+
+
+def test_bottle_in_front_of_the_camera_is_detected_where_it_is(looking: PyBulletWorld) -> None:
+    detection = next(d for d in looking.detect(LINK) if d.name == "bottle")
+    assert detection.pose == looking.pose("bottle")
+    assert detection.visible > 0.85
+
+
+def test_detections_come_in_the_order_of_the_scene_without_rooms_and_markers(looking: PyBulletWorld) -> None:
+    names = [detection.name for detection in looking.detect(LINK)]
+    assert names == [name for name in looking.names() if name in names]
+    assert not {"room", "door"} & set(names)
+
+
+def test_object_behind_a_screen_is_not_seen(make_world: MakeWorld) -> None:
+    world = make_world(extra=(SCREEN,))
+    world.set_configuration(Configuration((-1.1, 0.9, 1.5708), LOOKING))
+    assert "bottle" not in _seen(world)
+    assert world.visible("bottle") == 0.0
+    world.remove("screen")
+    assert "bottle" in _seen(world)
+
+
+def test_half_covered_object_is_half_visible_to_picture_and_rays(make_world: MakeWorld) -> None:
+    cover = Body("cover", Pose((-1.0, 2.0, 0.9)), (0.2, 0.02, 0.3))
+    world = make_world(extra=(cover,))
+    world.set_configuration(Configuration((-1.1, 0.9, 1.5708), LOOKING))
+    assert _seen(world)["bottle"] == pytest.approx(0.5, abs=0.2)
+    assert world.visible("bottle") == pytest.approx(0.5, abs=0.15)
+
+
+def test_picture_and_rays_agree_on_what_is_in_view(looking: PyBulletWorld) -> None:
+    for yaw in (0.0, 0.8, 1.5708, 2.5):
+        looking.set_configuration(Configuration((-0.8, 0.9, yaw), LOOKING))
+        seen = _seen(looking)
+        for name in ("bed", "patient", "cabinet", "bottle"):
+            assert looking.visible(name) == pytest.approx(seen.get(name, 0.0), abs=0.2), (name, yaw)
+
+
+def test_too_near_and_too_far_objects_are_not_recognised(make_world: MakeWorld) -> None:
+    for camera in (CameraModel(LINK, far=1.0), CameraModel(LINK, near=2.0)):
+        world = make_world(robot=replace(AMIGO, camera=camera))
+        world.set_configuration(Configuration((-1.1, 0.9, 1.5708), LOOKING))
+        assert "bottle" not in _seen(world)
+        assert world.visible("bottle") == 0.0
+
+
+def test_robot_hides_nothing_from_a_camera_pose_but_does_from_its_own_camera(looking: PyBulletWorld) -> None:
+    pose = looking.link_pose(LINK)
+    looking.attach("hand_right", "cup")
+    assert looking.visible("bottle", pose) > 0.9
+    looking.set_configuration(Configuration((-1.1, -0.5, 1.5708), LOOKING))
+    assert looking.visible("bottle", pose) > 0.9
+
+
+def test_visibility_from_another_configuration_leaves_the_robot_where_it_is(looking: PyBulletWorld) -> None:
+    before = looking.state()
+    assert looking.visible("bottle", configuration=Configuration((-1.1, 0.9, -1.5708), LOOKING)) == 0.0
+    assert looking.visible("bottle") > 0.9
+    assert looking.state() == before
+
+
+def test_rays_name_what_they_hit_first(looking: PyBulletWorld) -> None:
+    assert looking.ray((-1.1, 1.5, 0.9), (-1.1, 2.4, 0.9)) == "bottle"
+    assert looking.ray((-1.1, 1.5, 0.6), (-1.1, 2.4, 0.6)) == "cabinet"
+    assert looking.ray((-1.1, 1.5, 1.5), (-1.1, 2.4, 1.5)) is None
+    assert looking.ray((-1.1, 1.5, 0.4), (-1.1, 0.5, 0.4)) == "base"
+
+
+def test_more_rays_than_a_batch_takes_are_all_answered(looking: PyBulletWorld) -> None:
+    starts = np.tile([-1.1, 1.5, 0.9], (17_000, 1))
+    assert looking.rays(starts, starts + [0.0, 1.0, 0.0]) == ("bottle",) * 17_000
+
+
+def test_picture_is_a_valid_png_of_the_right_size(looking: PyBulletWorld, tmp_path: Path) -> None:
+    looking.save_picture(tmp_path / "scene.png", 64, 48)
+    data = (tmp_path / "scene.png").read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    assert struct.unpack(">II", data[16:24]) == (64, 48)
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.png"]
+
+
+def test_png_holds_the_pixels_it_was_given() -> None:
+    pixels = np.arange(4 * 3 * 3, dtype=np.uint8).reshape(4, 3, 3)
+    data = png(pixels)
+    start = data.index(b"IDAT") + 4
+    length = struct.unpack(">I", data[start - 8 : start - 4])[0]
+    rows = np.frombuffer(zlib.decompress(data[start : start + length]), np.uint8).reshape(4, 10)
+    assert (rows[:, 0] == 0).all()
+    assert (rows[:, 1:].reshape(4, 3, 3) == pixels).all()
+
+
+def test_default_view_shows_robot_and_furniture_and_walls_do_not_hide_them(looking: PyBulletWorld) -> None:
+    picture = looking.render(320, 240)
+    orange = (picture[:, :, 0] > 150) & (picture[:, :, 2] < 90) & (picture[:, :, 1] > 60)
+    assert picture.shape == (240, 320, 3)
+    assert orange.sum() > 2, "the fingers"
+    assert looking.contacts(Configuration((-2.9, -1.0, 0.0), {})) != (), "walls are back after the picture"
+
+
+def test_nothing_is_printed_by_the_physics_engine() -> None:
+    root = Path(__file__).resolve().parents[2]
+    program = (
+        "import sys; sys.path.insert(0, 'tests/sim')\n"
+        "from conftest import AMIGO, ROOM\n"
+        "from sim import PyBulletWorld\n"
+        "world = PyBulletWorld(ROOM, AMIGO); world.step(); world.close(); print('only this')"
+    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("only this\n", "")
