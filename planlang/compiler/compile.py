@@ -1,0 +1,67 @@
+"""The way from a recipe's file to a plan's source."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from planlang.compiler.emit import emit
+from planlang.compiler.lowering import Lowering
+from planlang.diagnostics import BadInput, Diagnostic, has_errors
+from planlang.ontology import Ontology, load
+from planlang.recipe import read_recipe
+from planlang.recipe.actions import Actions
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledPlan:
+    """A plan's source and what there is to say about its recipe: warnings and notes, no errors.
+
+    ``functions`` are the names of the plan functions in the source, that of the task last.
+    """
+
+    source: str
+    task: str
+    functions: tuple[str, ...]
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+def compile_recipe(
+    path: Path,
+    *,
+    task: str | None = None,
+    folders: Sequence[Path] = (),
+    allow_abstract: bool = False,
+    scopes: bool = True,
+) -> CompiledPlan:
+    """Compile the recipe in a file: RDF/XML or Manchester syntax, told by its content.
+
+    ``task`` chooses one of several by local name or IRI; imports are looked for beside the file, then in ``folders``,
+    then among the bundled ontologies. With ``allow_abstract`` steps that nothing can execute are warnings. Without
+    ``scopes`` base motions are steps like any other. Raises BadInput with all diagnostics if there is an error.
+    """
+    ontology = load(path, folders=folders)
+    return compile_ontology(ontology, task=task, allow_abstract=allow_abstract, scopes=scopes)
+
+
+def compile_ontology(
+    ontology: Ontology, *, task: str | None = None, allow_abstract: bool = False, scopes: bool = True
+) -> CompiledPlan:
+    """Compile a recipe of an ontology whose main document is the recipe; see :func:`compile_recipe`."""
+    actions = Actions(ontology)
+    reading = read_recipe(actions, task, allow_abstract=allow_abstract, scopes=scopes)
+    diagnostics = (*ontology.diagnostics, *reading.diagnostics)
+    if reading.recipes is None or has_errors(diagnostics):
+        raise BadInput(diagnostics)
+    tree = Lowering(ontology, reading.recipes, actions, scopes=scopes).tree()
+    source, functions = emit(tree, reading.recipes, _version())
+    return CompiledPlan(source, reading.recipes.main.name, functions, diagnostics)
+
+
+def _version() -> str:
+    try:
+        return version("planlang")
+    except PackageNotFoundError:
+        return "0.1.0"

@@ -1,0 +1,208 @@
+"""From the plan tree to Python source: header, imports, constants, places, plan functions."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+
+from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, call, sequence, statement
+from planlang.compiler.statements import Statements
+from planlang.compiler.symbols import Symbols, quoted
+from planlang.compiler.tree import Function, PlanTree
+from planlang.designators import local_name
+from planlang.recipe.model import Kind, Place, RecipeSet, Thing
+
+TYPES = {Kind.OBJECT: "Object", Kind.PERSON: "Person", Kind.DEVICE: "Device"}
+MAKERS = {Kind.OBJECT: "an_object", Kind.PERSON: "a_person", Kind.DEVICE: "a_device"}
+
+PHRASES = {
+    "in_reach_of": "in reach of {}",
+    "visible_from": "where {} can be seen",
+    "above": "above {}",
+    "on": "on {}",
+    "in_": "in {}",
+    "in_center_of": "at the centre of {}",
+    "in_front_of": "in front of {}",
+    "next_to": "beside {}",
+}
+"""Relations of places in words, for docstrings."""
+
+
+def emit(tree: PlanTree, recipes: RecipeSet, version: str) -> tuple[str, tuple[str, ...]]:
+    """The source of a plan module and the names of its plan functions; formatted, deterministic.
+
+    Functions stand before their callers, constants and places in the order in which the plan first uses them.
+    """
+    symbols = Symbols(tree, recipes)
+    for function in tree.functions:
+        for thing in function.parameters:
+            symbols.thing(thing)
+    functions = [_function(symbols, function) for function in tree.functions]
+    places = _places(symbols)
+    constants = [line for thing in symbols.things() for line in _thing(symbols, thing)]
+    constants += [line for place in symbols.places() if place.is_posture for line in _posture(symbols, place)]
+    parts = [*_header(recipes, version), "", *_imports(symbols), "", *_namespaces(symbols)]
+    if constants:
+        parts += ["", *constants]
+    for block in [*places, *functions]:
+        parts += ["", "", *block]
+    return "\n".join(parts) + "\n", tuple(symbols.functions[function.iri] for function in tree.functions)
+
+
+def humanised(name: str) -> str:
+    """``ServeADrink`` -> ``Serve a drink``."""
+    words = re.sub(r"[_\-]+", " ", re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)).split()
+    text = " ".join(word if word.isupper() and len(word) > 1 else word.lower() for word in words)
+    return text[:1].upper() + text[1:]
+
+
+def _header(recipes: RecipeSet, version: str) -> list[str]:
+    source = recipes.source
+    return _docstring(
+        [
+            _sentence(recipes.main.label or humanised(recipes.main.name)),
+            "",
+            f"Compiled by planlang {version} from {source.file}",
+            f"(sha256 {source.sha256}), task {recipes.main.name}.",
+        ],
+        depth=0,
+    )
+
+
+def _imports(symbols: Symbols) -> list[str]:
+    lines: list[str] = []
+    imports = symbols.imports()
+    standard = [entry for entry in imports if not entry[0].startswith("planlang")]
+    ours = [entry for entry in imports if entry[0].startswith("planlang")]
+    for group in (standard, ours):
+        if lines and group:
+            lines.append("")
+        for module, names in group:
+            line = f"from {module} import {', '.join(names)}"
+            if len(line) <= WIDTH:
+                lines.append(line)
+            else:
+                lines += [f"from {module} import (", *(f"{INDENT}{name}," for name in names), ")"]
+    return lines
+
+
+def _namespaces(symbols: Symbols) -> list[str]:
+    return [line for name, start in symbols.namespaces() for line in _assignment(name, Text(quoted(start)))]
+
+
+def _thing(symbols: Symbols, thing: Thing) -> list[str]:
+    arguments = [quoted(thing.type) if not _is_iri(thing.type) else symbols.iri(thing.type)]
+    if thing.iri is not None:
+        arguments.append(symbols.iri(thing.iri))
+    return _assignment(symbols.constant(thing), call(symbols.use(MAKERS[thing.kind]), *arguments))
+
+
+def _posture(symbols: Symbols, place: Place) -> list[str]:
+    return _assignment(symbols.place(place), call(symbols.use("a_posture"), quoted(place.name)))
+
+
+def _assignment(name: str, expression: Expression) -> list[str]:
+    lines = statement(expression, depth=0, before=f"{name} = ")
+    if len(lines) == 1 and len(lines[0]) > WIDTH and len(INDENT + expression.flat()) <= WIDTH:
+        return [f"{name} = (", INDENT + expression.flat(), ")"]
+    return lines
+
+
+def _places(symbols: Symbols) -> list[list[str]]:
+    """Place functions by first use; writing one may bring in others that it refers to."""
+    written: dict[str, list[str]] = {}
+    while missing := [place for place in symbols.places() if not place.is_posture and place.iri not in written]:
+        for place in missing:
+            written[place.iri] = _place(symbols, place)
+    return list(written.values())
+
+
+def _place(symbols: Symbols, place: Place) -> list[str]:
+    relations: dict[str, list[Expression]] = {}
+    phrases: list[str] = []
+    for relation, reference in place.relations:
+        expression, words = _reference(symbols, reference)
+        relations.setdefault(relation, []).append(expression)
+        phrases.append(PHRASES.get(relation, relation.replace("_", " ") + " {}").format(words))
+    keywords: dict[str, Expression | str] = {
+        relation: references[0] if len(references) == 1 else sequence(references)
+        for relation, references in relations.items()
+    }
+    device = symbols.devices.get(place.iri)
+    if device is not None:
+        keywords["using"] = symbols.thing(device)
+    phrase = " and ".join(phrases)
+    text = f"{place.label.rstrip('. ')}: {phrase}" if place.label else phrase
+    parameters = [f"{symbols.thing(thing)}: {symbols.use(TYPES[thing.kind])}" for thing in _parameters(place)]
+    return [
+        *_signature(f"def {symbols.place(place)}", parameters, symbols.use("Location")),
+        *_docstring([_sentence(text)], depth=1),
+        *statement(call(symbols.use("a_location"), quoted(place.name), **keywords), depth=1, before="return "),
+    ]
+
+
+def _reference(symbols: Symbols, reference: Thing | Place) -> tuple[Expression, str]:
+    """What a place refers to, as an expression and in words."""
+    name = symbols.thing(reference) if isinstance(reference, Thing) else symbols.place(reference)
+    words = f"the {name.lower().replace('_', ' ')}"
+    if isinstance(reference, Thing) or reference.is_posture:
+        return Text(name), words
+    return call(name, *[symbols.thing(thing) for thing in _parameters(reference)]), words
+
+
+def _parameters(place: Place) -> list[Thing]:
+    return [thing for thing in dict.fromkeys(place.things()) if thing.kind is not Kind.DEVICE]
+
+
+def _function(symbols: Symbols, function: Function) -> list[str]:
+    name = symbols.functions[function.iri]
+    parameters = [
+        f"{symbols.thing(thing)}: {symbols.use(TYPES[thing.kind])} = {symbols.constant(thing)}"
+        for thing in function.parameters
+    ]
+    title = _sentence(function.label or humanised(local_name(function.iri)))
+    body = Statements(symbols, name).body(function.body, 1)
+    first = next(line.lstrip() for line in body if not line.lstrip().startswith("#"))
+    if first.startswith("async def "):
+        body.insert(0, "")
+    return [
+        *statement(call("@" + symbols.use("plan"), symbols.iri(function.iri)), depth=0),
+        *_signature(f"async def {name}", ["*", *parameters] if parameters else [], "None"),
+        *_docstring([title], depth=1),
+        *body,
+    ]
+
+
+def _signature(start: str, parameters: list[str], returns: str) -> list[str]:
+    """A function's first lines; parameters on one line if they fit, else one per line."""
+    line = f"{start}({', '.join(parameters)}) -> {returns}:"
+    if len(line) <= WIDTH or not parameters:
+        return [line]
+    together = INDENT + ", ".join(parameters)
+    inside = [f"{INDENT}{parameter}," for parameter in parameters]
+    if len(together) <= WIDTH:
+        inside = [together] if len(parameters) > 1 else [together + ","]
+    elif parameters[0] == "*":
+        inside[0] = f"{INDENT}*,"
+    return [f"{start}(", *inside, f") -> {returns}:"]
+
+
+def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:
+    """A docstring; what would end it or escape in it is made harmless."""
+    indent = INDENT * depth
+    lines: list[str] = []
+    for paragraph in paragraphs:
+        text = " ".join(paragraph.split()).replace("\\", "/").replace('"', "'")
+        lines += textwrap.wrap(text, WIDTH - len(indent) - 6, break_long_words=False, break_on_hyphens=False) or [""]
+    if len(lines) == 1:
+        return [f'{indent}"""{lines[0]}"""']
+    return [f'{indent}"""{lines[0]}', *((indent + line).rstrip() for line in lines[1:]), f'{indent}"""']
+
+
+def _sentence(text: str) -> str:
+    text = " ".join(text.split())
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")
+
+
+def _is_iri(name: str) -> bool:
+    return ":" in name

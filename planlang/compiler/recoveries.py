@@ -1,0 +1,89 @@
+"""Which recoveries surround a step, and where: around the step itself, or around its location scope."""
+
+from __future__ import annotations
+
+from planlang.compiler.naming import snake_case
+from planlang.compiler.tree import Recover
+from planlang.recipe.actions import Actions
+from planlang.recipe.model import Kind, Place, Step, Thing
+from planlang.recipe.tables import RecoveryRule, recoveries_of
+
+NEXT_SOLUTION = "NextSolution"
+"""Is not written as a recovery: it is what a location scope does."""
+
+MOVES_THE_BASE = frozenset({"LookFromAnotherPlace"})
+"""Strategies that leave the place of the scope, so they surround it."""
+
+NEEDS_AN_OBJECT = MOVES_THE_BASE | {"LookAndRepeat"}
+"""Strategies that are about an object: written only where one is known."""
+
+WRITTEN = NEEDS_AN_OBJECT | {"Repeat", "Ignore", "Escalate"}
+"""Strategies that the plan language has."""
+
+HANDLED = ("in_center_of", "in_front_of")
+"""Relations of the hand to a thing that is about to be manipulated."""
+
+
+class Recoveries:
+    """Chooses recoveries for the steps of recipes."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._ontology = actions.ontology
+        self._rules = actions.recoveries
+        self._primitives = actions.primitives
+
+    def attempts_at_places(self, step: Step) -> int:
+        """How many places a scope tries that starts with this base motion."""
+        attempts = [
+            rule.attempts
+            for _, rule in recoveries_of(self._ontology, self._rules, step.iri)
+            if rule.strategy == NEXT_SOLUTION
+        ]
+        return max(attempts, default=5)
+
+    def around_step(self, cls: str, about: Thing | None, written: frozenset[str]) -> tuple[Recover, ...]:
+        """Recoveries of an action class that keep the base where it is; ``written`` names rules already outside."""
+        return tuple(
+            _recover(failure, rule, about)
+            for failure, rule in recoveries_of(self._ontology, self._rules, cls)
+            if rule.strategy in WRITTEN - MOVES_THE_BASE
+            and rule.name not in written
+            and (about is not None or rule.strategy not in NEEDS_AN_OBJECT)
+        )
+
+    def names(self, cls: str) -> frozenset[str]:
+        """Names of the rules that hold for a class."""
+        return frozenset(rule.name for _, rule in recoveries_of(self._ontology, self._rules, cls))
+
+    def around_scope(self, step: Step, about: Thing | None) -> tuple[Recover, ...]:
+        """Recoveries that move the base: of the step's class, and of the actions its primitive implies."""
+        classes = [step.iri]
+        if step.primitive is not None:
+            classes += self._primitives[step.primitive].implies
+        found: dict[str, Recover] = {}
+        if about is not None:
+            for cls in classes:
+                for failure, rule in recoveries_of(self._ontology, self._rules, cls):
+                    if rule.strategy in MOVES_THE_BASE:
+                        found.setdefault(failure, _recover(failure, rule, about))
+        return tuple(found.values())
+
+
+def looked_at(step: Step) -> Thing | None:
+    """The object that a step handles, hence looks at first: acted on, or the one its hand goes to."""
+    for filler in step.fillers("objectActedOn"):
+        if isinstance(filler, Thing) and filler.kind is Kind.OBJECT:
+            return filler
+    for filler in step.fillers("toLocation"):
+        if isinstance(filler, Thing) and filler.kind is Kind.OBJECT:
+            return filler
+        if isinstance(filler, Place):
+            for relation, reference in filler.relations:
+                if relation in HANDLED and isinstance(reference, Thing) and reference.kind is Kind.OBJECT:
+                    return reference
+    return None
+
+
+def _recover(failure: str, rule: RecoveryRule, about: Thing | None) -> Recover:
+    known = about if rule.strategy in NEEDS_AN_OBJECT else None
+    return Recover(failure, snake_case(rule.strategy), known, rule.attempts, rule.escalates_to)

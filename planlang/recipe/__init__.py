@@ -1,0 +1,43 @@
+"""Recipes: their model, readers of the dialects they are written in, checks, and their dependency graph.
+
+General layout: ``model`` is what a recipe says; ``reading`` and ``terms`` get it from an ontology, ``tasks`` finds the
+task and what is below it, ``dialects`` names what is not read; ``repairs`` mends what is safe to mend; ``check_*`` and
+``wise`` judge; ``graph`` answers questions about orders; ``actions`` and ``tables`` know the action classes.
+"""
+
+from planlang.recipe.actions import Actions
+from planlang.recipe.checks import Reading, read_recipe
+from planlang.recipe.model import (
+    Kind,
+    Name,
+    Ordering,
+    Parameter,
+    Place,
+    Reason,
+    Recipe,
+    RecipeSet,
+    Source,
+    Step,
+    Thing,
+)
+from planlang.recipe.tasks import choose_task, stated_tasks, top_tasks
+
+__all__ = [
+    "Actions",
+    "Kind",
+    "Name",
+    "Ordering",
+    "Parameter",
+    "Place",
+    "Reading",
+    "Reason",
+    "Recipe",
+    "RecipeSet",
+    "Source",
+    "Step",
+    "Thing",
+    "choose_task",
+    "read_recipe",
+    "stated_tasks",
+    "top_tasks",
+]

@@ -1,0 +1,113 @@
+"""Questions about action classes that need the taxonomy and the tables: primitives, base motions, hands, goals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from planlang.designators import local_name
+from planlang.ontology import Ontology, expand
+from planlang.recipe.model import Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.tables import Goal, Primitive, RecoveryRule, read_goals, read_primitives, read_recoveries
+
+
+@dataclass(frozen=True, slots=True)
+class Movers:
+    """Steps after which the base is elsewhere: ``opening`` start a scope, ``ending`` only end the one before."""
+
+    opening: frozenset[str]
+    ending: frozenset[str] = frozenset()
+
+
+_HAND = frozenset({"arm", "gripper"})
+_DEPENDS = expand("dependsOnCapability")
+_BASE_MOTION = expand("BaseMotionCapability")
+
+
+class Actions:
+    """The action classes of one ontology."""
+
+    def __init__(self, ontology: Ontology) -> None:
+        self.ontology = ontology
+        self.primitives: dict[str, Primitive] = read_primitives(ontology)
+        self.goals: dict[str, Goal] = read_goals(ontology)
+        self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
+
+    def is_a(self, step: Step | Recipe, *classes: str) -> bool:
+        """True if the step's class is below one of the classes (local names of the vocabulary)."""
+        return any(self.ontology.is_a(step.iri, expand(name)) for name in classes)
+
+    def primitive(self, step: Step) -> Primitive | None:
+        """The primitive that performs the step, if one does."""
+        return self.primitives[step.primitive] if step.primitive is not None else None
+
+    def has_primitive_ancestor(self, cls: str) -> bool:
+        """True if a process module would perform the class or an ancestor of it."""
+        return any(ancestor in self.primitives for ancestor in self.ontology.ancestors(cls))
+
+    def is_base_motion(self, step: Step) -> bool:
+        """True for a primitive step that depends on BaseMotionCapability and says where to go."""
+        if step.primitive is None or not step.fillers("toLocation"):
+            return False
+        return any(
+            restriction.property == _DEPENDS
+            and isinstance(restriction.filler, str)
+            and self.ontology.is_a(restriction.filler, _BASE_MOTION)
+            for ancestor in self.ontology.ancestors(step.iri)
+            for restriction in self.ontology.restrictions(ancestor)
+        )
+
+    def moves_the_base(self, recipe: Recipe, recipes: RecipeSet) -> bool:
+        """True if the recipe has a base motion, itself or in a recipe below it."""
+        return any(
+            self.is_base_motion(step)
+            or any(self.moves_the_base(recipes.recipes[callee], recipes) for callee in step.recipes)
+            for step in recipe.steps
+        )
+
+    def movers(self, recipe: Recipe, recipes: RecipeSet) -> Movers:
+        """The steps of a recipe that move the base: by themselves, or in a recipe below them."""
+        opening = frozenset(step.iri for step in recipe.steps if self.is_base_motion(step))
+        ending = frozenset(
+            step.iri
+            for step in recipe.steps
+            if any(self.moves_the_base(recipes.recipes[callee], recipes) for callee in step.recipes)
+        )
+        return Movers(opening, ending)
+
+    def uses_hand(self, step: Step) -> bool:
+        """True for a primitive that needs an arm or a gripper."""
+        primitive = self.primitive(step)
+        return primitive is not None and not _HAND.isdisjoint(primitive.resources)
+
+    def hand_goals(self, step: Step) -> tuple[Place | Thing, ...]:
+        """Where a primitive step takes the hand, postures left out."""
+        if not self.uses_hand(step):
+            return ()
+        return tuple(
+            filler
+            for filler in step.fillers("toLocation")
+            if isinstance(filler, Thing) or (isinstance(filler, Place) and not filler.is_posture)
+        )
+
+    def properties(self, cls: str) -> frozenset[str]:
+        """IRIs of the properties that the vocabulary lists for an action class or an ancestor of it."""
+        return frozenset()
+
+    def goal(self, cls: str) -> Goal | None:
+        """The goal declared for the class or its nearest ancestor that has one."""
+        for ancestor in self.ontology.ancestors(cls):
+            if ancestor in self.goals:
+                return self.goals[ancestor]
+        return None
+
+    def releases(self, step: Step) -> bool:
+        """True if the step lets go of something."""
+        primitive = self.primitive(step)
+        if primitive is not None and primitive.releases:
+            return True
+        return self.is_a(step, "ReleasingGraspOfSomething", "PuttingDownAnObject")
+
+
+def described(step: Step | Recipe) -> str:
+    """How a message names a step or a task."""
+    return f"`{local_name(step.iri)}`"

@@ -1,0 +1,84 @@
+"""Checks of what fills the properties of actions: known properties, defined fillers, ranges, places for the base."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from difflib import get_close_matches
+
+from planlang.designators import RELATIONS, local_name
+from planlang.diagnostics import Diagnostic, Severity, Span, error, warning
+from planlang.ontology import BNode, Ontology, shorten
+from planlang.recipe.actions import Actions
+from planlang.recipe.model import Place, Recipe, Step, Thing
+from planlang.recipe.reading import filling_restrictions, sub_actions
+from planlang.recipe.repairs import violates_range
+from planlang.recipe.terms import read_filler, unread_references
+
+_TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
+
+
+def check_parameters(actions: Actions, owner: Step | Recipe) -> Iterator[Diagnostic]:
+    """Judge the fillers of a step, or of a task itself, after repairs."""
+    ontology = actions.ontology
+    for parameter in owner.parameters:
+        filler = parameter.filler
+        if isinstance(filler, Thing) and violates_range(ontology, parameter.property, filler):
+            message = f"{parameter.property} of `{owner.name}` is `{filler.name}`, which is not in the property's range"
+            yield warning("R032", message, parameter.span, "check the property, or the class of what fills it")
+    if isinstance(owner, Step) and actions.is_base_motion(owner):
+        for filler in owner.fillers("toLocation"):
+            if isinstance(filler, Place) and filler.is_posture:
+                message = f"`{owner.name}` moves the base to `{filler.name}`, which has no relation to anything"
+                advice = f"give `{filler.name}` one of {', '.join(RELATIONS.values())}"
+                yield error("R036", message, ontology.span(filler.iri) or owner.span, advice)
+
+
+def check_fillers(actions: Actions, stating: str) -> Iterator[Diagnostic]:
+    """Judge the fillers that the file states for a task and its sub-actions, before anything is left out."""
+    ontology = actions.ontology
+    owners = [(stating, ())] + [
+        (sub_action.iri, sub_action.restrictions) for sub_action in sub_actions(ontology, stating) if sub_action.iri
+    ]
+    for owner, more in owners:
+        for restrictions in filling_restrictions(ontology, owner, more):
+            for restriction in restrictions:
+                yield from _property(actions, owner, restriction.property, restriction.span)
+                yield from _filler(ontology, owner, restriction.property, restriction.filler, restriction.span)
+
+
+def _property(actions: Actions, owner: str, property_iri: str, span: Span) -> Iterator[Diagnostic]:
+    listed = actions.properties(owner)
+    if not listed or property_iri in listed:
+        return
+    names = [local_name(name) for name in listed]
+    short = local_name(property_iri)
+    similar = get_close_matches(short, names, n=1)
+    guess = f"did you mean {similar[0]}? " if similar else ""
+    known = ", ".join(sorted(names))
+    severity = Severity.ERROR if similar and not actions.ontology.defined(property_iri) else Severity.WARNING
+    message = f"`{local_name(owner)}` has no property {short}"
+    yield Diagnostic(severity, "R031", message, span, f"{guess}its properties are {known}")
+
+
+def _filler(ontology: Ontology, owner: str, property_iri: str, term: object, span: Span) -> Iterator[Diagnostic]:
+    short = local_name(shorten(property_iri))
+    if isinstance(term, BNode):
+        message = f"{short} of `{local_name(owner)}` is an anonymous expression, which is left out"
+        yield warning("R035", message, span, "name a class or an individual")
+    elif isinstance(term, str):
+        if read_filler(ontology, term) is None:
+            message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, which nothing defines"
+            yield error("R033", message, span, _guess(ontology, term))
+        for missing in unread_references(ontology, term):
+            message = f"`{local_name(term)}` relates to `{local_name(missing)}`, which nothing defines"
+            yield error("R033", message, ontology.span(term) or span, _guess(ontology, missing))
+
+
+def _guess(ontology: Ontology, undefined: str) -> str:
+    names = {
+        local_name(triple.subject): None
+        for triple in ontology.triples(p=_TYPE)
+        if isinstance(triple.subject, str) and not isinstance(triple.subject, BNode) and ontology.main(triple.subject)
+    }
+    similar = get_close_matches(local_name(undefined), names, n=1)
+    return f"did you mean `{similar[0]}`?" if similar else "define it in the file, with its class"

@@ -1,0 +1,107 @@
+"""Repairs that are safe to make, each with a note: exchanged fillers, and things told only by their class."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+
+from planlang.diagnostics import Diagnostic, note
+from planlang.ontology import Ontology, expand
+from planlang.recipe.model import Parameter, Place, Recipe, RecipeSet, Thing
+
+_RANGE = "http://www.w3.org/2000/01/rdf-schema#range"
+
+
+def repaired(ontology: Ontology, recipes: RecipeSet) -> tuple[RecipeSet, list[Diagnostic]]:
+    """The recipes with all repairs made, and a note for each."""
+    notes: dict[Diagnostic, None] = {}
+    mended: dict[str, Recipe] = {}
+    for iri, recipe in recipes.recipes.items():
+        steps = []
+        for step in recipe.steps:
+            parameters, found = _exchanged(ontology, step.parameters, step.name)
+            notes.update(dict.fromkeys(found))
+            steps.append(replace(step, parameters=parameters))
+        parameters, found = _exchanged(ontology, recipe.parameters, recipe.name)
+        notes.update(dict.fromkeys(found))
+        mended[iri] = replace(recipe, steps=tuple(steps), parameters=parameters)
+    exchanged = replace(recipes, recipes=mended)
+    bound = {}
+    for iri, recipe in mended.items():
+        bound[iri], found = _bound(ontology, recipe, exchanged)
+        notes.update(dict.fromkeys(found))
+    return replace(recipes, recipes=bound), list(notes)
+
+
+def violates_range(ontology: Ontology, property_name: str, thing: Thing) -> bool:
+    """True if the property has a range and the thing's class is known not to be below it."""
+    ranges = [
+        triple.object
+        for triple in ontology.triples(s=expand(property_name), p=_RANGE)
+        if isinstance(triple.object, str) and ontology.is_class(triple.object)
+    ]
+    return any(not ontology.is_a(thing.stated, wanted) for wanted in ranges)
+
+
+def _exchanged(
+    ontology: Ontology, parameters: tuple[Parameter, ...], owner: str
+) -> tuple[tuple[Parameter, ...], list[Diagnostic]]:
+    """Exchange two fillers where one violates its property's range and the exchange violates nothing."""
+    single = [
+        parameter
+        for parameter in parameters
+        if isinstance(parameter.filler, Thing) and sum(p.property == parameter.property for p in parameters) == 1
+    ]
+    for first, second in combinations(single, 2):
+        a, b = first.filler, second.filler
+        if not isinstance(a, Thing) or not isinstance(b, Thing):
+            continue
+        is_wrong = violates_range(ontology, first.property, a) or violates_range(ontology, second.property, b)
+        is_right = not violates_range(ontology, first.property, b) and not violates_range(ontology, second.property, a)
+        if is_wrong and is_right:
+            swap = {first: replace(first, filler=b), second: replace(second, filler=a)}
+            message = (
+                f"{first.property} `{a.name}` and {second.property} `{b.name}` of `{owner}` are exchanged:"
+                f" taken as {first.property} `{b.name}` and {second.property} `{a.name}`"
+            )
+            advice = "exchange them in the file"
+            found = note("R030", message, first.span, advice)
+            return tuple(swap.get(parameter, parameter) for parameter in parameters), [found]
+    return parameters, []
+
+
+def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Recipe, list[Diagnostic]]:
+    """Take a thing told only by its class for the only individual of that class that the recipe speaks of."""
+    individuals = dict.fromkeys(thing for thing in _things_below(recipe, recipes) if thing.iri is not None)
+    notes: list[Diagnostic] = []
+
+    def bind(parameter: Parameter) -> Parameter:
+        thing = parameter.filler
+        if not isinstance(thing, Thing) or thing.iri is not None:
+            return parameter
+        fitting = [
+            other for other in individuals if other.kind is thing.kind and ontology.is_a(other.stated, thing.stated)
+        ]
+        if len(fitting) != 1:
+            return parameter
+        only = fitting[0]
+        message = f"{parameter.property} `{thing.name}` is taken to be `{only.name}`, the only one in `{recipe.name}`"
+        notes.append(note("R034", message, parameter.span, f"write `{only.name}` in the file if that is meant"))
+        return replace(parameter, filler=only)
+
+    steps = tuple(replace(step, parameters=tuple(map(bind, step.parameters))) for step in recipe.steps)
+    return replace(recipe, steps=steps, parameters=tuple(map(bind, recipe.parameters))), notes
+
+
+def _things_below(recipe: Recipe, recipes: RecipeSet, seen: frozenset[str] = frozenset()) -> Iterator[Thing]:
+    for source in (recipe, *recipe.steps):
+        for parameter in source.parameters:
+            if isinstance(parameter.filler, Thing):
+                yield parameter.filler
+            elif isinstance(parameter.filler, Place):
+                yield from parameter.filler.things()
+    for step in recipe.steps:
+        for callee in step.recipes:
+            if callee not in seen and callee in recipes.recipes:
+                yield from _things_below(recipes.recipes[callee], recipes, seen | {recipe.iri, callee})

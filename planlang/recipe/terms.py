@@ -1,0 +1,115 @@
+"""Reading what fills the properties of actions: objects, persons, devices, location designators, literals."""
+
+from __future__ import annotations
+
+from planlang.designators import RELATIONS, local_name
+from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
+from planlang.recipe.model import Filler, Kind, Name, Place, Thing
+
+PLACES = ("Point2D", "Point3D")
+"""Classes of location designators: of the base, of the hand or an object."""
+
+_RELATION_OF = {expand(owl_name): name for name, owl_name in RELATIONS.items()}
+_NUMBERS = {"integer": int, "int": int, "long": int, "short": int, "nonNegativeInteger": int}
+_REALS = ("float", "double", "decimal")
+
+
+def nearest_in_vocabulary(ontology: Ontology, cls: str) -> str:
+    """The class itself or its nearest ancestor that the bundled vocabulary knows, as a local name; else the IRI."""
+    for ancestor in ontology.ancestors(cls):
+        short = shorten(ancestor)
+        if short != ancestor:
+            return short
+    return cls
+
+
+def kind_of(ontology: Ontology, cls: str) -> Kind:
+    """Whether things of a class are persons, parts of a robot, or objects."""
+    if ontology.is_a(cls, expand("Person")):
+        return Kind.PERSON
+    return Kind.DEVICE if is_device(ontology, cls) else Kind.OBJECT
+
+
+def is_device(ontology: Ontology, cls: str) -> bool:
+    """True for classes of robot parts that can be used to do something, such as grippers and arms."""
+    return any(ontology.is_a(cls, expand(name)) for name in ("HolderGripper", "RobotPart", "ComponentComposition"))
+
+
+def is_place(ontology: Ontology, iri: str) -> bool:
+    """True for a location designator, written as an individual or as a class."""
+    return any(ontology.is_a(iri, expand(place)) for place in PLACES)
+
+
+def read_filler(ontology: Ontology, term: Term) -> Filler | None:
+    """What a term denotes; None if it is an IRI that nothing defines, or an anonymous expression."""
+    if isinstance(term, Literal):
+        return _number_or_text(term)
+    if isinstance(term, BNode) or not ontology.defined(term):
+        return None
+    if is_place(ontology, term):
+        return read_place(ontology, term)
+    return read_thing(ontology, term) or Name(term)
+
+
+def read_thing(ontology: Ontology, iri: str) -> Thing | None:
+    """The individual or class as a thing; None if its class is not one of localised things."""
+    if ontology.is_individual(iri) and not ontology.is_class(iri):
+        types = ontology.types(iri)
+        cls, individual = (types[0] if types else None), iri
+    else:
+        cls, individual = iri, None
+    if cls is None or not is_localised(ontology, cls):
+        return None
+    return Thing(kind_of(ontology, cls), nearest_in_vocabulary(ontology, cls), individual, cls)
+
+
+def is_localised(ontology: Ontology, cls: str) -> bool:
+    """True for classes of things that are somewhere: objects, persons, devices."""
+    return ontology.is_a(cls, expand("SpatialThing-Localized")) or kind_of(ontology, cls) is not Kind.OBJECT
+
+
+def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset()) -> Place:
+    """A location designator with its relations in the order of the file.
+
+    As an individual its facts count, as a class its restrictions. A place that refers to itself, directly or through
+    others, loses the reference that closes the circle.
+    """
+    pairs: list[tuple[str, Term]] = []
+    for triple in ontology.triples(s=iri):
+        if triple.predicate in _RELATION_OF:
+            pairs.append((_RELATION_OF[triple.predicate], triple.object))
+    if ontology.is_class(iri):
+        for restriction in ontology.restrictions(iri):
+            if restriction.property in _RELATION_OF and restriction.kind in ("some", "value"):
+                pairs.append((_RELATION_OF[restriction.property], restriction.filler))
+    relations: list[tuple[str, Thing | Place]] = []
+    for relation, term in pairs:
+        if not isinstance(term, str) or isinstance(term, BNode) or term in seen | {iri}:
+            continue
+        if is_place(ontology, term):
+            relations.append((relation, read_place(ontology, term, seen | {iri})))
+        elif (thing := read_thing(ontology, term)) is not None:
+            relations.append((relation, thing))
+    return Place(iri, tuple(dict.fromkeys(relations)), ontology.label(iri))
+
+
+def unread_references(ontology: Ontology, place: str) -> list[str]:
+    """IRIs that a location designator relates to but that nothing defines."""
+    return [
+        triple.object
+        for triple in ontology.triples(s=place)
+        if triple.predicate in _RELATION_OF
+        and isinstance(triple.object, str)
+        and not isinstance(triple.object, BNode)
+        and read_filler(ontology, triple.object) is None
+    ]
+
+
+def _number_or_text(literal: Literal) -> str | int | float | bool:
+    datatype = local_name(literal.datatype or "")
+    if datatype == "boolean":
+        return literal.value.strip() in ("true", "1")
+    if datatype in _NUMBERS or datatype in _REALS:
+        number = literal.number()
+        return int(number) if datatype in _NUMBERS and number.is_integer() else number
+    return literal.value
