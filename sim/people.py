@@ -58,7 +58,8 @@ class People:
             for taken, (_, pose) in list(person.holds.items()):
                 if taken in held and held[taken].distance(pose) > _LOST:
                     del person.holds[taken]
-            self._step(name, person, held)
+            if name not in self.bodies.removed:
+                self._step(name, person, held)
 
     def _watch(self, held: Mapping[str, Pose]) -> None:
         for name, pose in held.items():

@@ -13,13 +13,14 @@ from sim.bodies import Bodies, Part
 from sim.camera import Camera, Picture
 from sim.contact import PARTED, Contacts, Held, Ignored, Query
 from sim.engine import bullet, connect
+from sim.falling import Falling
+from sim.outline import Size, bands, boxes_around
 from sim.people import People
 from sim.person import Reach, parts_of
 from sim.playback import BASE, Playback, advance, begin
 from sim.rays import Rays
 from sim.robot import Robot
 from sim.scene import CameraModel, RobotBody, Scene
-from sim.sinking import fall, resting
 from sim.view import viewpoint
 
 
@@ -45,8 +46,6 @@ class PyBulletWorld:
         self._camera = Camera(self._client, self._bodies)
         self._people = People(self._bodies, rate)
         self._held: dict[str, Held] = {}
-        self._falling: dict[str, tuple[float, Pose]] = {}
-        """Body that sinks -> speed [m/s] and where it will rest."""
         self._motions: dict[str, Playback] = {}
         self._robot: Robot | None = None
         self._now = Configuration(scene.start, {})
@@ -55,6 +54,7 @@ class PyBulletWorld:
             self._now = Configuration(scene.start, dict(self._robot.shown))
             self._contacts = Contacts(self._robot, self._bodies, self._held)
         self._rays = Rays(self._client, self._bodies, self._robot)
+        self._falling = Falling(self._bodies, self._rays, rate)
         self._show(self._now)
 
     # Time
@@ -68,19 +68,8 @@ class PyBulletWorld:
         if self._robot is not None:
             self._contacts.part()
         self._people.step({name: self._bodies.poses[name] for name in self._held})
-        self._fall()
+        self._falling.step()
         self.steps += 1
-
-    def _fall(self) -> None:
-        for name, (speed, rest) in list(self._falling.items()):
-            x, y, _ = rest.position
-            height, speed = fall(self._bodies.poses[name].position[2], speed, self.rate)
-            if height <= rest.position[2]:
-                self._bodies.place(name, rest)
-                del self._falling[name]
-            else:
-                self._bodies.place(name, Pose((x, y, height), rest.orientation))
-                self._falling[name] = (speed, rest)
 
     # The robot
 
@@ -97,10 +86,11 @@ class PyBulletWorld:
 
     def set_configuration(self, configuration: Configuration) -> None:
         """Put the robot, with what it holds, somewhere; joints not named stay. Motions under way are halted."""
+        there = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
+        self._show(there)
+        self._now = there
         for group in self._motions:
             self.halt(group)
-        self._now = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
-        self._here()
         if self._robot is not None:
             self._contacts.part()
 
@@ -115,10 +105,11 @@ class PyBulletWorld:
         A trajectory that moves finger joints alone lets each finger go on until it touches something by itself.
         Raises ``ValueError`` for unknown joints, wrong shapes, values outside the limits, or a first row elsewhere.
         """
+        begun = begin(self.robot, self._find, self._now, trajectory)
         for other, playback in self._motions.items():
             if other != group and set(playback.names) & set(trajectory.names):
                 self.halt(other)
-        self._motions[group] = begin(self.robot, self._find, self._now, trajectory)
+        self._motions[group] = begun
 
     def motion(self, group: str) -> Motion:
         """State of the group's last motion; a group that has never moved is done."""
@@ -161,25 +152,14 @@ class PyBulletWorld:
         Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object.
         """
         self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
-        boxes = [self.robot.boxes(), *(tuple(c[None] for c in self._bodies.box_of(name)) for name in self._held)]
-        lower, upper = (np.concatenate([box[side] for box in boxes]) for side in (0, 1))
-        radius = np.hypot(*np.maximum(np.abs(lower[:, :2]), np.abs(upper[:, :2])).T)
+        found = bands(self.robot, self._bodies, self._held)
         self._here()
-        return tuple(zip(lower[:, 2].tolist(), upper[:, 2].tolist(), radius.tolist(), strict=True))
+        return found
 
-    def obstacles(self) -> tuple[tuple[Pose, ...], tuple[tuple[float, float, float], ...]]:
-        """Poses in the map and sizes [m] of boxes around the pieces of all bodies that are not held, floors left out."""
+    def obstacles(self) -> tuple[tuple[Pose, ...], tuple[Size, ...]]:
+        """Poses in the map and sizes [m] of boxes around the pieces of all bodies not held, floors left out."""
         self._here()
-        poses, sizes = [], []
-        for index, piece in enumerate(self._bodies.pieces):
-            if piece.body in self._held or piece.body in self._bodies.removed or self._bodies.upper[index, 2] < 1e-3:
-                continue
-            x, y, z = piece.part.size
-            if piece.part.kind != "box":
-                x = y = max(x, y)
-            poses.append(self._bodies.poses[piece.body] @ piece.offset)
-            sizes.append((x, y, z))
-        return tuple(poses), tuple(sizes)
+        return boxes_around(self._bodies, self._held)
 
     def between_fingers(self, fingers: str | Collection[str]) -> str | None:
         """The body between the fingers of a hand (its link, or the finger links), each within 1 cm of it."""
@@ -223,16 +203,18 @@ class PyBulletWorld:
         """Put a body somewhere, at rest; a held one is from now on held like that."""
         self.scene.body(name)
         self._here()
-        self._falling.pop(name, None)
+        self._falling.stop(name)
         self._bodies.place(name, pose)
-        if name in self._held:
+        if name not in self._held:
+            self._people.lose(name)
+        else:
             self._held[name].offset = self.robot.link_pose(self._held[name].link).inverse() @ pose
 
     def remove(self, name: str) -> None:
         """Take a body out of the world until :meth:`restore`; a held one is let go first."""
         self.scene.body(name)
         self._held.pop(name, None)
-        self._falling.pop(name, None)
+        self._falling.stop(name)
         self._people.lose(name)
         self._bodies.remove(name)
 
@@ -246,7 +228,7 @@ class PyBulletWorld:
         self.scene.body(name)
         self._here()
         offset = self.robot.link_pose(link).inverse() @ self._bodies.poses[name]
-        self._falling.pop(name, None)
+        self._falling.stop(name)
         self._people.lose(name)
         touched = self._contacts.touching(name, PARTED)
         self._held[name] = Held(link, offset, self.robot.hand_of(link), touched)
@@ -258,7 +240,7 @@ class PyBulletWorld:
         self._here()
         del self._held[name]
         if self._people.holder(name) is None:
-            self._falling[name] = (0.0, self._rest(name)[0])
+            self._falling.begin(name)
 
     def attached(self) -> Mapping[str, str]:
         """Body -> link of the robot that holds it."""
@@ -266,25 +248,20 @@ class PyBulletWorld:
 
     def falling(self, name: str) -> bool:
         """Whether a body is on its way down."""
-        return name in self._falling
+        return name in self._falling.on_the_way
 
     def support(self, name: str) -> str | None:
         """What a body would rest on if it were let go here; None when that is nothing."""
         self.scene.body(name)
         self._here()
-        return self._rest(name)[1]
+        return self._falling.rest(name)[1]
 
     def height_above_support(self, name: str) -> float:
         """How far a body would sink if it were let go here [m]; ``inf`` when there is nothing below."""
         self.scene.body(name)
         self._here()
-        rest, support = self._rest(name)
+        rest, support = self._falling.rest(name)
         return self._bodies.poses[name].position[2] - rest.position[2] if support else float("inf")
-
-    def _rest(self, name: str) -> tuple[Pose, str | None]:
-        body = self.scene.body(name)
-        with self._rays.without(name):
-            return resting(self._bodies.poses[name], body.size, self._rays.down, round_=body.shape == "cylinder")
 
     def clearance(self, first: str, second: str, within: float = 1.0) -> float:
         """Distance of two bodies' surfaces [m], negative in penetration, ``inf`` beyond ``within``."""
@@ -375,7 +352,7 @@ class PyBulletWorld:
             tuple(sorted(self._now.joints.items())),
             tuple((name, pose.position, pose.orientation) for name, pose in self._bodies.poses.items()),
             tuple(self.attached().items()),
-            tuple(self._falling),
+            tuple(self._falling.on_the_way),
             tuple((group, playback.row, playback.state()) for group, playback in self._motions.items()),
             self._people.state(),
         )

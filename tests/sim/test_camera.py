@@ -99,7 +99,7 @@ def test_rays_name_what_they_hit_first(looking: PyBulletWorld) -> None:
 
 def test_more_rays_than_a_batch_takes_are_all_answered(looking: PyBulletWorld) -> None:
     starts = np.tile([-1.1, 1.5, 0.9], (17_000, 1))
-    assert looking.rays(starts, starts + [0.0, 1.0, 0.0]) == ("bottle",) * 17_000
+    assert looking.rays(starts, np.add(starts, (0.0, 1.0, 0.0))) == ("bottle",) * 17_000
 
 
 def test_picture_is_a_valid_png_of_the_right_size(looking: PyBulletWorld, tmp_path: Path) -> None:

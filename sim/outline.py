@@ -1,0 +1,38 @@
+"""How much room things take, for planning the base's way: boxes around bodies, bands around the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from planlang.protocols import Pose
+from sim.bodies import Bodies
+from sim.robot import Robot
+
+Size = tuple[float, float, float]
+
+
+def boxes_around(bodies: Bodies, left_out: Iterable[str]) -> tuple[tuple[Pose, ...], tuple[Size, ...]]:
+    """Poses in the map and sizes [m] of boxes around the pieces of all bodies, floors and some bodies left out."""
+    poses, sizes = [], []
+    for index, piece in enumerate(bodies.pieces):
+        if piece.body in left_out or piece.body in bodies.removed or bodies.upper[index, 2] < 1e-3:
+            continue
+        x, y, z = piece.part.size
+        if piece.part.kind != "box":
+            x = y = max(x, y)
+        poses.append(bodies.poses[piece.body] @ piece.offset)
+        sizes.append((x, y, z))
+    return tuple(poses), tuple(sizes)
+
+
+def bands(robot: Robot, bodies: Bodies, held: Iterable[str]) -> tuple[tuple[float, float, float], ...]:
+    """(z_low, z_high, radius) [m] around the vertical through the base, for each solid link and held body.
+
+    The robot must be shown with its base at the origin of the map.
+    """
+    boxes = [robot.boxes(), *(tuple(corner[None] for corner in bodies.box_of(name)) for name in held)]
+    lower, upper = (np.concatenate([box[side] for box in boxes]) for side in (0, 1))
+    radius = np.hypot(*np.maximum(np.abs(lower[:, :2]), np.abs(upper[:, :2])).T)
+    return tuple(zip(lower[:, 2].tolist(), upper[:, 2].tolist(), radius.tolist(), strict=True))
