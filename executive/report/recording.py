@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from executive.outputs import replace
+from executive.progress import line_of
 from executive.report.shapes import Drawn, Shape
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.protocols import Pose
@@ -60,6 +61,12 @@ class Recording:
     def event(self, step: int, text: str) -> None:
         """Keep a line about the plan."""
         self._events.append((step, text))
+
+    def listen(self, record: Mapping[str, Any]) -> None:
+        """Keep what a record of the trace says to people, if anything."""
+        line = line_of(record)
+        if line is not None:
+            self.event(record["step"], line)
 
     def save(self, path: Path) -> None:
         """Write the recording, complete or not at all. Raises BadInput when ``path`` cannot be written."""
