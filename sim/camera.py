@@ -14,6 +14,7 @@ from sim.bodies import Bodies
 from sim.engine import bullet
 from sim.geometry import area, corners, hull, rotation
 from sim.scene import CameraModel
+from sim.view import FIELD
 
 LEAST_PIXELS = 4
 """An object with fewer pixels in the picture is not recognised."""
@@ -145,7 +146,7 @@ class Camera:
         self.bodies.hide(hidden)
         try:
             view = bullet.computeViewMatrix(list(eye), list(target), [0.0, 0.0, 1.0])
-            image = self._picture(width, height, view, 45.0, shadow=1, light=(-2.0, -3.0, 6.0))
+            image = self._picture(width, height, view, math.degrees(FIELD), shadow=1, light=(-2.0, -3.0, 6.0))
         finally:
             self.bodies.show(hidden)
         pixels: Picture = np.asarray(image[2], dtype=np.uint8).reshape(height, width, 4)[:, :, :3].copy()

@@ -39,7 +39,7 @@ def facing(origin: Sequence[float], forward: Array, up: Array) -> Pose:
     return Pose.from_matrix(matrix)
 
 
-def corners(pose: Pose, size: Sequence[float]) -> Array:
+def corners(pose: Pose, size: Sequence[float] | Array) -> Array:
     """(8, 3) corners of the box of that size whose centre is at the pose."""
     signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], dtype=float)
     points: Array = signs * (np.asarray(size, dtype=float) / 2) @ rotation(pose).T + np.asarray(pose.position)

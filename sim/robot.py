@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planlang.protocols import Array, Configuration, Pose
 from sim.engine import bullet, quiet
-from sim.geometry import rotations
+from sim.geometry import rotation, rotations
 from sim.scene import RobotBody
 
 TOLERANCE = 0.0005
@@ -172,6 +172,20 @@ class Robot:
         while index not in self.solid and index != -1:
             index = self.parent[index]
         return self._below(index)
+
+    def hand_links(self, link: str) -> frozenset[str]:
+        """Names of the solid links of the hand at a link."""
+        return frozenset(self.solid_names[number] for number in self.hand_of(link))
+
+    def hand_radius(self, link: str, axis: tuple[float, float, float]) -> float:
+        """How far the hand at a link extends around an axis through the link's frame, in its present posture [m]."""
+        rows = sorted(self.hand_of(link))
+        lower, upper = (corners[rows] for corners in self.boxes())
+        corners = np.array([np.where(side, lower, upper) for side in np.ndindex(2, 2, 2)]).reshape(-1, 3)
+        pose = self.link_pose(link)
+        away = (corners - np.asarray(pose.position)) @ rotation(pose)
+        across = away - np.outer(away @ np.asarray(axis), axis)
+        return float(np.linalg.norm(across, axis=1).max())
 
     def _free_pairs(self) -> tuple[tuple[int, int], ...]:
         """Pairs of solid links to watch, computed once per URDF and set of allowed pairs."""

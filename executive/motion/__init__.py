@@ -17,6 +17,7 @@ from executive.motion.errors import (
     OutsideLimits,
     StartInCollision,
 )
+from executive.motion.gaze import Gaze
 from executive.motion.kinematics import Chain, InverseKinematics
 from executive.motion.timing import time_path
 
@@ -24,6 +25,7 @@ __all__ = [
     "BadRobotDescription",
     "Boxes",
     "Chain",
+    "Gaze",
     "GoalInCollision",
     "Grid",
     "InverseKinematics",

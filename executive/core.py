@@ -1,0 +1,86 @@
+"""The executive that plans see: grounds locations, looks facts up in the belief, offers the process modules."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from executive.platform import CARRYING, Platform
+from executive.process_modules.arm import Reaching
+from executive.process_modules.gripper import GripperModule
+from executive.process_modules.handover import Handover
+from executive.process_modules.head import Head
+from executive.process_modules.navigation import Navigation
+from executive.process_modules.perception import Perception
+from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
+from planlang.protocols import ProcessModule, Solution
+
+
+class RobotExecutive:
+    """Implements :class:`planlang.protocols.Executive` for one platform."""
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+        self.modules: tuple[ProcessModule, ...] = (
+            Navigation(platform),
+            Reaching(platform),
+            GripperModule(platform),
+            Head(platform),
+            Perception(platform),
+            Handover(platform),
+        )
+
+    def ancestors(self, action_type: str) -> Sequence[str]:
+        """The class itself and its superclasses, nearest first."""
+        return self.platform.ancestors(action_type)
+
+    def revision(self) -> int:
+        """Counts changes of the belief."""
+        return self.platform.belief.revision
+
+    def solutions(self, location: Location) -> Iterator[Solution]:
+        """Places for the base, lazily, best first; begun anew when the belief has changed in between."""
+        while True:
+            self.platform.sync()
+            revision = self.revision()
+            for solution in self.platform.resolver.bases(location):
+                yield solution
+                if self.revision() != revision:
+                    break
+
+    def move_to(self, solution: Solution) -> Action:
+        """The base motion that goes to a solution."""
+        x, y, yaw = map(float, solution.base)
+        return action("Translation-LocationChange", x=x, y=y, yaw=yaw)
+
+    def is_at(self, solution: Solution) -> bool:
+        """True while the base is where the solution put it."""
+        x, y, yaw = self.platform.base()
+        turn = math.remainder(yaw - solution.base[2], 2 * math.pi)
+        return math.dist((x, y), solution.base[:2]) < 0.01 and abs(turn) < 0.02
+
+    def holds(self, condition: Condition) -> bool:
+        """Whether the belief says so; raises ValueError for a predicate that nothing here decides."""
+        match condition:
+            case Condition("holding", (Object() as what,)):
+                return self.platform.around.bind(what) in self.platform.belief.held
+        raise ValueError(f"nothing decides {condition}; what can be asked: holding(object)")
+
+    def before_retry(self) -> Iterable[Action]:
+        """Arms that are not in the carrying posture go there, with what they hold."""
+        for arm in self.platform.around.arms:
+            if not self.platform.is_at(arm, self.platform.posture(arm, CARRYING)):
+                yield action("Reaching", to_location=a_posture(CARRYING), device_used=self._device(arm.name))
+
+    def _device(self, name: str) -> Device:
+        arm = self.platform.robot.arm(name)
+        return Device(f"{(arm.side or '').capitalize()}Arm", arm.iri)
+
+    def held(self) -> Sequence[str]:
+        """Names of the objects that the robot holds."""
+        return tuple(self.platform.belief.held)
+
+    def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
+        """Belief changes are written into the trace."""
+        self.platform.belief.tell = write

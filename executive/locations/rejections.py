@@ -1,0 +1,43 @@
+"""Why candidates were rejected: counts per reason and per body in the way."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from planlang.failures import LocationUnresolvable
+from planlang.protocols import Contact
+
+
+@dataclass(slots=True)
+class Rejections:
+    """Counts of one resolution, for the failure and the trace."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    blocking: Counter[str] = field(default_factory=Counter)
+
+    def add(self, reason: str, number: int = 1) -> None:
+        """Count ``number`` candidates rejected for a reason."""
+        if number:
+            self.counts[reason] += number
+
+    def collision(self, body: str) -> None:
+        """Count one candidate rejected because of a body in its way."""
+        self.add("in collision")
+        self.blocking[body] += 1
+
+    def failure(self, designator: object) -> LocationUnresolvable:
+        """The failure that tells all this, most frequent first."""
+        return LocationUnresolvable(
+            designator=str(designator), counts=_ordered(self.counts), blocking=_ordered(self.blocking)
+        )
+
+
+def first_body(contacts: Iterable[Contact]) -> str:
+    """The body of the deepest contact; by name among equals."""
+    return min(contacts, key=lambda contact: (-contact.depth, contact.body)).body
+
+
+def _ordered(counts: Counter[str]) -> Mapping[str, int]:
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))

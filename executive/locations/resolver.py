@@ -1,0 +1,193 @@
+"""Resolves locations by sampling places around what they are about, best first, validated exactly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from executive.locations.reach import CHUNK, Reach, ReachSolution, reach_solutions
+from executive.locations.rejections import Rejections, first_body
+from executive.locations.relations import Demand, base_demand, hand_demand, is_held
+from executive.locations.surroundings import ArmModel, Base, Surroundings
+from planlang.designators import Location
+from planlang.failures import LocationUnresolvable
+from planlang.protocols import Array, Solution
+
+BEARINGS = 24
+SECTORS = 12
+HEADINGS = (0.0, 0.35, -0.35, 0.8, -0.8)
+"""Heading of the base relative to the line to the target [rad]."""
+MOST_CANDIDATES = 240
+"""Places that are looked at exactly before a resolution gives up."""
+SIGHT_DISTANCES = (0.8, 1.1, 1.4, 1.8, 2.3)
+MARGIN = 0.02
+"""Free distance around the silhouette that a place to stand must have [m]."""
+APART = 0.05
+"""Consecutive solutions are at least this far apart [m]."""
+
+
+class Resolver:
+    """Turns locations into places for the base and poses of the hand."""
+
+    def __init__(self, around: Surroundings) -> None:
+        self.around = around
+        self._reached: dict[tuple[str, Base], dict[Reach, ReachSolution]] = {}
+
+    def bases(self, location: Location) -> Iterator[Solution]:
+        """Places that satisfy a location, lazily, best first; raises LocationUnresolvable when there are no more."""
+        around = self.around
+        demand = base_demand(location, around)
+        rejections = Rejections()
+        arms = self._arms(location)
+        if not arms and demand.reaches:
+            raise LocationUnresolvable("the robot has no arm that could reach there", designator=str(location))
+        found: list[Base] = []
+        for generous in (False, True):
+            for base in self._candidates(demand, arms, rejections):
+                if any(math.dist(base[:2], other[:2]) <= APART for other in found):
+                    continue
+                solution = self._validate(base, demand, arms, rejections, generous=generous)
+                if solution is not None:
+                    found.append(base)
+                    yield solution
+            if found:
+                break
+        raise rejections.failure(location)
+
+    def satisfies(self, location: Location, base: Base) -> Solution | None:
+        """The solution at one given base, or None."""
+        return self._validate(base, base_demand(location, self.around), self._arms(location), Rejections())
+
+    def hands(self, location: Location, arm: ArmModel, seed: Array) -> Iterator[ReachSolution]:
+        """Hand poses for a location from where the base stands; raises LocationUnresolvable when there are no more."""
+        demand = hand_demand(location, self.around)
+        if len(demand) != 1:
+            raise LocationUnresolvable("a hand location needs one reference", designator=str(location))
+        base, rejections = self.around.base(), Rejections()
+        known = self._reached.get((arm.name, base), {}).get(demand[0])
+        start = _seed(known, seed)
+        yield from reach_solutions(demand[0], base, arm, self.around, rejections, most_plans=4 * CHUNK, seed=start)
+        raise rejections.failure(location)
+
+    def _arms(self, location: Location) -> Sequence[ArmModel]:
+        """The arms that a location may mean: its device's; else those that hold something; else all."""
+        if location.device is not None:
+            return self.around.arms_of(location.device)
+        holding = [arm for arm in self.around.arms if self.around.held(arm.name) is not None]
+        return holding or self.around.arms
+
+    def _candidates(self, demand: Demand, arms: Sequence[ArmModel], rejections: Rejections) -> Iterator[Base]:
+        """Places worth a look, where they are now first if it may do, then best first and well spread."""
+        here = self.around.base()
+        yield here
+        sampled = [self._ring(anchors, arm) for arm in arms or (None,) for anchors in self._anchors(demand)]
+        if not sampled:
+            return
+        bases = np.concatenate([ring for ring, _ in sampled])
+        score = np.concatenate([score for _, score in sampled])
+        clearance = self.around.clearance(bases)
+        rejections.add("no room for the base", int((clearance < MARGIN).sum()))
+        travel = np.hypot(bases[:, 0] - here[0], bases[:, 1] - here[1])
+        score = score * (0.4 + np.minimum(clearance, 0.3)) * np.exp(-travel / 8.0)
+        free = np.flatnonzero(clearance >= MARGIN)
+        order = free[np.argsort(-score[free], kind="stable")]
+        sector = np.floor((bases[order, 2] + 4 * math.pi) / (2 * math.pi / SECTORS)).astype(int) % SECTORS
+        rank = np.zeros(len(order), int)
+        for value in np.unique(sector):
+            members = np.flatnonzero(sector == value)
+            rank[members] = np.arange(len(members))
+        for index in order[np.argsort(rank, kind="stable")][:MOST_CANDIDATES]:
+            x, y, yaw = (round(float(value), 4) for value in bases[index])
+            yield (x, y, yaw)
+
+    def _anchors(self, demand: Demand) -> Iterator[tuple[Array, str]]:
+        """Points (n, 2) of the map around which places are looked for, with why."""
+        for reach in demand.reaches:
+            block = self.around.block(reach.body)
+            if reach.kind == "offer":
+                yield self.around.zone(reach.body).points()[:9, :2], "reach"
+            elif reach.kind == "above":
+                grid = block.grid(0.15, 0.08)
+                edge = np.abs(block.to_local(grid)) >= np.array([block.half_x, block.half_y]) - 0.25
+                yield grid[edge.any(1)], "reach"
+            else:
+                yield block.centre[None, :2], "reach"
+            return
+        for name in demand.seen:
+            yield self.around.block(name).centre[None, :2], "see"
+            return
+        for name in demand.in_front_of:
+            block = self.around.block(name)
+            yield block.to_map(np.array([[block.half_x, 0.0]])), "front"
+
+    def _ring(self, anchors: tuple[Array, str], arm: ArmModel | None) -> tuple[Array, Array]:
+        """Bases (n, 3) around the anchors and how promising each is (n,)."""
+        points, why = anchors
+        if why == "reach" and arm is not None:
+            radii = arm.reach * np.array([0.55, 0.7, 0.85, 1.0])
+            best, width = 0.8 * arm.reach, 0.35 * arm.reach
+            side = float(arm.shoulder_low[1])
+        else:
+            radii, best, width, side = np.array(SIGHT_DISTANCES), 1.2, 0.6, 0.0
+        bearings = np.arange(BEARINGS) * 2 * math.pi / BEARINGS
+        index, radius, bearing, turn = (
+            grid.ravel() for grid in np.meshgrid(np.arange(len(points)), radii, bearings, HEADINGS, indexing="ij")
+        )
+        x = points[index, 0] - radius * np.cos(bearing)
+        y = points[index, 1] - radius * np.sin(bearing)
+        lateral = radius * np.sin(-turn)
+        score = np.exp(-(((radius - best) / width) ** 2)) * np.exp(-(((lateral - side) / 0.35) ** 2))
+        yaw = np.arctan2(np.sin(bearing + turn), np.cos(bearing + turn))
+        return np.column_stack([x, y, yaw]), score
+
+    def _validate(
+        self,
+        base: Base,
+        demand: Demand,
+        arms: Sequence[ArmModel],
+        rejections: Rejections,
+        *,
+        generous: bool = True,
+    ) -> Solution | None:
+        """The solution at ``base``, or None with the reason counted."""
+        around = self.around
+        if contacts := around.contacts(base, None, None, None):
+            rejections.collision(first_body(contacts))
+            return None
+        if not all(_in_front(around, name, base) for name in demand.in_front_of):
+            rejections.add("not in front")
+            return None
+        looked_at = (*demand.seen, *(r.body for r in demand.reaches if r.kind == "grasp"))
+        if not all(around.sees(base, name) for name in looked_at):
+            rejections.add("not visible")
+            return None
+        wanted = [reach for reach in demand.reaches if reach.kind != "retreat" and not is_held(reach.body, around)]
+        if not wanted:
+            return Solution(base, around.revision(), {})
+        for arm in arms:
+            reached: dict[Reach, ReachSolution] = {}
+            for reach in wanted:
+                plans = (4 if generous else 1) * CHUNK
+                found = reach_solutions(reach, base, arm, around, rejections, most_plans=plans)
+                solution = next(found, None)
+                if solution is None:
+                    break
+                reached[reach] = solution
+            else:
+                self._reached = {(arm.name, base): reached}
+                detail = {"arm": arm.name, "reaches": [solution.plan.label for solution in reached.values()]}
+                return Solution(base, around.revision(), detail)
+        return None
+
+
+def _in_front(around: Surroundings, name: str, base: Base) -> bool:
+    block = around.block(name)
+    local = block.to_local(np.array([[base[0], base[1]]]))[0]
+    away = local[0] - block.half_x
+    return bool(0.4 <= away <= 1.5 and abs(local[1]) <= away)
+
+
+def _seed(known: ReachSolution | None, seed: Array) -> Array:
+    return seed if known is None else known.joints[min(1, len(known.joints) - 1)]

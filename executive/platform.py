@@ -1,0 +1,280 @@
+"""The robot as process modules command it: motions in the real world, planned and judged in the believed one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from executive.capabilities import Gripper, Robot
+from executive.knowledge import Belief
+from executive.locations import ArmModel, Base, Block, ReachSolution, Resolver
+from executive.motion import (
+    Gaze,
+    Grid,
+    MotionError,
+    NoPath,
+    cartesian_path,
+    clearance_field,
+    plan_base_path,
+    plan_path,
+    time_path,
+)
+from executive.surroundings import BEYOND, BelievedSurroundings
+from planlang import Fluent, checkpoint, wait_for
+from planlang.designators import Location, Object
+from planlang.failures import ActionUnresolvable, LookingGoalUnreachable
+from planlang.protocols import Array, Motion, Pose, Trajectory
+from sim import PyBulletWorld
+
+CARRYING = "carrying"
+"""The posture in which the robot drives, and from which another place can be tried."""
+
+
+@dataclass(slots=True)
+class Platform:
+    """What all process modules share. ``world`` is the truth: commanded and sensed here, and looked into nowhere."""
+
+    world: PyBulletWorld
+    robot: Robot
+    belief: Belief
+    around: BelievedSurroundings
+    resolver: Resolver
+    gaze: Gaze | None
+    ancestors: Callable[[str], Sequence[str]]
+    rng: np.random.Generator
+    _preferred: str | None = None
+    """Arm that was chosen last where the plan left the choice; it is kept."""
+    _begun: dict[str, tuple[int, Base, ReachSolution]] = field(default_factory=dict)
+    """Arm -> revision, base and grasp whose pre-grasp was taken."""
+
+    # Where things are
+
+    def base(self) -> Base:
+        """Where the base is, by odometry."""
+        return self.world.configuration().base
+
+    def arm_joints(self, arm: ArmModel) -> Array:
+        """Joint values (d,) of an arm and what carries it, by encoders."""
+        joints = self.world.configuration().joints
+        return np.array([joints[name] for name in arm.joints])
+
+    def sync(self) -> None:
+        """Make the planning world equal to what is believed."""
+        self.belief.sync(self.around.world, self.world.configuration())
+
+    # Motions
+
+    async def follow(self, group: str, trajectory: Trajectory) -> Motion:
+        """Command a motion and wait for its end; stopped when the caller is evaporated or suspended."""
+        self.world.start(group, trajectory)
+        try:
+            await wait_for(Fluent(read=lambda: self.world.motion(group).state != "moving", name=f"{group} at rest"))
+            return self.world.motion(group)
+        finally:
+            self.world.halt(group)
+            self.sync()
+
+    def base_path(self, goal: Base) -> Trajectory:
+        """A timed path for the base through the believed world; raises a MotionError."""
+        self.sync()
+        around = self.around
+        x_min, y_min, x_max, y_max = around.world.scene.bounds
+        grid = Grid.over((x_min, y_min), (x_max, y_max))
+        field_ = clearance_field(grid, around.obstacles(), around.silhouette())
+        path = plan_base_path(
+            self.base(), goal, grid, field_, lambda x, y, yaw: not around.contacts((x, y, yaw), None, None, None)
+        )
+        drive = self.robot.base
+        return time_path(
+            ("x", "y", "yaw"),
+            path,
+            velocity=(drive.speed, drive.speed, drive.turn_speed),
+            acceleration=(drive.acceleration, drive.acceleration, drive.turn_acceleration),
+            jerk=drive.jerk,
+            rate=self.world.rate,
+        )
+
+    def arm_path(self, arm: ArmModel, goal: Array, touches: str | None = None) -> Trajectory:
+        """A timed path of an arm through the believed world; raises a MotionError."""
+        self.sync()
+        start, base = self.arm_joints(arm), self.base()
+        path = plan_path(
+            start,
+            goal,
+            lambda q: not self.around.contacts(base, arm, q, touches),
+            arm.lower,
+            arm.upper,
+            self.rng,
+            resolution=arm.resolution,
+        )
+        if path is None:
+            raise NoPath(tuple(start), tuple(goal), {})
+        return self._timed(arm.joints, path)
+
+    def straight_path(self, arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
+        """A timed straight line of the tip to a pose (4, 4) of the map; raises a MotionError with the reason."""
+        self.sync()
+        start, base = self.arm_joints(arm), self.base()
+        line = cartesian_path(
+            arm.solver,
+            start,
+            arm.solver.chain.fk(start)[0],
+            np.linalg.inv(Pose.planar(*base).matrix()) @ pose,
+            lambda row: not self.around.contacts(base, arm, row, touches),
+        )
+        if line.waypoints is None:
+            raise MotionError(line.reason)
+        return self._timed(arm.joints, line.waypoints)
+
+    def _timed(self, joints: Sequence[str], path: Array) -> Trajectory:
+        limits = [self.robot.limits[name] for name in joints]
+        return time_path(
+            tuple(joints),
+            path,
+            velocity=[limit.speed for limit in limits],
+            acceleration=[limit.acceleration for limit in limits],
+            jerk=[limit.jerk for limit in limits],
+            rate=self.world.rate,
+        )
+
+    # Hands
+
+    def in_order(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """The arm that was chosen before first: a choice is kept."""
+        return sorted(arms, key=lambda arm: arm.name != self._preferred)
+
+    def use(self, arm: ArmModel, way: ReachSolution) -> None:
+        """Remember which arm was chosen, and the grasp that was begun."""
+        self._preferred = arm.name
+        if way.reach.kind == "grasp":
+            self._begun[arm.name] = (self.belief.revision, self.base(), way)
+
+    def begun(self, arm: ArmModel, location: Location) -> ReachSolution | None:
+        """The grasp whose pre-grasp the arm has taken, if it is the one that the location asks for and still holds."""
+        if not any(relation.name == "in_center_of" for relation in location.relations):
+            return None
+        revision, base, way = self._begun.get(arm.name, (-1, (0.0, 0.0, 0.0), None))
+        meant = [self.around.bind(r.reference) for r in location.relations if isinstance(r.reference, Object)]
+        if way is None or revision != self.belief.revision or base != self.base() or way.reach.body not in meant:
+            return None
+        return way
+
+    def is_at(self, arm: ArmModel, q: Array) -> bool:
+        """Whether the arm is where joint values (d,) say."""
+        return bool(np.allclose(self.arm_joints(arm), q, atol=1e-3))
+
+    def posture(self, arm: ArmModel, name: str) -> Array:
+        """Joint values (d,) of a named posture for an arm and what carries it; unnamed joints stay.
+
+        A name that contains that of a posture means it ("parkingpose"), any other one the carrying posture. Raises
+        ActionUnresolvable if the robot has no such posture.
+        """
+        known = self.robot.postures
+        meant = name if name in known else next((one for one in known if one in name.lower()), CARRYING)
+        if meant not in known:
+            message = f"{self.robot.name} has no posture {name}; it has {', '.join(known) or 'none'}"
+            raise ActionUnresolvable(message, designator=f"posture {name}")
+        now = zip(arm.joints, self.arm_joints(arm), strict=True)
+        return np.array([known[meant].get(joint, value) for joint, value in now])
+
+    def gripper(self, arm: ArmModel) -> Gripper | None:
+        """The gripper of an arm."""
+        return self.robot.arm(arm.name).gripper
+
+    async def move_gripper(self, arm: ArmModel, *, closed: bool) -> Motion:
+        """Open or close the fingers as far as they go."""
+        gripper = self.gripper(arm)
+        assert gripper is not None
+        joints = self.world.configuration().joints
+        now = np.array([joints[name] for name in gripper.joints])
+        wanted = gripper.closed if closed else gripper.opened
+        goal = np.array([wanted[name] for name in gripper.joints])
+        return await self.follow(f"gripper of {arm.name}", self._timed(gripper.joints, np.stack([now, goal])))
+
+    def between_fingers(self, arm: ArmModel) -> str | None:
+        """The body that the closed fingers feel."""
+        gripper = self.gripper(arm)
+        return self.world.between_fingers(gripper.finger_links) if gripper is not None else None
+
+    def grasp(self, arm: ArmModel, name: str) -> None:
+        """The fingers have closed on a body: it moves with the hand from now on."""
+        link = self.robot.arm(arm.name).tip
+        self.world.attach(link, name)
+        offset = self.world.link_pose(link).inverse() @ self.world.pose(name)
+        self.belief.grasped(name, arm.name, link, offset)
+        self._begun.pop(arm.name, None)
+        self.sync()
+
+    def let_go(self, name: str, *, to: str | None = None) -> None:
+        """Let a held body go: it comes down on what is below, or a person has it."""
+        self.world.release(name)
+        self.sync()
+        planning = self.around.world
+        planning.release(name)
+        while planning.falling(name):
+            planning.step()
+        self.belief.released(name, planning.pose(name), to=to)
+        self.sync()
+
+    async def settled(self, name: str) -> None:
+        """Wait until a body that was let go has come to rest."""
+        await wait_for(Fluent(read=lambda: not self.world.falling(name), name=f"{name} at rest"))
+
+    def taken(self, name: str) -> Fluent:
+        """The person who pulls at a held body, None while nobody does: what the wrist feels."""
+        return Fluent(read=lambda: self.world.taken(name), name=f"{name} taken")
+
+    # Sensing
+
+    async def look_at(self, point: Array, name: str) -> None:
+        """Turn the neck so that a map point (3,) is in the picture; raises LookingGoalUnreachable."""
+        if self.gaze is None:
+            await checkpoint()
+            return
+        inverse = np.linalg.inv(Pose.planar(*self.base()).matrix())
+        neck, beyond, _ = self.gaze.at((inverse @ np.append(point, 1.0))[:3])
+        if beyond > BEYOND:
+            raise LookingGoalUnreachable(what=name)
+        joints = self.world.configuration().joints
+        now = np.array([joints[joint] for joint in self.gaze.joints])
+        await self.follow("head", self._timed(self.gaze.joints, np.stack([now, neck])))
+
+    def see(self) -> tuple[str, ...]:
+        """Take a picture; everything recognised changes the belief. Names of what was seen."""
+        if self.robot.camera is None:
+            return ()
+        detections = self.world.detect(self.robot.camera.link)
+        self.belief.see(detections)
+        self.sync()
+        return tuple(detection.name for detection in detections)
+
+    def not_seen(self, name: str) -> None:
+        """Remember that a body was looked for in vain from here."""
+        self.belief.not_seen(name, self.base())
+
+    def must_look(self, what: Object) -> bool:
+        """Whether a thing to be manipulated has not been seen since the base last moved."""
+        name = self.around.bind(what)
+        return self.around.is_graspable(name) and name not in self.belief.held and not self.belief.seen_from_here(name)
+
+    def base_moved(self) -> None:
+        """Tell the belief that things have to be looked at again."""
+        self.belief.base_moved()
+        self.sync()
+
+    def bump(self, name: str | None) -> None:
+        """Feel where a body is that was not believed to be there."""
+        if name is not None and name in self.world.names():
+            self.belief.bump(name, self.world.pose(name))
+            self.sync()
+
+    def support_of(self, name: str) -> Block | None:
+        """The body that something is believed to stand on."""
+        support = self.around.world.support(name)
+        return self.around.block(support) if support in self.around.world.names() else None
+
+    def believed_pose(self, name: str) -> Pose:
+        """Where a body is believed to be."""
+        return self.belief.pose(name)

@@ -1,0 +1,60 @@
+"""A trace that others listen to, and the lines of progress that people read while a plan runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from planlang import Trace
+
+Record = Mapping[str, Any]
+
+
+class ToldTrace(Trace):
+    """A trace that tells each record to listeners as well; written to a file when there is a path."""
+
+    listeners: tuple[Callable[[Record], None], ...] = ()
+
+    @classmethod
+    def to(
+        cls, path: Path | None, header: Mapping[str, object], listeners: tuple[Callable[[Record], None], ...]
+    ) -> ToldTrace:
+        """A trace into a file, or kept in memory without ``path``."""
+        trace = cls(None, header) if path is None else cls.at(path, header)
+        trace.listeners = listeners
+        return trace
+
+    def write(self, step: int, event: str, **details: object) -> None:
+        """Write one record and tell it."""
+        super().write(step, event, **details)
+        for listener in self.listeners:
+            listener({"step": step, "event": event, **details})
+
+
+def progress_lines(rate: int, say: Callable[[str], None]) -> Callable[[Record], None]:
+    """A listener that says, one line each, which actions begin, what fails and what is done about it."""
+
+    def tell(record: Record) -> None:
+        line = line_of(record)
+        if line is not None:
+            say(f"{record['step'] / rate:7.2f} s  {line}")
+
+    return tell
+
+
+def line_of(record: Record) -> str | None:
+    """What a record of the trace says to people; None for what they need not see."""
+    depth = "  " * str(record.get("path", "")).count("perform")
+    match record:
+        case {"event": "started", "kind": "perform", "action": action}:
+            return f"{depth}{action}"
+        case {"event": "ended", "kind": "perform", "failure": failure}:
+            return f"{depth}failed: {type(failure).__name__}: {failure}"
+        case {"event": "started", "kind": "plan", "path": path}:
+            return f"plan {path}"
+        case {"event": "recovery", "decision": decision}:
+            return f"{depth}recovery: {decision}"
+        case {"event": "belief", "change": change, "name": name}:
+            return f"{depth}  belief: {name} {change}"
+    return None

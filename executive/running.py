@@ -1,0 +1,318 @@
+"""Runs a recipe or a plan: compiles, binds the robot, builds the worlds, executes, tells how it ended."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import inspect
+import tempfile
+import traceback
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from executive.arms import arm_models, gaze_of
+from executive.capabilities import Robot, bind_robot, missing_capabilities
+from executive.core import RobotExecutive
+from executive.knowledge import Belief, SemanticMap, default_start, read_map, scene_of
+from executive.locations import Resolver
+from executive.outputs import replace as write_complete
+from executive.platform import Platform
+from executive.progress import ToldTrace, line_of, progress_lines
+from executive.surroundings import BelievedSurroundings
+from planlang import PlanFailure, SimulationHost, budget, explain, run
+from planlang.designators import Object, local_name
+from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.language.plans import Plan
+from planlang.ontology import expand, load, shorten
+from sim import PyBulletWorld, Scene, perturb
+from sim.oracle import at_rest_on, held_by
+
+if TYPE_CHECKING:
+    from executive.report.recording import Recording
+
+DONE, FAILED, MISSING_CAPABILITY, INTERRUPTED = 0, 1, 3, 130
+BUDGET = 600.0
+"""Plan time after which a run is given up [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """What to run, where, and what to leave behind."""
+
+    plan: Path | None = None
+    recipe: Path | None = None
+    task: str | None = None
+    ontologies: tuple[Path, ...] = ()
+    allow_abstract: bool = False
+    robot: Path | None = None
+    urdf: Path | None = None
+    environment: Path | None = None
+    start: tuple[float, float, float] | None = None
+    bindings: Mapping[str, str] | None = None
+    seed: int = 0
+    schedule: int | None = None
+    gui: bool = False
+    trace: Path | None = None
+    picture: Path | None = None
+    record: Path | None = None
+    force: bool = False
+    progress: Callable[[str], None] = lambda line: None
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """How a run ended. ``final_state`` is what the simulator's truth says about the objects of the plan."""
+
+    exit_code: int
+    outcome: str
+    final_state: tuple[str, ...] = ()
+    diagnostics: tuple[Diagnostic, ...] = ()
+    seconds: float = 0.0
+    """Plan time [s]."""
+
+
+def run_plan_file(options: RunOptions) -> RunResult:
+    """Run; the plan's own failures end in the result, bad input raises BadInput.
+
+    The trace is written line by line; picture and recording are written at the end, also after a failure.
+    """
+    with ExitStack() as stack:
+        found: list[Diagnostic] = []
+        module = _plan_module(options, stack, found)
+        plan = _main_plan(module, options.task)
+        semantic_map = _map(options, found)
+        robot = _robot(options, found)
+        if not options.force:
+            missing = missing_capabilities(semantic_map.ontology, _action_classes(module), robot)
+            if missing:
+                return RunResult(MISSING_CAPABILITY, str(missing), diagnostics=tuple(found))
+        scene = _placed(scene_of(semantic_map, found), robot, options)
+        truth = PyBulletWorld(perturb(scene, options.seed), robot.body(), gui=options.gui, seed=options.seed)
+        stack.callback(truth.close)
+        believed = PyBulletWorld(scene, robot.body())
+        stack.callback(believed.close)
+        executive = RobotExecutive(_platform(robot, semantic_map, truth, believed, options.seed))
+        bound = _bound(plan, options.bindings or {}, semantic_map)
+        return replace(_execute(plan, bound, executive, truth, options), diagnostics=tuple(found))
+
+
+def _execute(
+    plan: Plan[Any, Any],
+    bound: Mapping[str, Object],
+    executive: RobotExecutive,
+    truth: PyBulletWorld,
+    options: RunOptions,
+) -> RunResult:
+    listeners = [progress_lines(truth.rate, options.progress)]
+    recording = None
+    host: SimulationHost = SimulationHost(truth)
+    if options.record is not None:
+        from executive.report.recording import Recording
+        from executive.report.shapes import drawn_in
+
+        recording = Recording(truth.rate, drawn_in(truth, executive.platform.robot.urdf), title=plan.name)
+        film = recording
+        listeners.append(lambda record: film.event(record["step"], line_of(record) or "") if line_of(record) else None)
+        host = SimulationHost(_Filmed(truth, recording))
+    header = {"versions": _versions(), "robot": executive.platform.robot.name, "map": executive.platform.belief.map.iri}
+    trace = ToldTrace.to(options.trace, header, tuple(listeners))
+    code, outcome = DONE, "done"
+    try:
+        run(
+            _budgeted(plan, bound),
+            host=host,
+            executive=executive,
+            seed=options.seed,
+            schedule=options.schedule,
+            trace=trace,
+            max_steps=int(2 * BUDGET * truth.rate),
+        )
+    except PlanFailure as failure:
+        code, outcome = FAILED, explain(failure)
+    except KeyboardInterrupt:
+        code, outcome = INTERRUPTED, "interrupted"
+    finally:
+        trace.close()
+        if options.picture is not None:
+            write_complete(options.picture, truth.save_picture)
+        if recording is not None and options.record is not None:
+            recording.save(options.record)
+    state = tuple(_state_lines(truth, bound, executive.platform.belief))
+    return RunResult(code, outcome, state, (), truth.steps / truth.rate)
+
+
+class _Filmed:
+    """A world that is recorded after every step."""
+
+    def __init__(self, world: PyBulletWorld, recording: Recording) -> None:
+        self.world, self.recording, self.rate = world, recording, world.rate
+        recording.frame(0)
+
+    def step(self) -> None:
+        self.world.step()
+        self.recording.frame(self.world.steps)
+
+
+def _budgeted(plan: Plan[Any, Any], bound: Mapping[str, Object]) -> Callable[[], Awaitable[Any]]:
+    async def body() -> Any:
+        return await budget(partial(plan, **bound), seconds=BUDGET)
+
+    body.__name__ = plan.name
+    vars(body)["iri"] = plan.iri
+    return body
+
+
+def _plan_module(options: RunOptions, stack: ExitStack, found: list[Diagnostic]) -> ModuleType:
+    """The plan as an imported module; a recipe is compiled into a temporary folder first."""
+    path = options.plan
+    if path is None:
+        from planlang.compiler import compile_recipe
+
+        assert options.recipe is not None
+        compiled = compile_recipe(
+            options.recipe, task=options.task, folders=options.ontologies, allow_abstract=options.allow_abstract
+        )
+        found.extend(compiled.diagnostics)
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-")))
+        path = folder / f"{compiled.functions[-1]}.py"
+        path.write_text(compiled.source, encoding="utf-8")
+    spec = importlib.util.spec_from_file_location(f"planlang_run_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as problem:
+        message = f"the plan cannot be imported: {type(problem).__name__}: {problem}"
+        raise BadInput([error("X001", message, Span(str(path), _line_of(problem, path)))]) from problem
+    return module
+
+
+def _line_of(problem: BaseException, path: Path) -> int:
+    lines = [frame.lineno for frame in traceback.extract_tb(problem.__traceback__) if frame.filename == str(path)]
+    return (lines[-1] if lines else getattr(problem, "lineno", None)) or 1
+
+
+def _main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:
+    """The plan of that name or IRI; without one the last plan in the file, which calls the others."""
+    plans = [value for value in vars(module).values() if isinstance(value, Plan)]
+    if task is not None:
+        plans = [plan for plan in plans if task in (plan.name, plan.iri, local_name(plan.iri or ""))] or plans
+    if not plans:
+        advice = "mark the plan with @plan from planlang"
+        raise BadInput([error("X002", "this file defines no plan", Span(str(module.__file__)), advice)])
+    return plans[-1]
+
+
+def _map(options: RunOptions, found: list[Diagnostic]) -> SemanticMap:
+    assert options.environment is not None
+    ontology = load(options.environment, folders=options.ontologies)
+    semantic_map = read_map(ontology)
+    found.extend((*ontology.diagnostics, *semantic_map.diagnostics))
+    return semantic_map
+
+
+def _robot(options: RunOptions, found: list[Diagnostic]) -> Robot:
+    assert options.robot is not None
+    robot = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
+    found.extend(robot.diagnostics)
+    return robot
+
+
+def _placed(scene: Scene, robot: Robot, options: RunOptions) -> Scene:
+    """The scene with the robot at its start."""
+    start = options.start or default_start(scene, robot.base.radius)
+    if start is None:
+        advice = "say where with --start x,y,yaw"
+        raise BadInput([error("X003", "there is no free place for the robot to start", help=advice)])
+    return replace(scene, start=start)
+
+
+def _platform(
+    robot: Robot, semantic_map: SemanticMap, truth: PyBulletWorld, believed: PyBulletWorld, seed: int
+) -> Platform:
+    belief = Belief(semantic_map, believed)
+    belief.sync(believed, truth.configuration())
+    around = BelievedSurroundings(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
+    ontology = semantic_map.ontology
+
+    @cache
+    def ancestors(action_type: str) -> tuple[str, ...]:
+        return tuple(map(shorten, ontology.ancestors(expand(action_type))))
+
+    return Platform(truth, robot, belief, around, Resolver(around), around.gaze, ancestors, np.random.default_rng(seed))
+
+
+def _bound(plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap) -> dict[str, Object]:
+    """The plan's parameters: their defaults, or things of the map that the user named and whose class fits."""
+    parameters = {
+        name: parameter.default
+        for name, parameter in inspect.signature(plan.function).parameters.items()
+        if isinstance(parameter.default, Object)
+    }
+    problems = []
+    for name, wanted in bindings.items():
+        thing = semantic_map.find(wanted)
+        if name not in parameters:
+            known = ", ".join(parameters) or "none"
+            problems.append(error("X004", f"the plan has no parameter {name!r}", help=f"its parameters: {known}"))
+        elif thing is None or thing.pose is None:
+            known = ", ".join(other.name for other in semantic_map.objects if other.pose is not None)
+            problems.append(error("X005", f"{wanted!r} is not in the map", help=f"things with a place: {known}"))
+        else:
+            default = parameters[name]
+            if not any(semantic_map.ontology.is_a(cls, expand(default.type)) for cls in thing.types):
+                classes = ", ".join(shorten(cls) for cls in thing.types)
+                problems.append(error("X006", f"{wanted} is a {classes}, but {name} must be a {default.type}"))
+            else:
+                parameters[name] = replace(default, iri=thing.iri)
+    if problems:
+        raise BadInput(problems)
+    return parameters
+
+
+def _action_classes(module: ModuleType) -> tuple[str, ...]:
+    """Action classes that the plan's source names, in order; a scope moves the base."""
+    source = inspect.getsource(module)
+    found: dict[str, None] = {}
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Call(func=ast.Name("action"), args=[ast.Constant(str(name)), *_]):
+                found[name] = None
+            case ast.Name("at_location"):
+                found["Translation-LocationChange"] = None
+    return tuple(found)
+
+
+def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Object], belief: Belief) -> Iterator[str]:
+    """For each graspable object of the plan where the truth has it."""
+    for what in bound.values():
+        try:
+            name = belief.bind(what, truth.configuration().base)
+        except PlanFailure:
+            continue
+        if not truth.scene.body(name).graspable:
+            continue
+        holder, support = held_by(truth, name), at_rest_on(truth, name)
+        if holder is not None:
+            yield f"{name}: held by {holder}"
+        else:
+            yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
+
+
+def _versions() -> dict[str, str]:
+    versions = {}
+    for package in ("planlang", "pybullet", "casadi", "ruckig", "numpy"):
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = "unknown"
+    return versions
