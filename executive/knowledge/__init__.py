@@ -1,0 +1,13 @@
+"""What is known of the world: semantic maps, the scene they make, and what the robot believes of it.
+
+General layout: ``semantic_map`` reads things (``transforms``, ``sizes`` and ``numbers`` below it), ``scene`` turns them into
+bodies (``support`` says what stands on what, ``start`` where the robot begins), ``belief`` is what plans look at.
+"""
+
+from executive.knowledge.belief import Belief, Grip
+from executive.knowledge.scene import scene_of
+from executive.knowledge.semantic_map import MapObject, SemanticMap, read_map
+from executive.knowledge.start import default_start
+from executive.knowledge.support import support_of
+
+__all__ = ["Belief", "Grip", "MapObject", "SemanticMap", "default_start", "read_map", "scene_of", "support_of"]

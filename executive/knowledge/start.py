@@ -1,0 +1,59 @@
+"""Where a robot starts when nobody says so."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from executive.knowledge.support import footprint
+from planlang.protocols import Array
+from sim import Scene
+from sim.geometry import corners
+
+SPACING = 0.05
+"""Distance of the places that are tried [m]."""
+
+CLEARANCE = 0.1
+"""Free distance around the robot's radius [m]."""
+
+HEADROOM = 2.0
+"""Bodies above this height are driven under [m]."""
+
+
+def default_start(scene: Scene, radius: float) -> tuple[float, float, float] | None:
+    """The free pose (x, y, yaw 0) nearest the centre of the room, or of all things without one; None if there is none.
+
+    Free: a disc of ``radius`` and :data:`CLEARANCE` [m] touches no body and lies within the room. Of equally near places
+    the one with the smallest x, then y is taken.
+    """
+    rooms = [body for body in scene.bodies if body.shape == "room"]
+    x_min, y_min, x_max, y_max = scene.bounds
+    centre = np.array(rooms[0].pose.position[:2] if rooms else ((x_min + x_max) / 2, (y_min + y_max) / 2))
+    reach = SPACING * int(np.ceil(max(x_max - x_min, y_max - y_min) / SPACING))
+    axis = np.arange(-reach, reach + SPACING / 2, SPACING)
+    offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    points = (offsets + centre).round(6)
+    within = np.all((points >= (x_min, y_min)) & (points <= (x_max, y_max)), axis=1)
+    points, offsets = points[within], offsets[within]
+    free = np.ones(len(points), bool)
+    keep = radius + CLEARANCE
+    if rooms:
+        free &= np.any([_signed_distance(footprint(room), points) <= -keep for room in rooms], axis=0)
+    for body in scene.bodies:
+        if body.shape not in ("marker", "room") and corners(body.pose, body.size)[:, 2].min() < HEADROOM:
+            free &= _signed_distance(footprint(body), points) >= keep
+    if not free.any():
+        return None
+    points, away = points[free], np.hypot(*offsets[free].T).round(6)
+    best = points[np.lexsort((points[:, 1], points[:, 0], away))[0]]
+    return (float(best[0]), float(best[1]), 0.0)
+
+
+def _signed_distance(polygon: Array, points: Array) -> Array:
+    """Distance of (m, 2) points to a counter-clockwise convex polygon (n, 2), negative inside, (m,)."""
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    lengths = np.maximum(np.linalg.norm(edges, axis=1), 1e-12)
+    arrows = points[:, None] - polygon[None]
+    along = np.clip(np.einsum("mnk,nk->mn", arrows, edges) / lengths**2, 0.0, 1.0)
+    away = np.linalg.norm(arrows - along[..., None] * edges, axis=2).min(axis=1)
+    side = (edges[:, 0] * arrows[..., 1] - edges[:, 1] * arrows[..., 0]) / lengths
+    return np.where(np.all(side >= 0, axis=1), -away, away)
