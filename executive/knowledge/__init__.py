@@ -1,7 +1,7 @@
 """What is known of the world: semantic maps, the scene they make, and what the robot believes of it.
 
-General layout: ``semantic_map`` reads things (``transforms``, ``sizes`` and ``numbers`` below it), ``scene`` turns them into
-bodies (``support`` says what stands on what, ``start`` where the robot begins), ``belief`` is what plans look at.
+General layout: ``semantic_map`` reads things (``transforms``, ``sizes`` and ``numbers`` below it), ``scene`` turns them
+into bodies (``support`` says what stands on what, ``start`` where the robot begins), ``belief`` is what plans look at.
 """
 
 from executive.knowledge.belief import Belief, Grip

@@ -36,7 +36,7 @@ def length(triple: Triple, found: list[Diagnostic]) -> float | None:
 
 
 def lengths(triple: Triple, found: list[Diagnostic]) -> tuple[float, ...] | None:
-    """The numbers of a literal such as "0.4 0.8 1.2", lengths in metres; None with a diagnostic if one is not finite."""
+    """The numbers of a literal such as "0.4 0.8 1.2", lengths in metres; None with a diagnostic if one is none."""
     text = _text(triple)
     try:
         numbers = tuple(float(word) for word in text.replace(",", " ").split())

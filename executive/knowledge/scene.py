@@ -49,8 +49,8 @@ MARGIN = 1.5
 def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -> Scene:
     """The bodies of a map, in its order; what was decided on the way is appended to ``found``.
 
-    Poses are box centres, the floor is z = 0. Bottles, cups and the like are cylinders, persons are persons, a room with
-    a size is its walls; things without size are markers. Things without place are left out.
+    Poses are box centres, the floor is z = 0. Bottles, cups and the like are cylinders, persons are persons, a room
+    with a size is its walls; things without size are markers. Things without place are left out.
     """
     found = [] if found is None else found
     bodies = []

@@ -22,8 +22,8 @@ HEADROOM = 2.0
 def default_start(scene: Scene, radius: float) -> tuple[float, float, float] | None:
     """The free pose (x, y, yaw 0) nearest the centre of the room, or of all things without one; None if there is none.
 
-    Free: a disc of ``radius`` and :data:`CLEARANCE` [m] touches no body and lies within the room. Of equally near places
-    the one with the smallest x, then y is taken.
+    Free: a disc of ``radius`` and :data:`CLEARANCE` [m] touches no body and lies within the room. Of equally near
+    places the one with the smallest x, then y is taken.
     """
     rooms = [body for body in scene.bodies if body.shape == "room"]
     x_min, y_min, x_max, y_max = scene.bounds
@@ -56,4 +56,5 @@ def _signed_distance(polygon: Array, points: Array) -> Array:
     along = np.clip(np.einsum("mnk,nk->mn", arrows, edges) / lengths**2, 0.0, 1.0)
     away = np.linalg.norm(arrows - along[..., None] * edges, axis=2).min(axis=1)
     side = (edges[:, 0] * arrows[..., 1] - edges[:, 1] * arrows[..., 0]) / lengths
-    return np.where(np.all(side >= 0, axis=1), -away, away)
+    signed: Array = np.where(np.all(side >= 0, axis=1), -away, away)
+    return signed

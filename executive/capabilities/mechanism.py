@@ -1,0 +1,88 @@
+"""The tree of links and joints of a URDF, and questions about its shape."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from executive.motion.urdf import Joint, read_joints
+from planlang.protocols import Array
+
+
+class Mechanism:
+    """Joints by name, and who hangs from whom; raises :class:`executive.motion.BadRobotDescription` for a bad file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.joints: dict[str, Joint] = {joint.name: joint for joint in read_joints(path)}
+        self.above: dict[str, Joint] = {joint.child: joint for joint in self.joints.values()}
+        """Link -> the joint it hangs from."""
+        self.links: dict[str, None] = {}
+        for joint in self.joints.values():
+            self.links.update({joint.parent: None, joint.child: None})
+        roots = [link for link in self.links if link not in self.above]
+        self.root = roots[0] if roots else ""
+
+    def actuated(self, name: str) -> bool:
+        """Whether a joint of that name exists and moves by itself."""
+        joint = self.joints.get(name)
+        return joint is not None and joint.kind not in ("fixed", "floating", "planar") and joint.mimic is None
+
+    def chain(self, link: str) -> tuple[Joint, ...]:
+        """The joints from the root to a link."""
+        found: list[Joint] = []
+        while link in self.above and len(found) <= len(self.joints):
+            found.append(self.above[link])
+            link = found[-1].parent
+        return tuple(reversed(found))
+
+    def movers(self, link: str) -> tuple[str, ...]:
+        """Names of the actuated joints from the root to a link."""
+        return tuple(joint.name for joint in self.chain(link) if self.actuated(joint.name))
+
+    def ancestors(self, link: str) -> tuple[str, ...]:
+        """The link and those above it, up to the root."""
+        return (link, *(joint.parent for joint in reversed(self.chain(link))))
+
+    def common_ancestor(self, links: Iterable[str]) -> str:
+        """The deepest link that all links hang from or are."""
+        paths = [self.ancestors(link) for link in links]
+        return next(link for link in paths[0] if all(link in path for path in paths))
+
+    def rigid_with(self, link: str) -> tuple[str, ...]:
+        """The link and all others that never move relative to it, in the order of the file."""
+        top = link
+        while top in self.above and self.above[top].kind == "fixed":
+            top = self.above[top].parent
+        group = [top]
+        for member in group:
+            group += [j.child for j in self.joints.values() if j.parent == member and j.kind == "fixed"]
+        return tuple(name for name in self.links if name in group)
+
+    def fingers(self, hand: str) -> tuple[Joint, ...]:
+        """Actuated joints, or those that mimic one, that hang from what is rigid with a link."""
+        group = self.rigid_with(hand)
+        return tuple(j for j in self.joints.values() if j.parent in group and j.kind != "fixed")
+
+    def frame(self, link: str, position: float = 0.0, *, of: str = "") -> Array:
+        """Pose (4, 4) of a link in the root frame with the joint ``of`` at a position and all others at zero."""
+        matrix = np.eye(4)
+        for joint in self.chain(link):
+            matrix = matrix @ joint.origin
+            if joint.name == of:
+                matrix = matrix @ displacement(joint, position)
+        return matrix
+
+
+def displacement(joint: Joint, position: float) -> Array:
+    """Motion (4, 4) of a joint's child: a slide along its axis or a turn about it (Rodrigues' formula)."""
+    matrix = np.eye(4)
+    if joint.kind == "prismatic":
+        matrix[:3, 3] = position * joint.axis
+        return matrix
+    x, y, z = joint.axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    matrix[:3, :3] = np.eye(3) + np.sin(position) * cross + (1 - np.cos(position)) * cross @ cross
+    return matrix
