@@ -9,6 +9,7 @@ from pathlib import Path
 
 from planlang.compiler.emit import emit
 from planlang.compiler.lowering import Lowering
+from planlang.compiler.recoveries import check_recoveries
 from planlang.diagnostics import BadInput, Diagnostic, has_errors
 from planlang.ontology import Ontology, load
 from planlang.recipe import read_recipe
@@ -52,12 +53,13 @@ def compile_ontology(
     """Compile a recipe of an ontology whose main document is the recipe; see :func:`compile_recipe`."""
     actions = Actions(ontology)
     reading = read_recipe(actions, task, allow_abstract=allow_abstract, scopes=scopes)
-    diagnostics = (*ontology.diagnostics, *reading.diagnostics)
+    diagnostics = (*ontology.diagnostics, *reading.diagnostics, *check_recoveries(actions.recoveries))
     if reading.recipes is None or has_errors(diagnostics):
         raise BadInput(diagnostics)
-    tree = Lowering(ontology, reading.recipes, actions, scopes=scopes).tree()
+    lowering = Lowering(ontology, reading.recipes, actions, scopes=scopes)
+    tree = lowering.tree()
     source, functions = emit(tree, reading.recipes, _version())
-    return CompiledPlan(source, reading.recipes.main.name, functions, diagnostics)
+    return CompiledPlan(source, reading.recipes.main.name, functions, (*diagnostics, *lowering.diagnostics))
 
 
 def _version() -> str:

@@ -88,7 +88,7 @@ def _lines(expression: Expression, depth: int, before: str, after: str) -> list[
         if len(together) <= WIDTH:
             return [f"{indent}{before}{opening}", together, f"{indent}{closing}{after}"]
     else:
-        opening, closing = expression.brackets
+        opening, closing = expression.brackets[0], expression.brackets[1]
         items = expression.labelled()
     inside = [line for label, item in items for line in _lines(item, depth + 1, label, ",")]
     return [f"{indent}{before}{opening}", *inside, f"{indent}{closing}{after}"]

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import networkx as nx
 
+from planlang.compiler.naming import Names
 from planlang.compiler.recoveries import Recoveries, looked_at
 from planlang.compiler.scopes import Scoping, Unit, scoping
 from planlang.compiler.terms import HandUse, Renaming, Terms
@@ -25,8 +26,10 @@ from planlang.compiler.tree import (
     Series,
     Unordered,
 )
+from planlang.diagnostics import Diagnostic, note
 from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions
+from planlang.recipe.check_orderings import ordering_to_write
 from planlang.recipe.graph import blocks, closed, order_graph, recipe_graph, reduced
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
 
@@ -41,6 +44,7 @@ class Lowering:
         self._terms = Terms(ontology, recipes, actions)
         self._recoveries = Recoveries(actions)
         self._bases: list[tuple[PlaceUse, list[HandUse]]] = []
+        self.diagnostics: list[Diagnostic] = []
 
     def tree(self) -> PlanTree:
         """The plan tree of the whole set."""
@@ -67,6 +71,7 @@ class Lowering:
 
     def _function(self, recipe: Recipe) -> Function:
         found = self.scoping(recipe)
+        self.diagnostics += [_added(recipe, before, after) for before, after in found.added]
         nodes = [self._unit(recipe, unit) for unit in found.units]
         names = [_name(recipe, unit) for unit in found.units]
         body = self._series(found.graph, nodes, names)
@@ -79,15 +84,18 @@ class Lowering:
 
     def _series(self, graph: nx.DiGraph, nodes: list[Node], names: list[str]) -> Series:
         """What is totally ordered one after another, the rest as unordered blocks; the graph is one of indices."""
+        known = Names()
+        unique = [known.claim(name) for name in names]
         small = reduced(graph)
         series: list[Node] = []
-        members: list[int]
-        for members in blocks(graph):
-            if len(members) == 1:
-                series.append(nodes[members[0]])
+        found: list[list[int]] = blocks(graph)
+        for block in found:
+            if len(block) == 1:
+                series.append(nodes[block[0]])
                 continue
-            pairs = tuple((names[a], names[b]) for a, b in small.edges if a in members and b in members)
-            series.append(Unordered(tuple((names[member], nodes[member]) for member in members), pairs))
+            members = frozenset(block)
+            pairs = tuple((unique[a], unique[b]) for a, b in small.edges if a in members and b in members)
+            series.append(Unordered(tuple((unique[member], nodes[member]) for member in block), pairs))
         return Series(tuple(series))
 
     def _unit(self, recipe: Recipe, unit: Unit) -> Node:
@@ -180,6 +188,13 @@ def placed(recipe: Recipe) -> frozenset[str]:
         for step in recipe.steps
         if any(isinstance(parameter.filler, (Thing, Place)) for parameter in step.parameters)
     )
+
+
+def _added(recipe: Recipe, before: str, after: str) -> Diagnostic:
+    first, second = recipe.step(before), recipe.step(after)
+    message = f"`{first.name}` now comes before `{second.name}`: what is done from one place is done together"
+    advice = f"write the order if that is meant: {ordering_to_write(recipe, before, after)}"
+    return note("R041", message, first.span, advice)
 
 
 def _name(recipe: Recipe, unit: Unit) -> str:

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from collections.abc import Set as AbstractSet
+from difflib import get_close_matches
+
+from planlang import failures
 from planlang.compiler.naming import snake_case
 from planlang.compiler.tree import Recover
+from planlang.diagnostics import Diagnostic, error, warning
+from planlang.failures import PlanFailure
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Kind, Place, Step, Thing
 from planlang.recipe.tables import RecoveryRule, recoveries_of
@@ -22,6 +29,32 @@ WRITTEN = NEEDS_AN_OBJECT | {"Repeat", "Ignore", "Escalate"}
 
 HANDLED = ("in_center_of", "in_front_of")
 """Relations of the hand to a thing that is about to be manipulated."""
+
+
+LATER = frozenset({"OpenWhatIsInTheWay", "PutDownAndRegrasp"})
+"""Strategies that are known but cannot be written yet."""
+
+
+def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
+    """An error for each name that a recovery rule gets wrong, a warning for what is left out."""
+    classes = {
+        name for name, value in vars(failures).items() if isinstance(value, type) and issubclass(value, PlanFailure)
+    }
+    for rule in rules:
+        named = [*rule.failures, *([rule.escalates_to] if rule.escalates_to else [])]
+        for name in (name for name in named if name not in classes):
+            yield _unknown(rule, "failure", name, classes)
+        if rule.strategy in LATER:
+            message = f"the recovery `{rule.name}` is left out: {rule.strategy} cannot be written yet"
+            yield warning("R043", message, rule.span)
+        elif rule.strategy not in WRITTEN | {NEXT_SOLUTION}:
+            yield _unknown(rule, "strategy", rule.strategy, WRITTEN | LATER | {NEXT_SOLUTION})
+
+
+def _unknown(rule: RecoveryRule, what: str, name: str, known: AbstractSet[str]) -> Diagnostic:
+    similar = get_close_matches(name, sorted(known), n=1)
+    advice = f"did you mean {similar[0]}?" if similar else f"known are {', '.join(sorted(known))}"
+    return error("R043", f"the recovery `{rule.name}` names a {what} {name}, which there is not", rule.span, advice)
 
 
 class Recoveries:

@@ -13,7 +13,7 @@ from itertools import pairwise
 import networkx as nx
 
 from planlang.recipe.actions import Movers
-from planlang.recipe.graph import closed, order_graph, sorted_nodes
+from planlang.recipe.graph import closed, order_graph, reduced, sorted_nodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,10 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Scoping:
-    """Units in the order of the file, the graph of their indices, and the orders that were added among steps."""
+    """Units in the order of the file, the graph of their indices, and the orders that were added among steps.
+
+    From ``added`` and the stated orders all orders of the scoped plan follow.
+    """
 
     units: tuple[Unit, ...]
     graph: nx.DiGraph
@@ -43,7 +46,8 @@ def scoping(graph: nx.DiGraph, movers: Movers, placed: frozenset[str]) -> Scopin
     ``placed`` are the steps that have a location or an object.
     """
     closure = closed(graph)
-    moving = [step for step in sorted_nodes(graph) if step in movers.opening | movers.ending]
+    ordered: list[str] = sorted_nodes(graph)
+    moving = [step for step in ordered if step in movers.opening | movers.ending]
     added = _put_before_next_motion(closure, moving, movers, placed)
     closure = closed(order_graph(graph.nodes, [*graph.edges, *added]))
     scope_of: dict[str, str | None] = {
@@ -58,15 +62,13 @@ def scoping(graph: nx.DiGraph, movers: Movers, placed: frozenset[str]) -> Scopin
     unit_of = {member: index for index, unit in enumerate(units) for member in unit.members()}
     unit_graph = order_graph(range(len(units)), {(unit_of[a], unit_of[b]): None for a, b in closure.edges})
     unit_graph.remove_edges_from([(index, index) for index in list(unit_graph.nodes)])
-    whole = closed(unit_graph)
-    by_contraction = [
-        (a, b)
-        for first, second in whole.edges
-        for a in units[first].members()
-        for b in units[second].members()
-        if not closure.has_edge(a, b)
+    together = [
+        (a, b) for first, second in unit_graph.edges for a in units[first].members() for b in units[second].members()
     ]
-    return Scoping(tuple(units), unit_graph, (*added, *by_contraction))
+    scoped = reduced(order_graph(graph.nodes, [*closure.edges, *together]))
+    stated = closed(graph)
+    new = tuple((a, b) for a, b in scoped.edges if not stated.has_edge(a, b))
+    return Scoping(tuple(units), unit_graph, new)
 
 
 def _put_before_next_motion(

@@ -34,7 +34,8 @@ class Terms:
 
     def steps(self, recipe: Recipe) -> list[Step]:
         """The steps of a recipe in the order in which the plan names them."""
-        return [recipe.step(iri) for iri in sorted_nodes(recipe_graph(recipe))]
+        ordered: list[str] = sorted_nodes(recipe_graph(recipe))
+        return [recipe.step(iri) for iri in ordered]
 
     def parameters(self, recipe: Recipe) -> tuple[Thing, ...]:
         """The objects and persons that a recipe uses, itself or in what it calls, by first use."""
@@ -117,8 +118,8 @@ class Terms:
             return thing
         properties = {
             parameter.property
-            for source in (recipe, *recipe.steps)
-            for parameter in source.parameters
+            for parameters in (recipe.parameters, *(step.parameters for step in recipe.steps))
+            for parameter in parameters
             if parameter.filler == thing
         }
         for source in (step, caller):

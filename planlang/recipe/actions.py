@@ -91,7 +91,7 @@ class Actions:
 
     def properties(self, cls: str) -> frozenset[str]:
         """IRIs of the properties that the vocabulary lists for an action class or an ancestor of it."""
-        return frozenset()
+        return frozenset(self.ontology.valid_properties(cls))
 
     def goal(self, cls: str) -> Goal | None:
         """The goal declared for the class or its nearest ancestor that has one."""

@@ -67,7 +67,8 @@ def check_base_motions(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> 
     graph = recipe_graph(recipe)
     closure = closed(graph)
     movers = actions.movers(recipe, recipes)
-    moving: list[str] = [step for step in sorted_nodes(graph) if step in movers.opening | movers.ending]
+    ordered: list[str] = sorted_nodes(graph)
+    moving = [step for step in ordered if step in movers.opening | movers.ending]
     for first, second in pairwise(moving):
         if not closure.has_edge(first, second):
             both = f"`{local_name(first)}` and `{local_name(second)}`"

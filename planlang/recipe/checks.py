@@ -11,7 +11,7 @@ from planlang.recipe.check_orderings import check_orderings
 from planlang.recipe.check_parameters import check_fillers, check_parameters
 from planlang.recipe.check_steps import check_base_motions, check_recursion, check_sub_actions
 from planlang.recipe.graph import recipe_graph, shortest_cycle
-from planlang.recipe.model import RecipeSet
+from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.reading import recipes_for
 from planlang.recipe.repairs import repaired
 from planlang.recipe.tasks import choose_task, read_recipes
@@ -48,7 +48,8 @@ def read_recipe(
         diagnostics += check_sub_actions(actions, stating, recipe, allow_abstract=allow_abstract)
         diagnostics += check_orderings(ontology, stating, recipe)
         diagnostics += check_fillers(actions, stating)
-        for owner in (recipe, *recipe.steps):
+        owners: tuple[Recipe | Step, ...] = (recipe, *recipe.steps)
+        for owner in owners:
             diagnostics += check_parameters(actions, owner)
         if is_finite and shortest_cycle(recipe_graph(recipe)) is None:
             diagnostics += check_wisdom(actions, recipe)

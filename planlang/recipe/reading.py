@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, Restriction, Term, expand, shorten
-from planlang.recipe.expressions import direct_superclasses, members, restriction_of
 from planlang.recipe.model import Ordering, Parameter, Reason, Recipe, Step
 from planlang.recipe.tables import Primitive
 from planlang.recipe.terms import is_device, nearest_in_vocabulary, read_filler
@@ -87,7 +86,7 @@ def levels(ontology: Ontology, cls: str) -> Iterator[tuple[str, ...]]:
         yield level
         above: list[str] = []
         for member in level:
-            for ancestor in direct_superclasses(ontology, member):
+            for ancestor in ontology.parents(member):
                 if ancestor in known and ancestor not in seen:
                     seen.add(ancestor)
                     above.append(ancestor)
@@ -114,11 +113,16 @@ def read_orderings(ontology: Ontology, cls: str) -> tuple[Ordering, ...]:
             continue
         constraint = restriction.filler
         data_flow = restriction.property == DATA_FLOW
-        before = ontology.value(constraint, expand("createsOutput") if data_flow else BEFORE)
-        after = ontology.value(constraint, expand("requiresInput") if data_flow else AFTER)
-        if isinstance(before, str) and isinstance(after, str):
-            reason = Reason.DATA_FLOW if data_flow else Reason.CONSTRAINT
-            orderings.append(Ordering(before, after, constraint, reason, ontology.span(constraint) or restriction.span))
+        befores = ontology.values(constraint, "createsOutput" if data_flow else BEFORE)
+        afters = ontology.values(constraint, "requiresInput" if data_flow else AFTER)
+        reason = Reason.DATA_FLOW if data_flow else Reason.CONSTRAINT
+        span = ontology.span(constraint) or restriction.span
+        orderings += [
+            Ordering(before, after, constraint, reason, span)
+            for before in befores
+            for after in afters
+            if isinstance(before, str) and isinstance(after, str)
+        ]
     return tuple(orderings)
 
 
@@ -220,14 +224,12 @@ def _is_device_term(ontology: Ontology, term: Term) -> bool:
 
 
 def _anonymous(ontology: Ontology, restriction: Restriction) -> SubAction:
-    assert isinstance(restriction.filler, BNode)
-    named: str | None = None
-    more: list[Restriction] = []
-    for member in members(ontology, restriction.filler):
-        if isinstance(member, BNode):
-            inner = restriction_of(ontology, member, restriction.span)
-            if inner is not None:
-                more.append(inner)
-        elif isinstance(member, str) and named is None:
-            named = member
-    return SubAction(named, tuple(more), restriction.span)
+    """A sub-action that is an intersection: its first named member, placed where that stands, and its restrictions."""
+    filler = restriction.filler
+    assert isinstance(filler, BNode)
+    named = next((member for member in ontology.members(filler) if isinstance(member, str)), None)
+    span = restriction.span
+    if named is not None:
+        mentions = [triple.span for triple in ontology.triples(o=named) if triple.predicate.endswith("#first")]
+        span = min((mention for mention in mentions if mention >= span), default=span)
+    return SubAction(named, ontology.restrictions(filler), span)

@@ -86,7 +86,9 @@ def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Reci
         if len(fitting) != 1:
             return parameter
         only = fitting[0]
-        message = f"{parameter.property} `{thing.name}` is taken to be `{only.name}`, the only one in `{recipe.name}`"
+        message = (
+            f"{parameter.property} `{thing.name}` is taken to be `{only.name}`, the only one that the recipe speaks of"
+        )
         notes.append(note("R034", message, parameter.span, f"write `{only.name}` in the file if that is meant"))
         return replace(parameter, filler=only)
 
@@ -95,8 +97,8 @@ def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Reci
 
 
 def _things_below(recipe: Recipe, recipes: RecipeSet, seen: frozenset[str] = frozenset()) -> Iterator[Thing]:
-    for source in (recipe, *recipe.steps):
-        for parameter in source.parameters:
+    for parameters in (recipe.parameters, *(step.parameters for step in recipe.steps)):
+        for parameter in parameters:
             if isinstance(parameter.filler, Thing):
                 yield parameter.filler
             elif isinstance(parameter.filler, Place):

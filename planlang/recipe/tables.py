@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from planlang.designators import local_name
+from planlang.diagnostics import Span
 from planlang.ontology import Literal, Ontology, Term, expand
 
 
@@ -43,6 +44,7 @@ class RecoveryRule:
     attempts: int
     escalates_to: str | None
     rank: int
+    span: Span | None = None
 
 
 def texts(ontology: Ontology, subject: str, property_name: str) -> tuple[str, ...]:
@@ -95,6 +97,7 @@ def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:
                 _integer(ontology, individual, "attempts", 1),
                 _first(texts(ontology, individual, "escalatesTo")),
                 _integer(ontology, individual, "rank", 0),
+                ontology.span(individual),
             )
         )
     return tuple(rules)
