@@ -28,6 +28,8 @@ from planlang.failures import ActionUnresolvable, LookingGoalUnreachable
 from planlang.protocols import Array, Motion, Pose, Trajectory
 from sim import PyBulletWorld
 
+STEPS = (1.0, 0.5, 0.25)
+"""A path whose every sample is not free is planned anew with checks this much closer to each other."""
 CARRYING = "carrying"
 """The posture in which the robot drives, and from which another place can be tried."""
 
@@ -79,39 +81,43 @@ class Platform:
     def base_path(self, goal: Base) -> Trajectory:
         """A timed path for the base through the believed world; raises a MotionError."""
         self.sync()
-        around = self.around
+        around, drive, start = self.around, self.robot.base, self.base()
         x_min, y_min, x_max, y_max = around.world.scene.bounds
         grid = Grid.over((x_min, y_min), (x_max, y_max))
-        field_ = clearance_field(grid, around.obstacles(), around.silhouette())
-        path = plan_base_path(
-            self.base(), goal, grid, field_, lambda x, y, yaw: not around.contacts((x, y, yaw), None, None, None)
-        )
-        drive = self.robot.base
-        return time_path(
-            ("x", "y", "yaw"),
-            path,
-            velocity=(drive.speed, drive.speed, drive.turn_speed),
-            acceleration=(drive.acceleration, drive.acceleration, drive.turn_acceleration),
-            jerk=drive.jerk,
-            rate=self.world.rate,
-        )
+        room = clearance_field(grid, around.obstacles(), around.silhouette())
+
+        def is_free(x: float, y: float, yaw: float) -> bool:
+            return not around.contacts((x, y, yaw), None, None, None)
+
+        for step in STEPS:
+            trajectory = time_path(
+                ("x", "y", "yaw"),
+                plan_base_path(start, goal, grid, room, is_free, resolution=0.08 * step),
+                velocity=(drive.speed, drive.speed, drive.turn_speed),
+                acceleration=(drive.acceleration, drive.acceleration, drive.turn_acceleration),
+                jerk=drive.jerk,
+                rate=self.world.rate,
+            )
+            if all(is_free(*map(float, row)) for row in trajectory.positions[1:]):
+                return trajectory
+        raise NoPath(start, goal, {"finer checks": len(STEPS)})
 
     def arm_path(self, arm: ArmModel, goal: Array, touches: str | None = None) -> Trajectory:
         """A timed path of an arm through the believed world; raises a MotionError."""
         self.sync()
         start, base = self.arm_joints(arm), self.base()
-        path = plan_path(
-            start,
-            goal,
-            lambda q: not self.around.contacts(base, arm, q, touches),
-            arm.lower,
-            arm.upper,
-            self.rng,
-            resolution=arm.resolution,
-        )
-        if path is None:
-            raise NoPath(tuple(start), tuple(goal), {})
-        return self._timed(arm.joints, path)
+
+        def is_free(q: Array) -> bool:
+            return not self.around.contacts(base, arm, q, touches)
+
+        for step in STEPS:
+            path = plan_path(start, goal, is_free, arm.lower, arm.upper, self.rng, resolution=arm.resolution * step)
+            if path is None:
+                break
+            trajectory = self._timed(arm.joints, path)
+            if all(map(is_free, trajectory.positions[1:])):
+                return trajectory
+        raise NoPath(tuple(start), tuple(goal), {})
 
     def straight_path(self, arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
         """A timed straight line of the tip to a pose (4, 4) of the map; raises a MotionError with the reason."""

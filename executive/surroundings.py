@@ -84,10 +84,11 @@ class BelievedSurroundings:
         return self.belief.revision
 
     def clearance(self, bases: Array) -> Array:
-        """Room (m,) [m] around the robot's silhouette at bases (m, 3), inside the bounds of the map."""
+        """Room (m,) [m] around all but the arms at bases (m, 3), inside the bounds of the map."""
+        joints = [name for arm in self.robot.arms for name in arm.joints]
         x_min, y_min, x_max, y_max = self.world.scene.bounds
         inside = (bases[:, 0] > x_min) & (bases[:, 0] < x_max) & (bases[:, 1] > y_min) & (bases[:, 1] < y_max)
-        return np.where(inside, clearance_at(bases[:, :2], self.obstacles(), self.silhouette()), -np.inf)
+        return np.where(inside, clearance_at(bases[:, :2], self.obstacles(), self.world.silhouette(joints)), -np.inf)
 
     def obstacles(self) -> Boxes:
         """Boxes around the pieces of all bodies that are not held, the floor left out."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
 from planlang.protocols import Pose
 from sim.bodies import Bodies
+from sim.contact import Held
 from sim.robot import Robot
 
 Size = tuple[float, float, float]
@@ -27,12 +28,20 @@ def boxes_around(bodies: Bodies, left_out: Iterable[str]) -> tuple[tuple[Pose, .
     return tuple(poses), tuple(sizes)
 
 
-def bands(robot: Robot, bodies: Bodies, held: Iterable[str]) -> tuple[tuple[float, float, float], ...]:
+def bands(
+    robot: Robot, bodies: Bodies, held: Mapping[str, Held], without: Collection[str] = ()
+) -> tuple[tuple[float, float, float], ...]:
     """(z_low, z_high, radius) [m] around the vertical through the base, for each solid link and held body.
 
-    The robot must be shown with its base at the origin of the map.
+    Links that a joint of ``without`` moves are left out, with what they hold. The robot must be shown with its base at
+    the origin of the map.
     """
-    boxes = [robot.boxes(), *(tuple(corner[None] for corner in bodies.box_of(name)) for name in held)]
+    left_out = frozenset[int]().union(*(robot.moved_by(name) for name in without))
+    rows = [number for number in range(len(robot.solid)) if number not in left_out]
+    boxes = [tuple(corners[rows] for corners in robot.boxes())]
+    for name, grip in held.items():
+        if not robot.carrier(grip.link) & left_out:
+            boxes.append(tuple(corner[None] for corner in bodies.box_of(name)))
     lower, upper = (np.concatenate([box[side] for box in boxes]) for side in (0, 1))
     radius = np.hypot(*np.maximum(np.abs(lower[:, :2]), np.abs(upper[:, :2])).T)
     return tuple(zip(lower[:, 2].tolist(), upper[:, 2].tolist(), radius.tolist(), strict=True))

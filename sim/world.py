@@ -146,13 +146,14 @@ class PyBulletWorld:
             itself = not set(moving) <= {*BASE, "base"}
         return self._find(configuration or self._now, Query(links, ignore, itself=itself))
 
-    def silhouette(self) -> tuple[tuple[float, float, float], ...]:
+    def silhouette(self, without: Collection[str] = ()) -> tuple[tuple[float, float, float], ...]:
         """What the robot, with what it holds, needs of room when it turns on the spot in its present posture.
 
-        Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object.
+        Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object;
+        what a joint of ``without`` moves is left out.
         """
         self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
-        found = bands(self.robot, self._bodies, self._held)
+        found = bands(self.robot, self._bodies, self._held, without)
         self._here()
         return found
 

@@ -80,7 +80,7 @@ class Surroundings(Protocol):
         """Revision of the belief."""
 
     def clearance(self, bases: Array) -> Array:
-        """A lower bound of the free distance around the robot's silhouette for bases (m, 3), (m,) [m]."""
+        """Room (m,) [m] around the robot's body, arms left out, at bases (m, 3); negative where there is none."""
 
     def contacts(self, base: Base, arm: ArmModel | None, q: Array | None, touches: str | None) -> tuple[Contact, ...]:
         """Penetrations with the arm at ``q``, all else as it is; the hand may touch the body ``touches``."""

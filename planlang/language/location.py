@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planlang.designators import Location, Object, a_location
+from planlang.designators import Device, Location, Object, a_location
 from planlang.failures import (
     LocationUnresolvable,
     LookingGoalUnreachable,
@@ -46,8 +46,11 @@ async def at_location(
     *,
     attempts: int = 5,
     reaching: Iterable[Object | Location] = (),
+    device: Device | None = None,
 ) -> V:
     """Go to a place of ``location`` from which everything in ``reaching`` can be reached, and run the body there.
+
+    ``device`` is what reaches; without it the executive decides.
 
     When the body fails in a way that another place can cure, the next place is tried, at most ``attempts`` in all.
     Places within 5 cm of one that failed at the same revision of the belief are skipped. The base is held: side by
@@ -61,7 +64,7 @@ async def at_location(
     executive = executive_for("at_location")
     wanted = tuple(reaching)
     if wanted:
-        location = location & a_location(in_reach_of=wanted)
+        location = location & a_location(in_reach_of=wanted, using=device)
     outer = place.get()
     with inside("at_location", "at_location", location=location, attempts=attempts) as node:
         async with using("base") as lease:
@@ -97,15 +100,21 @@ class _Visit:
         last: PlanFailure | None = None
         for attempt in range(1, attempts + 1):
             try:
-                solution = self._next()
-            except LocationUnresolvable as exhausted:
-                record("no more places", attempt=attempt, failure=exhausted)
-                raise self._escalated(last or exhausted) from (last or exhausted)
-            record("solution", attempt=attempt, base=solution.base, revision=solution.revision, detail=solution.detail)
-            try:
                 if last is not None:
                     for action in self.executive.before_retry():
                         await perform(action)
+                solution = self._next()
+            except LocationUnresolvable as exhausted:
+                record("no more places", attempt=attempt, failure=exhausted)
+                exhausted.__cause__ = last
+                raise self._escalated(exhausted) from exhausted
+            except PlanFailure as failure:
+                if not matches(failure, CURABLE):
+                    raise
+                failure.__cause__ = failure.__cause__ or last
+                raise self._escalated(failure) from failure
+            record("solution", attempt=attempt, base=solution.base, revision=solution.revision, detail=solution.detail)
+            try:
                 return await self._visit(solution, body)
             except PlanFailure as failure:
                 if not matches(failure, CURABLE):
