@@ -1,0 +1,207 @@
+"""From a path to everything that it and its imports say, in load order."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
+from planlang.ontology import cache as kept
+from planlang.ontology.canonical import OLD_HOST, canonical, canonical_triples
+from planlang.ontology.imports import ImportMap
+from planlang.ontology.repairs import repair
+from planlang.ontology.terms import IMPORTS, ONTOLOGY, TYPE, BNode, Triple
+from planlang.ontology.xml_text import LARGEST_FILE, decode
+from planlang.resources import bundled
+
+MOST_DOCUMENTS = 200
+"""Files that one ontology may be made of."""
+
+VOCABULARY = ("knowrob", "srdl", "roboearth", "primitives", "recovery")
+"""Bundled files that every ontology has, then objects/."""
+
+_MANCHESTER = re.compile(
+    r"(?:Prefix|Namespace|Ontology|Import|Annotations|Class|ObjectProperty|DataProperty|AnnotationProperty|Datatype"
+    r"|Individual|EquivalentClasses|DisjointClasses|EquivalentProperties|DisjointProperties|SameIndividual"
+    r"|DifferentIndividuals):"
+)
+_TURTLE = re.compile(r"@prefix\b|@base\b|PREFIX\s|BASE\s", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A file that was read: its path, the name that it gives itself, and the digest of its bytes."""
+
+    path: Path
+    iri: str | None
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A document with what it says, after repair, under canonical names."""
+
+    document: Document
+    triples: tuple[Triple, ...]
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def read_document(path: Path) -> Reading:
+    """Read one file without its imports; the kind is told by the content. Raises BadInput."""
+    content = read_bytes(path)
+    return _read(path, content)
+
+
+def read_bytes(path: Path) -> bytes:
+    """The content of a file, bounded in size. Raises BadInput."""
+    file = str(path)
+    try:
+        if not path.is_file():
+            reason = "is a folder" if path.is_dir() else "is no file" if path.exists() else "does not exist"
+            raise BadInput([error("O001", f"{path.name or file} {reason}", Span(file))])
+        with path.open("rb") as stream:
+            return stream.read(LARGEST_FILE + 1)
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", None) or str(problem)
+        raise BadInput(
+            [error("O001", f"{path.name[:80] or 'the file'} cannot be read: {reason}", Span(file))]
+        ) from None
+
+
+def _read(path: Path, content: bytes) -> Reading:
+    file = str(path)
+    digest = hashlib.sha256(content).hexdigest()
+    base, label = f"file:///{path.name}", f"{digest[:8]}-"
+    ours = _is_ours(path)
+    diagnostics: list[Diagnostic] = []
+    triples = kept.fetch(content, file) if ours else None
+    if triples is None:
+        if _is_xml(content, file):
+            from planlang.ontology.rdfxml import read_rdfxml
+
+            parsed = read_rdfxml(content, file, base=base, label=label)
+        else:
+            from planlang.ontology.manchester import read_manchester
+
+            parsed = read_manchester(content, file, base=base, label=label)
+        diagnostics += parsed.diagnostics
+        triples = list(canonical_triples(parsed.triples))
+        renamed = next((t for t in parsed.triples if t.predicate.startswith(OLD_HOST)), None)
+        if renamed is not None and canonical(renamed.predicate) != renamed.predicate:
+            message = f"names of {renamed.predicate.partition('#')[0]} are read as those of the later "
+            diagnostics.append(note("O015", message + canonical(renamed.predicate).partition("#")[0], renamed.span))
+        triples, repairs = repair(triples)
+        diagnostics += repairs
+        if ours and not diagnostics:
+            kept.keep(content, triples)
+    document = Document(path, _own_iri(triples), digest)
+    return Reading(document, tuple(triples), tuple(diagnostics))
+
+
+def _is_ours(path: Path) -> bool:
+    return path.suffix == ".omn" and path.resolve().is_relative_to(bundled("ontologies").resolve())
+
+
+def _is_xml(content: bytes, file: str) -> bool:
+    """True for XML, False for Manchester syntax. Raises BadInput for anything else."""
+    text = decode(content, file)
+    position = 0
+    for line in text.splitlines(keepends=True):
+        stripped = line.strip()
+        if stripped and not stripped.startswith("#"):
+            break
+        position += len(line)
+    start = text[position:].lstrip()[:200]
+    if start.startswith("<") and not re.match(r"<[A-Za-z][\w+.-]*:[^\s>]*>\s", start):
+        return True
+    if _MANCHESTER.match(start):
+        return False
+    if not start:
+        raise BadInput([error("O002", "the file holds nothing but comments", Span(file))])
+    span = Span(file, text.count("\n", 0, position) + 1)
+    advice = "an ontology is RDF/XML (rdf:RDF) or in Manchester syntax (Prefix:, Ontology:, Class:)"
+    if _TURTLE.match(start) or start.startswith("<"):
+        advice = "this seems to be Turtle; save it as RDF/XML"
+    raise BadInput([error("O001", "this is neither RDF/XML nor Manchester syntax", span, advice)])
+
+
+def _own_iri(triples: Sequence[Triple]) -> str | None:
+    for triple in triples:
+        if triple.predicate == TYPE and triple.object == ONTOLOGY and isinstance(triple.subject, str):
+            return triple.subject
+    return None
+
+
+def read_all(path: Path, folders: Sequence[Path], *, builtin: bool) -> list[Reading]:
+    """The file, its imports depth first, then the bundled vocabulary.
+
+    Raises BadInput if the file itself cannot be used; an import that cannot be is a warning of the main document.
+    """
+    main = _read(path, read_bytes(path))
+    readings = [main]
+    loaded = {path.resolve()}
+    digests = {main.document.sha256}
+    imports = ImportMap(path, folders)
+    problems: list[Diagnostic] = []
+    vocabulary = _vocabulary_paths() if builtin else ()
+    satisfied = {file.resolve() for file in vocabulary}
+    pending: list[tuple[Path, Iterator[Triple]]] = [(path, _imports(main))]
+    while pending:
+        importing, remaining = pending[-1]
+        triple = next(remaining, None)
+        if triple is None:
+            pending.pop()
+            continue
+        target = str(triple.object)
+        resolution = imports.resolve(target, importing, triple.span)
+        if resolution.problem is not None:
+            problems.append(resolution.problem)
+        found = resolution.path
+        if found is None or found.resolve() in loaded | satisfied:
+            continue
+        loaded.add(found.resolve())
+        if len(readings) >= MOST_DOCUMENTS:
+            problems.append(warning("O033", f"more than {MOST_DOCUMENTS} files are imported", triple.span))
+            break
+        try:
+            reading = _read(found, read_bytes(found))
+        except BadInput as problem:
+            first = problem.diagnostics[0]
+            problems.append(warning("O034", f"an import cannot be read: {first}", triple.span, first.help))
+            continue
+        if reading.document.sha256 not in digests:
+            digests.add(reading.document.sha256)
+            readings.append(reading)
+            pending.append((found, _imports(reading)))
+    for file in vocabulary:
+        if file.resolve() not in loaded:
+            reading = _bundled_reading(file)
+            readings.append(reading)
+    return [Reading(main.document, main.triples, (*main.diagnostics, *problems)), *readings[1:]]
+
+
+def _imports(reading: Reading) -> Iterator[Triple]:
+    seen: set[str] = set()
+    for triple in reading.triples:
+        if triple.predicate == IMPORTS and not isinstance(triple.object, BNode) and str(triple.object) not in seen:
+            seen.add(str(triple.object))
+            yield triple
+
+
+def _vocabulary_paths() -> tuple[Path, ...]:
+    folder = bundled("ontologies")
+    paths = [folder / f"{name}.omn" for name in VOCABULARY]
+    return tuple(path for path in (*paths, *sorted((folder / "objects").glob("*.omn"))) if path.is_file())
+
+
+def _bundled_reading(path: Path) -> Reading:
+    return _bundled_version(path, path.stat().st_mtime_ns)
+
+
+@cache
+def _bundled_version(path: Path, modified: int) -> Reading:
+    return _read(path, read_bytes(path))

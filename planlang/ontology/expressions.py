@@ -1,0 +1,197 @@
+"""Class expressions of Manchester syntax as values, and the triples that state them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from planlang.diagnostics import Span
+from planlang.ontology.terms import (
+    CLASS,
+    COMPLEMENT_OF,
+    FIRST,
+    INTERSECTION_OF,
+    INVERSE_OF,
+    NIL,
+    ON_PROPERTY,
+    ONE_OF,
+    OWL,
+    RDFS,
+    REST,
+    RESTRICTION,
+    TYPE,
+    UNION_OF,
+    XSD,
+    BNode,
+    Literal,
+    Term,
+    Triple,
+)
+
+DATATYPE = RDFS + "Datatype"
+BOOLEAN = XSD + "boolean"
+NON_NEGATIVE = XSD + "nonNegativeInteger"
+FACETS = {
+    "<": "maxExclusive",
+    "<=": "maxInclusive",
+    ">": "minExclusive",
+    ">=": "minInclusive",
+    "length": "length",
+    "minLength": "minLength",
+    "maxLength": "maxLength",
+    "pattern": "pattern",
+}
+_CARDINALITIES = {"min": ("minCardinality", "minQualifiedCardinality"),
+                  "max": ("maxCardinality", "maxQualifiedCardinality"),
+                  "exactly": ("cardinality", "qualifiedCardinality")}  # fmt: skip
+_QUANTIFIERS = {"some": OWL + "someValuesFrom", "only": OWL + "allValuesFrom", "value": OWL + "hasValue"}
+_JUNCTIONS = {"and": INTERSECTION_OF, "or": UNION_OF}
+
+
+@dataclass(frozen=True, slots=True)
+class Expression:
+    """A node of an expression.
+
+    ``kind`` is "name", "inverse", "and", "or", "not", "one of", "facets", "some", "only", "value", "Self", "min", "max"
+    or "exactly"; ``term`` the name or value it holds, ``parts`` what it is made of (a restriction: property, filler),
+    ``depth`` 1 for a name, one more than its deepest part otherwise.
+    """
+
+    kind: str
+    span: Span
+    term: Term | None = None
+    parts: tuple[Expression, ...] = ()
+    number: int = 0
+    facets: tuple[tuple[str, Literal], ...] = ()
+
+    @property
+    def depth(self) -> int:
+        """How deep expressions are inside each other."""
+        return _depth(self)
+
+
+def _depth(expression: Expression) -> int:
+    deepest, stack = 0, [(expression, 1)]
+    while stack:
+        node, depth = stack.pop()
+        deepest = max(deepest, depth)
+        stack += ((part, depth + 1) for part in node.parts)
+    return deepest
+
+
+class Statements:
+    """Collects triples in the order of the text, with labels for the nameless nodes."""
+
+    def __init__(self, file: str, label: str, data_properties: frozenset[str], datatypes: frozenset[str]) -> None:
+        self.triples: list[Triple] = []
+        self._file = file
+        self._label = label
+        self._count = 0
+        self._data_properties = data_properties
+        self._datatypes = datatypes
+
+    def fresh(self) -> BNode:
+        """A new nameless node."""
+        self._count += 1
+        return BNode(f"{self._label}{self._count}")
+
+    def named_node(self, name: str) -> BNode:
+        """The node that the file calls ``_:name``."""
+        return BNode(f"{self._label}.{name}")
+
+    def state(self, subject: str | BNode, predicate: str, value: Term, span: Span) -> Term:
+        """Add one triple; returns its object."""
+        self.triples.append(Triple(subject, predicate, value, span))
+        return value
+
+    def place(self, subject: str | BNode, predicate: str, expression: Expression) -> Term:
+        """State that ``predicate`` of ``subject`` is the expression; its own triples follow. Returns its node."""
+        if expression.kind == "name":
+            assert expression.term is not None
+            return self.state(subject, predicate, expression.term, expression.span)
+        node = self.fresh()
+        self.state(subject, predicate, node, expression.span)
+        self.describe(node, expression)
+        return node
+
+    def place_list(self, subject: str | BNode, predicate: str, items: Sequence[Expression], span: Span) -> None:
+        """State that ``predicate`` of ``subject`` is the RDF list of the items."""
+        if not items:
+            self.state(subject, predicate, NIL, span)
+            return
+        cell = self.fresh()
+        self.state(subject, predicate, cell, span)
+        for index, item in enumerate(items):
+            self.place(cell, FIRST, item)
+            following: str | BNode = self.fresh() if index + 1 < len(items) else NIL
+            self.state(cell, REST, following, item.span)
+            if isinstance(following, BNode):
+                cell = following
+
+    def is_data(self, expression: Expression) -> bool:
+        """True for a set of values rather than of things."""
+        match expression.kind:
+            case "name":
+                return isinstance(expression.term, Literal) or expression.term in self._datatypes or _is_xsd(expression)
+            case "facets":
+                return True
+            case "and" | "or" | "not" | "one of":
+                return any(self.is_data(part) for part in expression.parts)
+        return False
+
+    def describe(self, node: BNode, expression: Expression) -> None:
+        """State what a nameless node means."""
+        kind, span = expression.kind, expression.span
+        match kind:
+            case "inverse":
+                self.place(node, INVERSE_OF, expression.parts[0])
+                return
+            case "facets":
+                self._describe_facets(node, expression)
+                return
+            case "and" | "or" | "not" | "one of":
+                self.state(node, TYPE, DATATYPE if self.is_data(expression) else CLASS, span)
+                if kind == "not":
+                    complement = OWL + "datatypeComplementOf" if self.is_data(expression) else COMPLEMENT_OF
+                    self.place(node, complement, expression.parts[0])
+                else:
+                    self.place_list(node, _JUNCTIONS.get(kind, ONE_OF), expression.parts, span)
+                return
+        self.state(node, TYPE, RESTRICTION, span)
+        self.place(node, ON_PROPERTY, expression.parts[0])
+        if kind in _QUANTIFIERS:
+            self.place(node, _QUANTIFIERS[kind], expression.parts[1])
+        elif kind == "Self":
+            self.state(node, OWL + "hasSelf", Literal("true", BOOLEAN), span)
+        else:
+            self._describe_cardinality(node, expression)
+
+    def _describe_cardinality(self, node: BNode, expression: Expression) -> None:
+        plain, qualified = _CARDINALITIES[expression.kind]
+        number = Literal(str(expression.number), NON_NEGATIVE)
+        if len(expression.parts) == 1:
+            self.state(node, OWL + plain, number, expression.span)
+            return
+        self.state(node, OWL + qualified, number, expression.span)
+        prop, filler = expression.parts
+        data = self.is_data(filler) or prop.term in self._data_properties
+        self.place(node, OWL + ("onDataRange" if data else "onClass"), filler)
+
+    def _describe_facets(self, node: BNode, expression: Expression) -> None:
+        self.state(node, TYPE, DATATYPE, expression.span)
+        self.place(node, OWL + "onDatatype", expression.parts[0])
+        cell = self.fresh()
+        self.state(node, OWL + "withRestrictions", cell, expression.span)
+        for index, (facet, value) in enumerate(expression.facets):
+            holder = self.fresh()
+            self.state(cell, FIRST, holder, expression.span)
+            self.state(holder, facet, value, expression.span)
+            following: str | BNode = self.fresh() if index + 1 < len(expression.facets) else NIL
+            self.state(cell, REST, following, expression.span)
+            if isinstance(following, BNode):
+                cell = following
+
+
+def _is_xsd(expression: Expression) -> bool:
+    term = expression.term
+    return isinstance(term, str) and (term.startswith(XSD) or term == RDFS + "Literal")

@@ -1,0 +1,375 @@
+"""Frames of Manchester syntax: what each rule of the grammar states, called while the text is parsed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from lark import Token, Transformer
+
+from planlang.diagnostics import BadInput, Span, error
+from planlang.ontology.expressions import BOOLEAN, FACETS, Expression, Statements
+from planlang.ontology.terms import (
+    CLASS,
+    EQUIVALENT_CLASS,
+    IMPORTS,
+    INVERSE_OF,
+    NAMED_INDIVIDUAL,
+    ONTOLOGY,
+    OWL,
+    RDF,
+    SUBCLASS_OF,
+    SUBPROPERTY_OF,
+    TYPE,
+    XSD,
+    BNode,
+    Literal,
+    Term,
+)
+from planlang.ontology.terms import DOMAIN as RDFS_DOMAIN
+from planlang.ontology.terms import RANGE as RDFS_RANGE
+
+DEEPEST = 100
+"""Expressions inside each other."""
+
+_ESCAPE = re.compile(r"\\(.)", re.DOTALL)
+Children = list[Any]
+Annotation = tuple[str, Term, Span, "list[Annotation]"]
+
+
+class Frames(Transformer[Token, None]):
+    """Turns what the parser recognises into statements. ``resolve`` makes an IRI of a written name."""
+
+    def __init__(self, statements: Statements, resolve: Callable[[str, Span], str], file: str, default: str) -> None:
+        super().__init__()
+        self._out = statements
+        self._resolve = resolve
+        self._file = file
+        self._subject: str | BNode = default
+        self._subject_span = Span(file)
+
+    # names and values
+
+    def _span(self, token: Token) -> Span:
+        return Span(self._file, token.line or 1, token.column or 1)
+
+    def iri(self, children: Children) -> Expression:
+        token = children[0]
+        span = self._span(token)
+        return Expression("name", span, self._resolve(str(token), span))
+
+    annotation_property = annotation_target = fact_property = key = iri
+
+    def node(self, children: Children) -> Expression:
+        return Expression("name", self._span(children[0]), self._out.named_node(str(children[0])[2:]))
+
+    def plain_literal(self, children: Children) -> Expression:
+        return self._literal(children[0])
+
+    def language_literal(self, children: Children) -> Expression:
+        return self._literal(children[0], language=str(children[1])[1:].lower())
+
+    def typed_literal(self, children: Children) -> Expression:
+        return self._literal(children[0], datatype=children[1].term)
+
+    def _literal(self, token: Token, datatype: str | None = None, language: str | None = None) -> Expression:
+        return Expression("name", self._span(token), Literal(_ESCAPE.sub(r"\1", str(token)[1:-1]), datatype, language))
+
+    def number_literal(self, children: Children) -> Expression:
+        text = str(children[0])
+        if text[-1] in "fF":
+            datatype, text = "float", text[:-1]
+        else:
+            datatype = "double" if "e" in text.lower() else "decimal" if "." in text else "integer"
+        return Expression("name", self._span(children[0]), Literal(text, XSD + datatype))
+
+    def boolean_literal(self, children: Children) -> Expression:
+        return Expression("name", self._span(children[0]), Literal(str(children[0]), BOOLEAN))
+
+    # expressions
+
+    def named(self, children: Children) -> Expression:
+        expression: Expression = children[0]
+        return expression
+
+    def _node(self, kind: str, span: Span, parts: list[Expression], **more: Any) -> Expression:
+        return Expression(kind, span, parts=tuple(parts), **more)
+
+    def _operands(self, kind: str, children: Children) -> Expression:
+        parts = [child for child in children if isinstance(child, Expression)]
+        return self._node(kind, parts[0].span, parts)
+
+    def union(self, children: Children) -> Expression:
+        return self._operands("or", children)
+
+    def intersection(self, children: Children) -> Expression:
+        return self._operands("and", children)
+
+    def complement(self, children: Children) -> Expression:
+        return self._node("not", self._span(children[0]), children[1:])
+
+    def inverse(self, children: Children) -> Expression:
+        return self._node("inverse", self._span(children[0]), children[1:])
+
+    def one_of(self, children: Children) -> Expression:
+        return self._node("one of", children[0].span, children)
+
+    def facet(self, children: Children) -> tuple[str, Literal]:
+        name, value = str(children[0]), children[1].term
+        return (RDF + "langRange" if name == "langRange" else XSD + FACETS[name], value)
+
+    def datatype_restriction(self, children: Children) -> Expression:
+        return self._node("facets", children[0].span, children[:1], facets=tuple(children[1:]))
+
+    def restriction(self, children: Children) -> Expression:
+        expression: Expression = children[0]
+        return expression
+
+    def some(self, children: Children) -> Expression:
+        return self._operands("some", children)
+
+    def only(self, children: Children) -> Expression:
+        return self._operands("only", children)
+
+    def has_value(self, children: Children) -> Expression:
+        return self._operands("value", children)
+
+    def has_self(self, children: Children) -> Expression:
+        return self._operands("Self", children)
+
+    def cardinality(self, children: Children) -> Expression:
+        prop, word, number = children[:3]
+        if not str(number).isdecimal() or len(number) > 9:
+            raise BadInput([error("O020", f"{word} needs a whole number, not {number}", self._span(number))])
+        return self._node(str(word), prop.span, [prop, *children[3:]], number=int(number))
+
+    # annotations
+
+    def annotation(self, children: Children) -> Annotation:
+        inner = children[0] if isinstance(children[0], list) else []
+        prop, value = children[-2:]
+        return (prop.term, value.term, prop.span, inner)
+
+    def annotations(self, children: Children) -> list[Annotation]:
+        return children
+
+    def entity_annotations(self, children: Children) -> None:
+        self._annotate(self._subject, children[0])
+
+    def _annotate(self, subject: str | BNode, annotations: list[Annotation]) -> None:
+        for prop, value, span, inner in annotations:
+            self._out.state(subject, prop, value, span)
+            self._reify(subject, prop, value, span, inner, "Annotation" if isinstance(subject, BNode) else "Axiom")
+
+    def _reify(
+        self,
+        subject: str | BNode,
+        prop: str,
+        value: Term,
+        span: Span,
+        annotations: list[Annotation],
+        kind: str = "Axiom",
+    ) -> None:
+        """Annotations of a triple stand on a node that repeats the triple."""
+        if annotations:
+            node = self._out.fresh()
+            self._out.state(node, TYPE, OWL + kind, span)
+            self._out.state(node, OWL + "annotatedSource", subject, span)
+            self._out.state(node, OWL + "annotatedProperty", prop, span)
+            self._out.state(node, OWL + "annotatedTarget", value, span)
+            self._annotate(node, annotations)
+
+    def _annotated(self, children: Children) -> tuple[list[Annotation], Expression]:
+        annotations = children[0] if isinstance(children[0], list) else []
+        expression: Expression = children[-1]
+        if expression.parts and expression.depth > DEEPEST:
+            raise BadInput([error("O008", f"more than {DEEPEST} expressions inside each other", expression.span)])
+        return annotations, expression
+
+    annotated_description = annotated_iri = annotated_property = annotated_individual = _annotated
+
+    def _items(self, children: Children) -> Children:
+        return children
+
+    descriptions = iris = properties = individuals = characteristic_list = facts = _items
+
+    # the document
+
+    def start(self, children: Children) -> None:
+        """Everything has been stated by then."""
+
+    prefix = ontology = frame = start
+
+    def ontology_head(self, children: Children) -> None:
+        given = [self._resolve(str(token), self._span(token)) for token in children if token is not None]
+        token = next((token for token in children if token is not None), None)
+        self._subject_span = self._span(token) if token is not None else Span(self._file)
+        if given:
+            self._subject = given[0]
+        self._out.state(self._subject, TYPE, ONTOLOGY, self._subject_span)
+        for version in given[1:]:
+            self._out.state(self._subject, OWL + "versionIRI", version, self._subject_span)
+
+    def import_(self, children: Children) -> None:
+        self._out.state(self._subject, IMPORTS, children[0].term, children[0].span)
+
+    def ontology_annotations(self, children: Children) -> None:
+        self._annotate(self._subject, children[0])
+
+    # heads
+
+    def _head(self, children: Children, kind: str) -> None:
+        name: Expression = children[-1]
+        assert isinstance(name.term, (str, BNode))
+        self._subject, self._subject_span = name.term, name.span
+        if isinstance(name.term, str):
+            self._out.state(name.term, TYPE, kind, name.span)
+            if isinstance(children[0], list):
+                self._reify(name.term, TYPE, kind, name.span, children[0])
+
+    def class_head(self, children: Children) -> None:
+        self._head(children, CLASS)
+
+    def object_property_head(self, children: Children) -> None:
+        self._head(children, OWL + "ObjectProperty")
+
+    def data_property_head(self, children: Children) -> None:
+        self._head(children, OWL + "DatatypeProperty")
+
+    def annotation_property_head(self, children: Children) -> None:
+        self._head(children, OWL + "AnnotationProperty")
+
+    def datatype_head(self, children: Children) -> None:
+        self._head(children, "http://www.w3.org/2000/01/rdf-schema#Datatype")
+
+    def individual_head(self, children: Children) -> None:
+        self._head(children, NAMED_INDIVIDUAL)
+
+    # sections
+
+    def _each(self, predicate: str, items: list[tuple[list[Annotation], Expression]]) -> None:
+        for annotations, expression in items:
+            value = self._out.place(self._subject, predicate, expression)
+            self._reify(self._subject, predicate, value, expression.span, annotations)
+
+    def sub_class_of(self, children: Children) -> None:
+        self._each(SUBCLASS_OF, children[0])
+
+    def equivalent_to(self, children: Children) -> None:
+        self._each(EQUIVALENT_CLASS, children[0])
+
+    def disjoint_with(self, children: Children) -> None:
+        self._each(OWL + "disjointWith", children[0])
+
+    def domain(self, children: Children) -> None:
+        self._each(RDFS_DOMAIN, children[0])
+
+    def range(self, children: Children) -> None:
+        self._each(RDFS_RANGE, children[0])
+
+    annotation_domain, annotation_range = domain, range
+
+    def sub_property_of(self, children: Children) -> None:
+        self._each(SUBPROPERTY_OF, children[0])
+
+    def equivalent_property(self, children: Children) -> None:
+        self._each(OWL + "equivalentProperty", children[0])
+
+    def disjoint_property(self, children: Children) -> None:
+        self._each(OWL + "propertyDisjointWith", children[0])
+
+    def inverse_of(self, children: Children) -> None:
+        self._each(INVERSE_OF, children[0])
+
+    def types_section(self, children: Children) -> None:
+        self._each(TYPE, children[0])
+
+    def same_as(self, children: Children) -> None:
+        self._each(OWL + "sameAs", children[0])
+
+    def different_from(self, children: Children) -> None:
+        self._each(OWL + "differentFrom", children[0])
+
+    def characteristic(self, children: Children) -> tuple[list[Annotation], Token]:
+        return (children[0] if isinstance(children[0], list) else [], children[-1])
+
+    def characteristics(self, children: Children) -> None:
+        for annotations, word in children[0]:
+            kind, span = f"{OWL}{word}Property", self._span(word)
+            self._out.state(self._subject, TYPE, kind, span)
+            self._reify(self._subject, TYPE, kind, span, annotations)
+
+    def fact(self, children: Children) -> tuple[list[Annotation], bool, Expression, Expression]:
+        annotations = children[0] if isinstance(children[0], list) else []
+        negative = any(isinstance(child, Token) for child in children)
+        return annotations, negative, children[-2], children[-1]
+
+    def facts_section(self, children: Children) -> None:
+        for annotations, negative, prop, value in children[0]:
+            assert isinstance(prop.term, str)
+            if negative:
+                self._negative(prop, value, annotations)
+            else:
+                self._out.state(self._subject, prop.term, value.term, prop.span)
+                self._reify(self._subject, prop.term, value.term, prop.span, annotations)
+
+    def _negative(self, prop: Expression, value: Expression, annotations: list[Annotation]) -> None:
+        node = self._out.fresh()
+        target = "targetValue" if isinstance(value.term, Literal) else "targetIndividual"
+        self._out.state(node, TYPE, OWL + "NegativePropertyAssertion", prop.span)
+        self._out.state(node, OWL + "sourceIndividual", self._subject, prop.span)
+        self._out.place(node, OWL + "assertionProperty", prop)
+        self._out.place(node, OWL + target, value)
+        self._annotate(node, annotations)
+
+    def _listed(self, predicate: str, children: Children) -> None:
+        parts = [child for child in children if isinstance(child, Expression)]
+        self._out.place_list(self._subject, predicate, parts, parts[0].span)
+
+    def disjoint_union_of(self, children: Children) -> None:
+        self._listed(OWL + "disjointUnionOf", children)
+
+    def has_key(self, children: Children) -> None:
+        self._listed(OWL + "hasKey", children)
+
+    def sub_property_chain(self, children: Children) -> None:
+        self._listed(OWL + "propertyChainAxiom", children)
+
+    # axioms about several things
+
+    def _several(self, children: Children, predicate: str, kind: str = "", members: str = "members") -> None:
+        """Two are related directly; more by a node of a kind with a list, or one after the other without a kind."""
+        parts = [child for child in children if isinstance(child, Expression)]
+        annotations = children[0] if isinstance(children[0], list) else []
+        if kind and len(parts) > 2:
+            node = self._out.fresh()
+            self._out.state(node, TYPE, OWL + kind, parts[0].span)
+            self._out.place_list(node, OWL + members, parts, parts[0].span)
+            self._annotate(node, annotations)
+            return
+        for first, second in zip(parts, parts[1:], strict=False):
+            subject = first.term if isinstance(first.term, (str, BNode)) else self._out.fresh()
+            if first.kind != "name":
+                assert isinstance(subject, BNode)
+                self._out.describe(subject, first)
+            value = self._out.place(subject, predicate, second)
+            self._reify(subject, predicate, value, first.span, annotations)
+
+    def equivalent_classes(self, children: Children) -> None:
+        self._several(children, EQUIVALENT_CLASS)
+
+    def disjoint_classes(self, children: Children) -> None:
+        self._several(children, OWL + "disjointWith", "AllDisjointClasses")
+
+    def equivalent_properties(self, children: Children) -> None:
+        self._several(children, OWL + "equivalentProperty")
+
+    def disjoint_properties(self, children: Children) -> None:
+        self._several(children, OWL + "propertyDisjointWith", "AllDisjointProperties")
+
+    def same_individual(self, children: Children) -> None:
+        self._several(children, OWL + "sameAs")
+
+    def different_individuals(self, children: Children) -> None:
+        self._several(children, OWL + "differentFrom", "AllDifferent", "distinctMembers")

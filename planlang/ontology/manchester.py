@@ -1,0 +1,218 @@
+"""Manchester syntax: names, the driver of the parser, and what it says about mistakes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from lark import Lark, Token, Transformer, UnexpectedInput, UnexpectedToken
+from lark.lexer import PatternStr
+
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
+from planlang.ontology.expressions import Statements
+from planlang.ontology.frames import Frames
+from planlang.ontology.rdfxml import Parsed
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary
+from planlang.ontology.xml_text import decode, position_of
+
+MOST_ERRORS = 20
+"""Syntax errors reported of one file."""
+
+_FRAME_WORDS = (
+    "Class:", "ObjectProperty:", "DataProperty:", "AnnotationProperty:", "Datatype:", "Individual:",
+    "EquivalentClasses:", "DisjointClasses:", "EquivalentProperties:", "DisjointProperties:", "SameIndividual:",
+    "DifferentIndividuals:",
+)  # fmt: skip
+_FRAME_START = re.compile(rf"^[ \t]*(?:{'|'.join(_FRAME_WORDS)})(?=\s)", re.MULTILINE)
+_PREFIX = re.compile(r"^[ \t]*Prefix:\s*([^\s:<>]*):\s*<([^<>\s]*)>", re.MULTILINE)
+_ONTOLOGY = re.compile(r"^[ \t]*Ontology:\s*<([^<>\s]*)>", re.MULTILINE)
+_DECLARED = re.compile(r"^[ \t]*(DataProperty|Datatype):\s+(\S+)", re.MULTILINE)
+_SPOKEN = {
+    "NAME": "a name",
+    "FULL_IRI": "an <IRI>",
+    "NODE": "a node _:name",
+    "STRING": 'a "text"',
+    "NUMBER": "a number",
+    "BOOLEAN": "true or false",
+    "PREFIX": "a prefix with its colon",
+    "LANGUAGE": "a @language",
+    "CHARACTERISTIC": "Functional, Transitive or another characteristic",
+    "FACET": "a facet such as >=",
+    "$END": "the end of the file",
+}
+"""What the terminals of the grammar are called in messages; the others are words of the language."""
+
+
+class _Relay(Transformer[Token, None]):
+    """Stands in the parser for the frames of the file that is parsed now: building a parser takes longer than a file.
+
+    ``busy`` is held while ``frames`` is set.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.frames: Frames | None = None
+        self.busy = Lock()
+
+    def __getattr__(self, rule: str) -> Callable[[list[Any]], Any]:
+        if rule.startswith("__") or not hasattr(Frames, rule):
+            raise AttributeError(rule)
+        return lambda children: getattr(self.frames, rule)(children)
+
+
+@cache
+def _parser() -> tuple[Lark, _Relay]:
+    grammar = (Path(__file__).parent / "manchester.lark").read_text(encoding="utf-8")
+    relay = _Relay()
+    return Lark(grammar, parser="lalr", lexer="contextual", transformer=relay), relay
+
+
+def read_manchester(content: bytes, file: str, *, base: str, label: str = "b") -> Parsed:
+    """The triples of a file in Manchester syntax. ``base`` is its address when ``Ontology:`` gives none.
+
+    ``label`` begins the labels of nameless nodes. Raises BadInput with all syntax errors, each with its position and
+    with what was expected there.
+    """
+    text = decode(content, file)
+    names = _Names(text, file, base)
+    statements = Statements(file, label, names.declared("DataProperty"), names.declared("Datatype"))
+    problems: list[Diagnostic] = []
+    frames = Frames(statements, names.resolve, file, base)
+    rest: str | None = text
+    while rest is not None:
+        rest = _parse(rest, file, frames, problems)
+    problems = sorted(problems + names.problems, key=lambda problem: problem.span or Span(file))
+    if problems:
+        raise BadInput(problems[:MOST_ERRORS])
+    return Parsed(statements.triples, names.notes, names.prefixes)
+
+
+def _parse(text: str, file: str, frames: Frames, problems: list[Diagnostic]) -> str | None:
+    """Parse up to the first mistake. Returns what to go on with: the frames after it, lines kept; None at the end."""
+    parser, relay = _parser()
+    with relay.busy:
+        relay.frames = frames
+        try:
+            parser.parse(text)
+            return None
+        except BadInput as problem:
+            problems.extend(problem.diagnostics)
+            offset = _offset(text, problem.diagnostics[0].span)
+        except UnexpectedInput as problem:
+            offset = _where(problem, text)
+            problems.append(_explain(problem, parser, text, offset, file))
+        finally:
+            relay.frames = None
+    begun = len(text) - len(text.lstrip())
+    following = _FRAME_START.search(text, max(offset, begun + 1))
+    if following is None or len(problems) >= MOST_ERRORS:
+        return None
+    return re.sub(r"[^\n]", " ", text[: following.start()]) + text[following.start() :]
+
+
+def _where(problem: UnexpectedInput, text: str) -> int:
+    """Offset of the first character that does not fit; the end of the last word if there should be more."""
+    if isinstance(problem, UnexpectedToken) and problem.token.type == "$END":
+        return len(re.sub(r"(?:\s|^[ \t]*#[^\n]*$)+\Z", "", text, flags=re.MULTILINE))
+    return problem.pos_in_stream if problem.pos_in_stream is not None else len(text)
+
+
+def _explain(problem: UnexpectedInput, parser: Lark, text: str, offset: int, file: str) -> Diagnostic:
+    span = position_of(text, offset, file)
+    word = re.compile(r'"|\S+').match(text, offset)
+    at_end = isinstance(problem, UnexpectedToken) and problem.token.type == "$END"
+    found = "the end of the file" if at_end or word is None else word[0][:40]
+    accepted = getattr(problem, "accepts", None) or getattr(problem, "allowed", None) or problem.expected or set()
+    literal, spoken = [], []
+    for name in sorted(accepted):
+        pattern = parser.get_terminal(name).pattern if name != "$END" else None
+        if isinstance(pattern, PatternStr):
+            literal.append(pattern.value)
+        else:
+            spoken.append(_SPOKEN.get(name, name.lower()))
+    if set(_FRAME_WORDS) <= set(literal):
+        literal = [word for word in literal if word not in _FRAME_WORDS]
+        spoken.append("the next frame")
+    expected = ", ".join(spoken + [word for word in literal if word.isalpha()])
+    message = f"unexpected {found}"
+    if found == '"':
+        message = "a text is not closed, or its quotation marks are unexpected here"
+    similar = get_close_matches(found, (*literal, *_FRAME_WORDS), n=1, cutoff=0.75)
+    sections = [word for word in literal if word.endswith(":")]
+    if sections:
+        expected += (", or " if expected else "") + "one of " + " ".join(sections)
+    punctuation = [repr(word) for word in literal if not word.isalpha() and not word.endswith(":")]
+    if punctuation:
+        expected = f"{', '.join(punctuation)}, {expected}" if expected else ", ".join(punctuation)
+    advice = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
+    return error("O020", message, span, f"{advice}expected: {expected}")
+
+
+def _offset(text: str, span: Span | None) -> int:
+    if span is None:
+        return len(text)
+    offset = 0
+    for _ in range(span.line - 1):
+        offset = text.index("\n", offset) + 1
+    return offset + span.column - 1
+
+
+class _Names:
+    """Makes IRIs of written names, and remembers what it could not make one of."""
+
+    def __init__(self, text: str, file: str, base: str) -> None:
+        self.prefixes: dict[str, str] = {"rdf": RDF, "rdfs": RDFS, "owl": OWL, "xsd": XSD}
+        self.prefixes |= {prefix: namespace for prefix, namespace in _PREFIX.findall(text)}
+        self.problems: list[Diagnostic] = []
+        self.notes: list[Diagnostic] = []
+        self._text = text
+        self._file = file
+        ontology = _ONTOLOGY.search(text)
+        self._own = (ontology[1] if ontology else base).rstrip("#") + "#"
+        self._known: dict[str, str] = {}
+
+    def declared(self, frame: str) -> frozenset[str]:
+        """IRIs that the file has a frame for."""
+        found = (name for kind, name in _DECLARED.findall(self._text) if kind == frame)
+        return frozenset(iri for name in found if (iri := self._iri(name)) is not None)
+
+    def resolve(self, name: str, span: Span) -> str:
+        """The IRI of ``<IRI>``, ``prefix:name`` or ``name``; an unknown prefix is noted and read as the file's own."""
+        iri = self._known.get(name)
+        if iri is None:
+            iri = self._iri(name)
+            if iri is None:
+                prefix = name.partition(":")[0]
+                similar = get_close_matches(prefix, self.prefixes, n=1)
+                guess = f"did you mean {similar[0]}:? " if similar and similar[0] else ""
+                advice = f"{guess}declare it: Prefix: {prefix}: <http://...#>"
+                self.problems.append(error("O021", f"unknown prefix {prefix}: in {name}", span, advice))
+                iri = self._own + name
+            self._known[name] = iri
+            if ":" not in name and "" not in self.prefixes and not self.notes:
+                self._note_bare_names(span)
+        return iri
+
+    def _iri(self, name: str) -> str | None:
+        if name.startswith("<"):
+            return self._absolute(name[1:-1])
+        prefix, colon, local = name.rpartition(":")
+        if colon or "" in self.prefixes:
+            namespace = self.prefixes.get(prefix)
+            return None if namespace is None else namespace + local
+        return expand(name) if is_vocabulary(name) else self._own + name
+
+    def _absolute(self, iri: str) -> str:
+        if not iri or iri.startswith("#"):
+            return self._own.rstrip("#") + iri
+        return iri
+
+    def _note_bare_names(self, span: Span) -> None:
+        advice = f"write Prefix: : <{self._own}> to name your own things"
+        message = f"no prefix ':' is declared: names are KnowRob's where it has them, else {self._own}NAME"
+        self.notes.append(note("O022", message, span, advice))

@@ -1,0 +1,138 @@
+"""From the bytes of an XML file to text that expat takes: encodings, bounds, and mistakes that real files make."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from dataclasses import dataclass, field
+
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+
+LARGEST_FILE = 64_000_000
+"""Bytes; the largest ontology of its kind that is in use has 0.7 MB."""
+
+_DECLARATION = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
+_ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "ascii", "iso8859-1", "iso8859-15", "cp1252")
+
+_PROTECTED = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
+_OPENING = re.compile(r"<!--|<!\[CDATA\[|<\?")
+_BROKEN_COMMENT = re.compile(r"<!-(?!-)[^<>]*>")
+_START_TAG = re.compile(r"<[A-Za-z_][\w:.-]*(?:\s+[\w:.-]+\s*=\s*(?:\"[^\"<]*\"|'[^'<]*'))*\s*/?>")
+_ATTRIBUTE = re.compile(r"\s+([\w:.-]+)\s*=\s*(\"[^\"<]*\"|'[^'<]*')")
+
+
+def decode(content: bytes, file: str) -> str:
+    """The text of an XML or Manchester file, line ends as they are. Raises BadInput if it is none.
+
+    The encoding is told by a byte order mark, else by the XML declaration, else it is UTF-8.
+    """
+    if len(content) > LARGEST_FILE:
+        raise BadInput([error("O003", f"the file is larger than {LARGEST_FILE // 1_000_000} MB", Span(file))])
+    if not content.strip(b" \t\r\n\xef\xbb\xbf\xff\xfe\x00"):
+        raise BadInput([error("O002", "the file is empty", Span(file))])
+    name = "utf-8-sig"
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        name = "utf-16"
+    elif match := _DECLARATION.match(content):
+        name = match[1].decode("ascii")
+    try:
+        codec = codecs.lookup(name).name
+        if codec not in (*_ENCODINGS, "utf-8-sig"):
+            raise LookupError(name)
+    except LookupError:
+        advice = "save the file as UTF-8"
+        raise BadInput([error("O004", f"unknown encoding {name!r}", Span(file), advice)]) from None
+    try:
+        text = content.decode("utf-8-sig" if codec == "utf-8" else codec)
+    except UnicodeDecodeError as problem:
+        before = content[: problem.start]
+        line = before.count(b"\n") + 1
+        column = len(before[before.rfind(b"\n") + 1 :].decode(codec, errors="replace")) + 1
+        message = f"this is not {name.removesuffix('-sig').upper()} text: {problem.reason}"
+        raise BadInput([error("O004", message, Span(file, line, column), "save the file as UTF-8")]) from None
+    if (position := text.find("\x00")) >= 0:
+        raise BadInput([error("O004", "this is a binary file", position_of(text, position, file))])
+    return text
+
+
+def position_of(text: str, offset: int, file: str) -> Span:
+    """The position of a character."""
+    line = text.count("\n", 0, offset) + 1
+    return Span(file, line, offset - text.rfind("\n", 0, offset))
+
+
+@dataclass
+class Repaired:
+    """A text of the same length, the same in every line, and what was changed."""
+
+    text: str
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+
+
+def repair(text: str, file: str) -> Repaired:
+    """Blank out two mistakes that editors of real files made; positions stay what they are.
+
+    A comment opened by ``<!-`` is made blank, and so is an attribute that an element states twice: of two declarations
+    of a prefix the one that is used as an entity's name or stands last counts.
+    """
+    result = Repaired(text)
+    pieces = list(text)
+    visible = _without_comments(text)
+    body = max(visible.find("]>"), 0)
+    for match in _BROKEN_COMMENT.finditer(visible, body):
+        if match[0].endswith("->"):
+            _blank(pieces, match.start(), match.end())
+            result.diagnostics.append(
+                warning(
+                    "O006",
+                    f"a comment is opened by '<!-' instead of '<!--': {' '.join(match[0].split())[:60]}",
+                    position_of(text, match.start(), file),
+                    "the words are skipped; write <!-- ... -->",
+                )
+            )
+    for tag in _START_TAG.finditer(visible, body):
+        if "=" in tag[0]:
+            _drop_repeated(tag, pieces, result, file)
+    result.text = "".join(pieces)
+    return result
+
+
+def _without_comments(text: str) -> str:
+    """The text with comments, CDATA sections and processing instructions made blank, positions kept."""
+    pieces: list[str] = []
+    position = 0
+    while opening := _OPENING.search(text, position):
+        closing = _PROTECTED[opening[0]]
+        end = text.find(closing, opening.end())
+        if end < 0:
+            break
+        end += len(closing)
+        pieces += (text[position : opening.start()], " " * (end - opening.start()))
+        position = end
+    return "".join(pieces) + text[position:]
+
+
+def _drop_repeated(tag: re.Match[str], pieces: list[str], result: Repaired, file: str) -> None:
+    last: dict[str, re.Match[str]] = {}
+    for attribute in _ATTRIBUTE.finditer(tag[0]):
+        earlier = last.get(attribute[1])
+        last[attribute[1]] = attribute
+        if earlier is None:
+            continue
+        start = tag.start() + earlier.start()
+        _blank(pieces, start, tag.start() + earlier.end())
+        same = "with the same value" if earlier[2][1:-1] == attribute[2][1:-1] else f"first as {earlier[2]}"
+        result.diagnostics.append(
+            warning(
+                "O007",
+                f"{attribute[1]} is stated twice in one element, {same}",
+                position_of(result.text, tag.start() + earlier.start(1), file),
+                f"the later one counts: {attribute[2]}; remove one of the two",
+            )
+        )
+
+
+def _blank(pieces: list[str], start: int, end: int) -> None:
+    for index in range(start, end):
+        if pieces[index] not in "\r\n":
+            pieces[index] = " "
