@@ -90,7 +90,7 @@ def read_map(ontology: Ontology) -> SemanticMap:
                 span=ontology.span(iri),
             )
         )
-    if not any(thing.pose for thing in objects):
+    if not has_errors(found) and not any(thing.pose for thing in objects):
         document = ontology.documents[0] if ontology.documents else None
         span = Span(str(document.path)) if document else None
         help = "a map says where things are: SemanticMapPerception with objectActedOn and eventOccursAt"

@@ -45,7 +45,7 @@ def default_start(scene: Scene, radius: float) -> tuple[float, float, float] | N
         return None
     points, away = points[free], np.hypot(*offsets[free].T).round(6)
     best = points[np.lexsort((points[:, 1], points[:, 0], away))[0]]
-    return (float(best[0]), float(best[1]), 0.0)
+    return (float(best[0]) + 0.0, float(best[1]) + 0.0, 0.0)
 
 
 def _signed_distance(polygon: Array, points: Array) -> Array:
