@@ -215,6 +215,7 @@ def _ran(result: RunResult) -> Answer:
     lines = [result.outcome, *result.final_state]
     data: dict[str, Any] = {
         "outcome": result.outcome,
+        "failure": list(result.failure),
         "final_state": list(result.final_state),
         "plan_seconds": result.seconds,
     }

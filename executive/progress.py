@@ -52,7 +52,7 @@ def line_of(record: Record) -> str | None:
         case {"event": "ended", "kind": "perform", "failure": failure}:
             return f"{depth}failed: {type(failure).__name__}: {failure}"
         case {"event": "started", "kind": "plan", "path": path}:
-            return f"plan {path}"
+            return f"{depth}{path.rsplit('/', 1)[-1]}"
         case {"event": "recovery", "decision": decision}:
             return f"{depth}recovery: {decision}"
         case {"event": "belief", "change": change, "name": name}:

@@ -77,6 +77,8 @@ class RunResult:
     diagnostics: tuple[Diagnostic, ...] = ()
     seconds: float = 0.0
     """Plan time [s]."""
+    failure: tuple[str, ...] = ()
+    """Classes of the failure that ended the plan and of its causes, the failure itself first."""
 
 
 def run_plan_file(options: RunOptions) -> RunResult:
@@ -125,6 +127,7 @@ def _execute(
     header = {"versions": _versions(), "robot": executive.platform.robot.name, "map": executive.platform.belief.map.iri}
     trace = ToldTrace.to(options.trace, header, tuple(listeners))
     code, outcome = DONE, "done"
+    chain: tuple[str, ...] = ()
     try:
         run(
             _budgeted(plan, bound),
@@ -137,6 +140,7 @@ def _execute(
         )
     except PlanFailure as failure:
         code, outcome = FAILED, explain(failure)
+        chain = tuple(type(link).__name__ for link in failure.chain())
     except KeyboardInterrupt:
         code, outcome = INTERRUPTED, "interrupted"
     finally:
@@ -146,7 +150,7 @@ def _execute(
         if recording is not None and options.record is not None:
             recording.save(options.record)
     state = tuple(_state_lines(truth, bound, executive.platform.belief))
-    return RunResult(code, outcome, state, (), truth.steps / truth.rate)
+    return RunResult(code, outcome, state, (), truth.steps / truth.rate, chain)
 
 
 class _Filmed:
