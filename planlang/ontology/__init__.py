@@ -1,8 +1,8 @@
 """OWL files -> one consistent in-memory ontology with positions.
 
-General layout: ``documents`` finds and reads files (``rdfxml``, ``manchester``, ``imports``, ``cache``), ``canonical`` and
-``repairs`` make their triples alike, ``ontology`` answers questions about them (``classes``, ``taxonomy``), ``checks``
-says what is wrong. ``terms`` holds names and values. Nothing is ever fetched from the network.
+General layout: ``documents`` finds and reads files (``rdfxml``, ``manchester``, ``imports``, ``cache``), ``canonical``
+and ``repairs`` make their triples alike, ``ontology`` answers questions about them (``classes``, ``taxonomy``),
+``checks`` says what is wrong. ``terms`` holds names and values. Nothing is ever fetched from the network.
 """
 
 from planlang.ontology.classes import Restriction

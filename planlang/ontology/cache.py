@@ -1,8 +1,8 @@
 """Parsed files of the bundled vocabulary, kept in the user's cache folder.
 
 An entry is named by a digest of the file's content and of the reader's source, so it never needs to be invalidated. It
-begins with a digest of itself; whatever does not match is ignored and written anew. Without a writable folder nothing is
-kept.
+begins with a digest of itself; whatever does not match is ignored and written anew. Without a writable folder nothing
+is kept.
 """
 
 from __future__ import annotations
@@ -20,6 +20,10 @@ from planlang.ontology.terms import BNode, Literal, Term, Triple
 
 LARGEST_ENTRY = 50_000_000
 """Bytes; a larger file in the cache folder is none of ours."""
+
+
+MOST_ENTRIES = 100
+"""Entries that are kept."""
 
 
 def folder() -> Path | None:
@@ -62,9 +66,17 @@ def keep(content: bytes, triples: list[Triple]) -> None:
         with os.fdopen(handle, "wb") as file:
             file.write(hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
         os.replace(temporary, entry)
+        _forget_oldest(entry.parent)
     except OSError:
         if temporary is not None:
             Path(temporary).unlink(missing_ok=True)
+
+
+def _forget_oldest(place: Path) -> None:
+    """Keep the cache small: what earlier versions of files and of the reader left is dropped first."""
+    entries = sorted(place.glob("*.json"), key=lambda path: path.stat().st_mtime)
+    for path in entries[:-MOST_ENTRIES]:
+        path.unlink(missing_ok=True)
 
 
 def _entry(content: bytes) -> Path | None:

@@ -39,7 +39,7 @@ def canonical(iri: str) -> str:
 
 
 def canonical_triples(triples: Iterable[Triple]) -> Iterator[Triple]:
-    """The same triples under canonical names; those that have them already are passed on as they are."""
+    """The same triples under canonical names; those that have them already are passed on as they are, not copied."""
     for triple in triples:
         subject, predicate, value = _term(triple.subject), canonical(triple.predicate), _term(triple.object)
         if subject is triple.subject and predicate is triple.predicate and value is triple.object:

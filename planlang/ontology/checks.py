@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.ontology.documents import Reading
-from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, ROBOEARTH, SUBCLASS_OF, XSD, Triple
+from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, SUBCLASS_OF, XSD, Triple
 from planlang.resources import bundled
 
 if TYPE_CHECKING:
@@ -20,9 +20,11 @@ _W3C = (OWL, RDF, RDFS, XSD)
 def checked(ontology: Ontology, readings: Sequence[Reading]) -> Iterator[Diagnostic]:
     """Diagnostics about every document that is not one of ours."""
     ours = bundled("ontologies").resolve()
+    has_vocabulary = ontology.is_class(KNOWROB + "Action")
     for reading in readings:
         if not reading.document.path.resolve().is_relative_to(ours):
-            yield from _undefined_superclasses(ontology, reading.triples)
+            if has_vocabulary:
+                yield from _undefined_superclasses(ontology, reading.triples)
             yield from _individuals_as_classes(ontology, reading.triples)
             yield from _classes_as_individuals(ontology, reading.triples)
 
@@ -34,8 +36,7 @@ def _undefined_superclasses(ontology: Ontology, triples: Sequence[Triple]) -> It
         if triple.predicate != SUBCLASS_OF or not isinstance(name, str) or name in seen or name.startswith(_W3C):
             continue
         seen.add(name)
-        twin = KNOWROB + name.removeprefix(ROBOEARTH) if name.startswith(ROBOEARTH) else name
-        if not ontology.defined(name) and not ontology.defined(twin):
+        if not ontology.defined(name):
             advice = "import the file that defines it, or correct the name"
             yield warning("O041", f"nothing defines the superclass {local_name(name)} ({name})", triple.span, advice)
 

@@ -161,6 +161,12 @@ def _edges(ontology: Ontology, triple: Triple) -> Iterator[tuple[str, str]]:
 def alias_edges(ontology: Ontology, names: Iterable[str]) -> Iterator[tuple[str, str]]:
     """RoboEarth's class of the same name as one of KnowRob's is below it, wherever a document mentions it."""
     for name in dict.fromkeys(name for name in names if name.startswith(ROBOEARTH)):
-        twin = KNOWROB + name[len(ROBOEARTH) :]
-        if len(twin) > len(KNOWROB) and ontology.is_class(twin):
-            yield name, twin
+        upper = twin(name)
+        if upper is not None and ontology.is_class(upper):
+            yield name, upper
+
+
+def twin(name: str) -> str | None:
+    """KnowRob's name for a term that RoboEarth calls the same; None for anything else."""
+    local = name.removeprefix(ROBOEARTH)
+    return KNOWROB + local if local and local != name else None

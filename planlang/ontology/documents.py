@@ -11,7 +11,7 @@ from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.ontology import cache as kept
-from planlang.ontology.canonical import OLD_HOST, canonical, canonical_triples
+from planlang.ontology.canonical import canonical, canonical_triples
 from planlang.ontology.imports import ImportMap
 from planlang.ontology.repairs import repair
 from planlang.ontology.terms import IMPORTS, ONTOLOGY, TYPE, BNode, Triple
@@ -90,16 +90,26 @@ def _read(path: Path, content: bytes) -> Reading:
             parsed = read_manchester(content, file, base=base, label=label)
         diagnostics += parsed.diagnostics
         triples = list(canonical_triples(parsed.triples))
-        renamed = next((t for t in parsed.triples if t.predicate.startswith(OLD_HOST)), None)
-        if renamed is not None and canonical(renamed.predicate) != renamed.predicate:
-            message = f"names of {renamed.predicate.partition('#')[0]} are read as those of the later "
-            diagnostics.append(note("O015", message + canonical(renamed.predicate).partition("#")[0], renamed.span))
+        diagnostics += _renamed(parsed.triples, triples)
         triples, repairs = repair(triples)
         diagnostics += repairs
         if ours and not diagnostics:
             kept.keep(content, triples)
     document = Document(path, _own_iri(triples), digest)
     return Reading(document, tuple(triples), tuple(diagnostics))
+
+
+def _renamed(written: Sequence[Triple], read: Sequence[Triple]) -> Iterator[Diagnostic]:
+    """A note for each vocabulary whose names were changed, where it is used first."""
+    known: set[str] = set()
+    for before, after in zip(written, read, strict=True):
+        if before is not after:
+            for old in (before.subject, before.predicate, before.object):
+                namespace = old.partition("#")[0] if isinstance(old, str) else ""
+                if namespace not in known and canonical(namespace) != namespace:
+                    known.add(namespace)
+                    message = f"names of {namespace} are read as those of {canonical(namespace)}"
+                    yield note("O015", message, before.span)
 
 
 def _is_ours(path: Path) -> bool:

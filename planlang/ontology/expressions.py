@@ -63,20 +63,7 @@ class Expression:
     parts: tuple[Expression, ...] = ()
     number: int = 0
     facets: tuple[tuple[str, Literal], ...] = ()
-
-    @property
-    def depth(self) -> int:
-        """How deep expressions are inside each other."""
-        return _depth(self)
-
-
-def _depth(expression: Expression) -> int:
-    deepest, stack = 0, [(expression, 1)]
-    while stack:
-        node, depth = stack.pop()
-        deepest = max(deepest, depth)
-        stack += ((part, depth + 1) for part in node.parts)
-    return deepest
+    depth: int = 1
 
 
 class Statements:

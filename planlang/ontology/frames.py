@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from lark import Token, Transformer
@@ -35,18 +37,36 @@ DEEPEST = 100
 
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
 Children = list[Any]
-Annotation = tuple[str, Term, Span, "list[Annotation]"]
+
+
+@dataclass(frozen=True, slots=True)
+class Annotation:
+    """A property with its value, and what is said about that in turn."""
+
+    property: str
+    value: Term
+    span: Span
+    inner: tuple[Annotation, ...]
+    depth: int
+
+
+def _bounded(parts: Sequence[Expression | Annotation], span: Span) -> int:
+    """How deep something with these parts is. Raises BadInput beyond :data:`DEEPEST`."""
+    depth = 1 + max((part.depth for part in parts), default=0)
+    if depth > DEEPEST:
+        raise BadInput([error("O008", f"more than {DEEPEST} expressions or annotations inside each other", span)])
+    return depth
 
 
 class Frames(Transformer[Token, None]):
     """Turns what the parser recognises into statements. ``resolve`` makes an IRI of a written name."""
 
-    def __init__(self, statements: Statements, resolve: Callable[[str, Span], str], file: str, default: str) -> None:
+    def __init__(self, statements: Statements, resolve: Callable[[str, Span], str], file: str) -> None:
         super().__init__()
         self._out = statements
         self._resolve = resolve
         self._file = file
-        self._subject: str | BNode = default
+        self._subject: str | BNode = statements.named_node("ontology")
         self._subject_span = Span(file)
 
     # names and values
@@ -94,7 +114,7 @@ class Frames(Transformer[Token, None]):
         return expression
 
     def _node(self, kind: str, span: Span, parts: list[Expression], **more: Any) -> Expression:
-        return Expression(kind, span, parts=tuple(parts), **more)
+        return Expression(kind, span, parts=tuple(parts), depth=_bounded(parts, span), **more)
 
     def _operands(self, kind: str, children: Children) -> Expression:
         parts = [child for child in children if isinstance(child, Expression)]
@@ -147,9 +167,9 @@ class Frames(Transformer[Token, None]):
     # annotations
 
     def annotation(self, children: Children) -> Annotation:
-        inner = children[0] if isinstance(children[0], list) else []
+        inner = tuple(children[0]) if isinstance(children[0], list) else ()
         prop, value = children[-2:]
-        return (prop.term, value.term, prop.span, inner)
+        return Annotation(prop.term, value.term, prop.span, inner, _bounded(inner, prop.span))
 
     def annotations(self, children: Children) -> list[Annotation]:
         return children
@@ -157,10 +177,11 @@ class Frames(Transformer[Token, None]):
     def entity_annotations(self, children: Children) -> None:
         self._annotate(self._subject, children[0])
 
-    def _annotate(self, subject: str | BNode, annotations: list[Annotation]) -> None:
-        for prop, value, span, inner in annotations:
-            self._out.state(subject, prop, value, span)
-            self._reify(subject, prop, value, span, inner, "Annotation" if isinstance(subject, BNode) else "Axiom")
+    def _annotate(self, subject: str | BNode, annotations: Sequence[Annotation]) -> None:
+        kind = "Annotation" if isinstance(subject, BNode) else "Axiom"
+        for note in annotations:
+            self._out.state(subject, note.property, note.value, note.span)
+            self._reify(subject, note.property, note.value, note.span, note.inner, kind)
 
     def _reify(
         self,
@@ -168,7 +189,7 @@ class Frames(Transformer[Token, None]):
         prop: str,
         value: Term,
         span: Span,
-        annotations: list[Annotation],
+        annotations: Sequence[Annotation],
         kind: str = "Axiom",
     ) -> None:
         """Annotations of a triple stand on a node that repeats the triple."""
@@ -181,11 +202,7 @@ class Frames(Transformer[Token, None]):
             self._annotate(node, annotations)
 
     def _annotated(self, children: Children) -> tuple[list[Annotation], Expression]:
-        annotations = children[0] if isinstance(children[0], list) else []
-        expression: Expression = children[-1]
-        if expression.parts and expression.depth > DEEPEST:
-            raise BadInput([error("O008", f"more than {DEEPEST} expressions inside each other", expression.span)])
-        return annotations, expression
+        return (children[0] if isinstance(children[0], list) else [], children[-1])
 
     annotated_description = annotated_iri = annotated_property = annotated_individual = _annotated
 
@@ -249,9 +266,9 @@ class Frames(Transformer[Token, None]):
     # sections
 
     def _each(self, predicate: str, items: list[tuple[list[Annotation], Expression]]) -> None:
-        for annotations, expression in items:
+        for notes, expression in items:
             value = self._out.place(self._subject, predicate, expression)
-            self._reify(self._subject, predicate, value, expression.span, annotations)
+            self._reify(self._subject, predicate, value, expression.span, notes)
 
     def sub_class_of(self, children: Children) -> None:
         self._each(SUBCLASS_OF, children[0])
@@ -295,10 +312,10 @@ class Frames(Transformer[Token, None]):
         return (children[0] if isinstance(children[0], list) else [], children[-1])
 
     def characteristics(self, children: Children) -> None:
-        for annotations, word in children[0]:
+        for notes, word in children[0]:
             kind, span = f"{OWL}{word}Property", self._span(word)
             self._out.state(self._subject, TYPE, kind, span)
-            self._reify(self._subject, TYPE, kind, span, annotations)
+            self._reify(self._subject, TYPE, kind, span, notes)
 
     def fact(self, children: Children) -> tuple[list[Annotation], bool, Expression, Expression]:
         annotations = children[0] if isinstance(children[0], list) else []
@@ -306,13 +323,13 @@ class Frames(Transformer[Token, None]):
         return annotations, negative, children[-2], children[-1]
 
     def facts_section(self, children: Children) -> None:
-        for annotations, negative, prop, value in children[0]:
+        for notes, negative, prop, value in children[0]:
             assert isinstance(prop.term, str)
             if negative:
-                self._negative(prop, value, annotations)
+                self._negative(prop, value, notes)
             else:
                 self._out.state(self._subject, prop.term, value.term, prop.span)
-                self._reify(self._subject, prop.term, value.term, prop.span, annotations)
+                self._reify(self._subject, prop.term, value.term, prop.span, notes)
 
     def _negative(self, prop: Expression, value: Expression, annotations: list[Annotation]) -> None:
         node = self._out.fresh()
@@ -348,7 +365,7 @@ class Frames(Transformer[Token, None]):
             self._out.place_list(node, OWL + members, parts, parts[0].span)
             self._annotate(node, annotations)
             return
-        for first, second in zip(parts, parts[1:], strict=False):
+        for first, second in pairwise(parts):
             subject = first.term if isinstance(first.term, (str, BNode)) else self._out.fresh()
             if first.kind != "name":
                 assert isinstance(subject, BNode)

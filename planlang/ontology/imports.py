@@ -13,7 +13,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from planlang.diagnostics import Diagnostic, Span, warning
-from planlang.ontology.canonical import canonical
+from planlang.ontology.canonical import HOST, OLD_HOST, canonical
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES
 from planlang.resources import bundled
 
@@ -35,9 +35,10 @@ VOCABULARY_FILES: dict[str, str | None] = {
     "comp_temporal": None,
     "comp_cop": None,
 }
-"""Name of a vocabulary -> the bundled file that stands for it; None: it only binds terms to programs, nothing is lost."""
+"""Name of a vocabulary -> the bundled file that stands for it; None: it only binds terms to programs."""
 
 _LANGUAGES = tuple(namespace.rstrip("#") for namespace in (OWL, RDF, RDFS))
+_HOSTS = (HOST, OLD_HOST, "http://www.roboearth.org/kb/")
 _SUFFIXES = ("", ".omn", ".owl", ".owl.in")
 _URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):(//)?(.*)", re.DOTALL)
 _TEMPLATE = re.compile(r"@\w+@|\$\{[^}]*\}")
@@ -147,10 +148,15 @@ def _file(path: Path) -> Path | None:
 
 def _vocabulary(address: str, path: tuple[str, ...], remote: bool) -> str:
     if remote:
-        known = {namespace.rstrip("#"): name for name, namespace in VOCABULARIES.items()}
-        known |= {f"http://knowrob.org/kb/{name}.owl": name for name in VOCABULARY_FILES}
-        return known.get(address, "")
+        return _vocabulary_addresses().get(address, "")
     return _stem(path[-1]) if path else ""
+
+
+@cache
+def _vocabulary_addresses() -> dict[str, str]:
+    """Every address under which a vocabulary was ever published -> its name."""
+    known = {f"{host}{name}.owl": name for host in _HOSTS for name in VOCABULARY_FILES}
+    return known | {namespace.rstrip("#"): name for name, namespace in VOCABULARIES.items()}
 
 
 @cache
@@ -165,7 +171,7 @@ def _address(path: Path) -> str | None:
 def _unresolved(target: str, path: tuple[str, ...], span: Span, *, remote: bool, escaped: bool) -> Diagnostic:
     if remote:
         advice = (
-            "nothing is fetched from the network; save the file beside this one or in a folder given by --ontologies"
+            "nothing is fetched from the network; save the file beside this one, or give its folder by --ontologies DIR"
         )
         return warning("O031", f"an import of an unknown address is left out: {target}", span, advice)
     name = path[-1] if path else target

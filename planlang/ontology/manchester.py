@@ -82,7 +82,7 @@ def read_manchester(content: bytes, file: str, *, base: str, label: str = "b") -
     names = _Names(text, file, base)
     statements = Statements(file, label, names.declared("DataProperty"), names.declared("Datatype"))
     problems: list[Diagnostic] = []
-    frames = Frames(statements, names.resolve, file, base)
+    frames = Frames(statements, names.resolve, file)
     rest: str | None = text
     while rest is not None:
         rest = _parse(rest, file, frames, problems)
@@ -127,7 +127,12 @@ def _explain(problem: UnexpectedInput, parser: Lark, text: str, offset: int, fil
     word = re.compile(r'"|\S+').match(text, offset)
     at_end = isinstance(problem, UnexpectedToken) and problem.token.type == "$END"
     found = "the end of the file" if at_end or word is None else word[0][:40]
-    accepted = getattr(problem, "accepts", None) or getattr(problem, "allowed", None) or problem.expected or set()
+    accepted = (
+        getattr(problem, "accepts", None)
+        or getattr(problem, "allowed", None)
+        or getattr(problem, "expected", None)
+        or ()
+    )
     literal, spoken = [], []
     for name in sorted(accepted):
         pattern = parser.get_terminal(name).pattern if name != "$END" else None
@@ -167,7 +172,8 @@ class _Names:
 
     def __init__(self, text: str, file: str, base: str) -> None:
         self.prefixes: dict[str, str] = {"rdf": RDF, "rdfs": RDFS, "owl": OWL, "xsd": XSD}
-        self.prefixes |= {prefix: namespace for prefix, namespace in _PREFIX.findall(text)}
+        first_frame = _FRAME_START.search(text)
+        self.prefixes |= dict(_PREFIX.findall(text, 0, first_frame.start() if first_frame else len(text)))
         self.problems: list[Diagnostic] = []
         self.notes: list[Diagnostic] = []
         self._text = text

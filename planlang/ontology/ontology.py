@@ -9,7 +9,7 @@ from pathlib import Path
 
 from planlang.diagnostics import Diagnostic, Span
 from planlang.ontology.checks import checked
-from planlang.ontology.classes import Restriction, alias_edges, conjuncts, edges, restrictions_of
+from planlang.ontology.classes import Restriction, alias_edges, conjuncts, edges, restrictions_of, twin
 from planlang.ontology.documents import Document, Reading, read_all
 from planlang.ontology.taxonomy import Taxonomy, order_walk
 from planlang.ontology.terms import (
@@ -92,9 +92,9 @@ class Ontology:
         elif p is not None:
             candidates = self._index.by_predicate.get(p, ())
         for triple in candidates:
-            if (s is None or triple.subject == s) and (p is None or triple.predicate == p):
-                if o is None or triple.object == o:
-                    yield triple
+            fits = (s is None or triple.subject == s) and (p is None or triple.predicate == p)
+            if fits and (o is None or triple.object == o):
+                yield triple
 
     def values(self, s: str | BNode, p: str, *, subproperties: bool = False) -> tuple[Term, ...]:
         """What the property has as values for a subject, in document order, each once."""
@@ -117,7 +117,7 @@ class Ontology:
 
     def is_class(self, iri: str) -> bool:
         """True if it is declared a class, or stated to be below, above or the same as one."""
-        iri = expand(iri)
+        iri = self._twin_or_itself(expand(iri))
         if any(
             triple.predicate in (SUBCLASS_OF, EQUIVALENT_CLASS)
             or (triple.predicate == TYPE and triple.object in _CLASS_KINDS)
@@ -139,11 +139,15 @@ class Ontology:
 
     def defined(self, iri: str) -> bool:
         """True if any document says what it is: declares it, gives it a class, or places it below one."""
-        iri = expand(iri)
+        iri = self._twin_or_itself(expand(iri))
         return any(
             triple.predicate in (TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, SUBPROPERTY_OF)
             for triple in self._index.by_subject.get(iri, ())
         )
+
+    def _twin_or_itself(self, iri: str) -> str:
+        """KnowRob's class for one of RoboEarth's about which no document says anything."""
+        return iri if iri in self._index.by_subject else twin(iri) or iri
 
     def individuals(self, cls: str) -> tuple[str, ...]:
         """The individuals of a class and of its subclasses, in document order."""
@@ -236,7 +240,7 @@ class Ontology:
     # class expressions
 
     def restrictions(self, cls: str | BNode) -> tuple[Restriction, ...]:
-        """The restrictions that a class states itself, in source order; of a nameless class those that it consists of."""
+        """The restrictions that a class states itself, in source order; of a nameless one those that it consists of."""
         name = _name(cls)
         assert name is not None
         return tuple(restrictions_of(self, name))
@@ -246,7 +250,7 @@ class Ontology:
         return tuple(conjuncts(self, expression))
 
     def inherited_restrictions(self, cls: str, p: str | None = None) -> tuple[Restriction, ...]:
-        """The restrictions of a class and its ancestors, nearest first; of ``p`` and its sub-properties only, if given."""
+        """The restrictions of a class and its ancestors, nearest first; of ``p`` and what is below it, if given."""
         wanted = frozenset(self.subproperties(p)) if p is not None else None
         return tuple(
             restriction
@@ -256,12 +260,15 @@ class Ontology:
         )
 
     def valid_properties(self, action: str) -> tuple[str, ...]:
-        """IRIs of the properties that the vocabulary lists (``hasParameter``) for an action class or an ancestor."""
+        """IRIs of the properties that the vocabulary lists (``hasParameter``) for an action class or an ancestor.
+
+        Sub-properties of those are valid too.
+        """
         found: dict[str, None] = {}
         for ancestor in self.ancestors(action):
             for value in self.values(ancestor, KNOWROB + "hasParameter"):
                 if isinstance(value, str):
-                    found[value] = None
+                    found |= dict.fromkeys(self.subproperties(value))
         return tuple(found)
 
 

@@ -1,7 +1,7 @@
 """RDF/XML: an expat handler that gives every triple its position.
 
-General layout: :func:`read_rdfxml` decodes the file and drives expat; ``_Handler`` keeps one frame per open element, and
-the kind of the innermost frame says what the next element means (a node, a property, an item of a collection, text).
+General layout: :func:`read_rdfxml` decodes the file and drives expat; ``_Handler`` keeps one frame per open element,
+and the kind of the innermost frame says what the next element means: a node, a property, an item of a list, text.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from xml.sax.saxutils import escape, quoteattr
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.entities import EntityTable
 from planlang.ontology.terms import FIRST, NIL, RDF, REST, TYPE, BNode, Literal, Term, Triple
-from planlang.ontology.xml_text import decode, repair
+from planlang.ontology.xml_text import decode, explain, repair
 
 DEEPEST = 100
 """Elements inside each other."""
@@ -93,7 +93,8 @@ def _parse(text: str, file: str, base: str, label: str) -> Parsed:
     try:
         parser.Parse(text, True)
     except expat.ExpatError as problem:
-        raise BadInput([handler.explain(problem)]) from None
+        open_lines = [frame.span.line for frame in handler.frames[1:]]
+        raise BadInput([explain(problem, text, file, open_lines)]) from None
     return Parsed(handler.triples, handler.diagnostics)
 
 
@@ -129,28 +130,6 @@ class _Handler:
     def warn(self, code: str, message: str, span: Span, help: str | None = None) -> None:
         if len(self.diagnostics) < MOST_WARNINGS:
             self.diagnostics.append(warning(code, message, span, help))
-
-    def explain(self, problem: expat.ExpatError) -> Diagnostic:
-        span = Span(self.file, problem.lineno, problem.offset + 1)
-        reason = expat.ErrorString(problem.code) or "not well-formed"
-        lines = self.text.split("\n")
-        line = lines[problem.lineno - 1] if problem.lineno <= len(lines) else ""
-        advice = None
-        if reason == "undefined entity":
-            match = re.match(r"&([^;\s]+);", line[problem.offset :]) or re.search(r"&(?!amp;|lt;|gt;)([\w.-]+);", line)
-            if match:
-                advice = f'declare it in the DOCTYPE: <!ENTITY {match[1]} "http://...#">'
-                reason = f"undefined entity &{match[1]};"
-        elif reason == "unbound prefix":
-            advice = 'declare the prefix in the first element: xmlns:prefix="http://...#"'
-        elif reason in ("no element found", "unclosed token", "unclosed CDATA section"):
-            open_elements = len(self.frames) - 1
-            reason = f"the file ends too early: {open_elements} elements are not closed" if open_elements else reason
-            advice = "the file seems to be cut off"
-        elif reason.startswith("mismatched tag"):
-            opened = self.frames[-1].span
-            advice = f"the innermost open element begins in line {opened.line}"
-        return error("O005", f"this is not XML: {reason}", span, advice)
 
     # document type
 

@@ -1,4 +1,4 @@
-"""Terms of RDF and OWL that a file writes in the wrong namespace, and restrictions that do not say that they are ones."""
+"""Terms of RDF and OWL that a file writes in the wrong namespace; restrictions that do not say that they are ones."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from planlang.ontology.terms import ON_PROPERTY, OWL, RDF, RDFS, RESTRICTION, TY
 
 _RDF = """type first rest nil value subject predicate object Statement List Property langString XMLLiteral PlainLiteral
  HTML JSON Bag Seq Alt CompoundLiteral language direction"""
-_RDFS = """subClassOf subPropertyOf domain range label comment seeAlso isDefinedBy member Class Datatype Literal Resource
- Container ContainerMembershipProperty"""
+_RDFS = """subClassOf subPropertyOf domain range label comment seeAlso isDefinedBy member Class Datatype Literal
+ Resource Container ContainerMembershipProperty"""
 _OWL = """AllDifferent AllDisjointClasses AllDisjointProperties Annotation AnnotationProperty AsymmetricProperty Axiom
  Class DataRange DatatypeProperty DeprecatedClass DeprecatedProperty FunctionalProperty InverseFunctionalProperty
  IrreflexiveProperty NamedIndividual NegativePropertyAssertion Nothing ObjectProperty Ontology OntologyProperty
@@ -28,6 +28,7 @@ TERMS: dict[str, frozenset[str]] = {RDFS: frozenset(_RDFS.split()), OWL: frozens
                                     RDF: frozenset(_RDF.split())}  # fmt: skip
 """Namespace -> local names of the terms that it has."""
 
+_SPELT = {OWL + "DataProperty": OWL + "DatatypeProperty", OWL + "Individual": OWL + "NamedIndividual"}
 _PREFIX = {RDFS: "rdfs", OWL: "owl", RDF: "rdf"}
 
 
@@ -60,14 +61,14 @@ def repair(triples: list[Triple]) -> tuple[list[Triple], list[Diagnostic]]:
 def _meant(iri: str, known: dict[str, str]) -> str:
     read = known.get(iri)
     if read is None:
-        read = known[iri] = next((home + local for home, local in _homes(iri)), iri)
+        read = known[iri] = next((home + local for home, local in _homes(iri)), _SPELT.get(iri, iri))
     return read
 
 
 def _homes(iri: str) -> list[tuple[str, str]]:
     """The namespaces of the three that have this term, if the one that it is written in has not."""
     local = local_name(iri)
-    namespace = iri[: len(iri) - len(local)]
+    namespace = iri.removesuffix(local)
     if namespace not in TERMS or local in TERMS[namespace] or (namespace == RDF and local.startswith("_")):
         return []
     return [(home, local) for home, terms in TERMS.items() if local in terms]
@@ -75,12 +76,13 @@ def _homes(iri: str) -> list[tuple[str, str]]:
 
 def _report(written: str, read: str, span: Span, *, is_term: bool) -> Diagnostic | None:
     local = local_name(written)
-    namespace = written[: len(written) - len(local)]
+    namespace = written.removesuffix(local)
     if not is_term or namespace not in TERMS:
         return None
     prefix = _PREFIX[namespace]
     if read != written:
-        right = f"{_PREFIX[read[: len(read) - len(local)]]}:{local}"
+        name = local_name(read)
+        right = f"{_PREFIX[read.removesuffix(name)]}:{name}"
         return warning("O012", f"{prefix}:{local} is read as {right}", span, f"write {right}")
     if local in TERMS[namespace] or not local or (namespace == RDF and local.startswith("_")):
         return None

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import codecs
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from xml.parsers import expat
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 
@@ -136,3 +138,26 @@ def _blank(pieces: list[str], start: int, end: int) -> None:
     for index in range(start, end):
         if pieces[index] not in "\r\n":
             pieces[index] = " "
+
+
+def explain(problem: expat.ExpatError, text: str, file: str, open_lines: Sequence[int]) -> Diagnostic:
+    """What an expat error means; ``open_lines`` are where the open elements begin, the innermost last."""
+    span = Span(file, problem.lineno, problem.offset + 1)
+    reason = expat.ErrorString(problem.code) or "not well-formed"
+    lines = text.split("\n")
+    line = lines[problem.lineno - 1] if problem.lineno <= len(lines) else ""
+    advice = None
+    if reason == "undefined entity":
+        match = re.match(r"&([^;\s]+);", line[problem.offset :])
+        if match:
+            reason = f"undefined entity &{match[1]};"
+            advice = f'declare it in the DOCTYPE: <!ENTITY {match[1]} "http://...#">'
+    elif reason == "unbound prefix":
+        advice = 'declare the prefix in the first element: xmlns:prefix="http://...#"'
+    elif reason in ("no element found", "unclosed token", "unclosed CDATA section"):
+        if open_lines:
+            reason = f"the file ends too early, {len(open_lines)} elements are not closed"
+        advice = "the file seems to be cut off"
+    elif reason.startswith("mismatched tag") and open_lines:
+        advice = f"the innermost open element begins in line {open_lines[-1]}"
+    return error("O005", f"this is not XML: {reason}", span, advice)
