@@ -37,7 +37,7 @@ FIXED = (
 """Classes of things that stay where the map says, light furniture left out."""
 
 CONTAINERS = ("StorageConstruct", "Box-Container", "Container", "Refrigerator", "Dishwasher", "Oven", "Shelf")
-"""Classes of things that others may lie inside of."""
+"""Classes of things inside of which others may lie: as a part of something larger, such a thing is a compartment."""
 
 LONGEST = 0.6
 """What is longer than this is nothing a hand takes [m]."""
@@ -104,11 +104,11 @@ def _opened(bodies: list[Body], semantic_map: SemanticMap, found: list[Diagnosti
     for body in bodies:
         thing = semantic_map.find(body.iri)
         inside = [other.name for other in bodies if other.movable and other.name != body.name and holds(body, other)]
-        if thing is None or body.shape != "box" or not inside or not _is_a(thing, semantic_map, CONTAINERS):
+        if thing is None or body.shape != "box" or body.movable or not inside:
             opened.append(body)
             continue
         holder = semantic_map.holder(thing)
-        if holder is not None and _is_a(holder, semantic_map, CONTAINERS):
+        if holder is not None and _is_a(thing, semantic_map, CONTAINERS):
             found.append(note("M013", f"{body.name} is a compartment of {holder.name}: a place, not a box", thing.span))
             opened.append(Body(body.name, body.pose, body.size, "marker", body.iri, body.type))
             continue

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.knowledge.support import footprint
 from planlang.protocols import Array
@@ -14,6 +17,9 @@ SPACING = 0.05
 
 CLEARANCE = 0.1
 """Free distance around the robot's radius [m]."""
+
+BLOCK = 500
+"""Places that are looked at in one go."""
 
 HEADROOM = 2.0
 """Bodies above this height are driven under [m]."""
@@ -33,19 +39,30 @@ def default_start(scene: Scene, radius: float) -> tuple[float, float, float] | N
     offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
     points = (offsets + centre).round(6)
     within = np.all((points >= (x_min, y_min)) & (points <= (x_max, y_max)), axis=1)
-    points, offsets = points[within], offsets[within]
+    points, away = points[within], np.hypot(*offsets[within].T).round(6)
+    points = points[np.lexsort((points[:, 1], points[:, 0], away))]
+    inner = [footprint(room) for room in rooms]
+    outer = [
+        footprint(body)
+        for body in scene.bodies
+        if body.shape not in ("marker", "room") and corners(body.pose, body.size)[:, 2].min() < HEADROOM
+    ]
+    for first in range(0, len(points), BLOCK):
+        block = points[first : first + BLOCK]
+        free = block[_free(block, inner, outer, radius + CLEARANCE)]
+        if len(free):
+            return (float(free[0, 0]) + 0.0, float(free[0, 1]) + 0.0, 0.0)
+    return None
+
+
+def _free(points: Array, rooms: Sequence[Array], bodies: Sequence[Array], keep: float) -> NDArray[np.bool_]:
+    """Which of (m, 2) points keep a distance [m] from the outlines of all bodies and from the edges of a room, (m,)."""
     free = np.ones(len(points), bool)
-    keep = radius + CLEARANCE
     if rooms:
-        free &= np.any([_signed_distance(footprint(room), points) <= -keep for room in rooms], axis=0)
-    for body in scene.bodies:
-        if body.shape not in ("marker", "room") and corners(body.pose, body.size)[:, 2].min() < HEADROOM:
-            free &= _signed_distance(footprint(body), points) >= keep
-    if not free.any():
-        return None
-    points, away = points[free], np.hypot(*offsets[free].T).round(6)
-    best = points[np.lexsort((points[:, 1], points[:, 0], away))[0]]
-    return (float(best[0]) + 0.0, float(best[1]) + 0.0, 0.0)
+        free &= np.any([_signed_distance(room, points) <= -keep for room in rooms], axis=0)
+    for body in bodies:
+        free &= _signed_distance(body, points) >= keep
+    return free
 
 
 def _signed_distance(polygon: Array, points: Array) -> Array:
