@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import TYPE_CHECKING
 
 from planlang.kernel.errors import CleanupOverrun, CutShort
-from planlang.kernel.listing import innermost_frame, innermost_line
+from planlang.kernel.listing import is_own, line_of
 from planlang.kernel.park import here
 from planlang.kernel.suspension import unhold
 from planlang.kernel.task import Status, Task
@@ -47,6 +48,8 @@ def evaporate(scheduler: Scheduler, root: Task, through_shields: bool = False) -
             stack.extend(reversed(scope.live))
         elif task is not scheduler.current and not task.woken:
             scheduler.throw(task, scheduler.delivery(task))
+        elif through_shields and task.woken and not task.in_queue:
+            scheduler.enqueue(task)
     return changed
 
 
@@ -79,7 +82,7 @@ class shield:  # noqa: N801 - used like a function: with shield(within=10)
 
     def _overrun(self) -> None:
         scheduler, task = self._scheduler, self._task
-        line = innermost_line(task.coroutine)
+        line = line_of(task)
         task.overrun = CleanupOverrun(f"shielded code in {task.path} took longer than {self.within} s, at {line}")
         task.doomed = True
         scope = task.scope
@@ -91,7 +94,9 @@ class shield:  # noqa: N801 - used like a function: with shield(within=10)
 
 def warn_cut_short(task: Task) -> None:
     """Warn that code after the delivery of evaporation awaits without a shield."""
-    frame = innermost_frame(task.coroutine)
+    frame: FrameType | None = sys._getframe()
+    while frame is not None and is_own(frame.f_code.co_filename):
+        frame = frame.f_back
     if frame is not None:
         warnings.warn_explicit(
             f"{task.path} is being evaporated, so this await is cut short; cleanup that waits belongs into "

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable, Iterable
-from types import FrameType
+from types import CodeType, FrameType
 from typing import TYPE_CHECKING
 
 from planlang.failures import PlanFailure, Where
@@ -35,12 +36,18 @@ def innermost_frame(coroutine: object) -> FrameType | None:
     return found
 
 
-def innermost_line(coroutine: object) -> str:
-    """``file.py:12`` of the innermost waiting code that is the plan's."""
-    frame = innermost_frame(coroutine)
-    if frame is None:
-        return "an unknown line"
-    return f"{os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
+def line_of(task: Task) -> str:
+    """``file.py:12`` of where a task waits, or where its branch is defined when only our own code runs in it."""
+    frame = innermost_frame(task.coroutine)
+    if frame is not None:
+        return f"{os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
+    function: object = task.branch
+    while isinstance(function, functools.partial):
+        function = function.func
+    code = getattr(function, "__code__", None)
+    if isinstance(code, CodeType) and not is_own(code.co_filename):
+        return f"{os.path.basename(code.co_filename)}:{code.co_firstlineno}"
+    return "an unknown line"
 
 
 def blocked(root: Task) -> Iterable[Task]:
@@ -64,8 +71,7 @@ def listing(title: str, tasks: Iterable[Task]) -> str:
             continue
         state = "is suspended, waiting for" if task.holds else "waits for"
         what = f" {state} {task.wait}" if task.wait is not None else ""
-        at = f" at {innermost_line(task.coroutine)}" if task.coroutine is not None else ""
-        lines.append(f"  {task.path}{what}{at}")
+        lines.append(f"  {task.path}{what} at {line_of(task)}")
     if more:
         lines.append(f"  and {more} more")
     return "\n".join(lines)

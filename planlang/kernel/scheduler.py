@@ -28,7 +28,7 @@ from planlang.kernel.errors import (
     StepLimit,
     StuckTask,
 )
-from planlang.kernel.listing import blocked, innermost_line, listing, locate
+from planlang.kernel.listing import blocked, line_of, listing, locate
 from planlang.kernel.park import PARKED, STUCK, running
 from planlang.kernel.task import Status, Task
 from planlang.kernel.timers import Timer, TimerQueue
@@ -248,29 +248,22 @@ class Scheduler:
                 return
 
     def _round(self, root: Task) -> None:
-        queue, choice = self._queue, self._choice
-        while True:
-            if choice is not None:
-                if not self._pool:
-                    return
-                pick = choice.randrange(len(self._pool))
-                task, self._pool[pick] = self._pool[pick], self._pool[-1]
-                self._pool.pop()
-            elif queue:
-                task = queue.popleft()
-            else:
-                return
-            task.in_queue = False
-            if task.holds or task.dead:
-                continue
+        queue, pool, choice = self._queue, self._pool, self._choice
+        while queue or pool:
             if self.interrupts != self._heeded:
                 self._heed_interrupts(root)
             self._resumptions += 1
             if self._resumptions > MAX_RESUMPTIONS and not self.draining:
-                self._resumptions = 0
-                raise NoProgress(
-                    listing("no progress within one world step; still running", [task, *queue, *self._pool])
-                )
+                raise NoProgress(listing("no progress within one world step; still running", [*queue, *pool]))
+            if choice is None:
+                task = queue.popleft()
+            else:
+                pick = choice.randrange(len(pool))
+                task, pool[pick] = pool[pick], pool[-1]
+                pool.pop()
+            task.in_queue = False
+            if task.holds or task.dead:
+                continue
             self._resume(task)
             if self._fatal is not None:
                 fatal, self._fatal = self._fatal, None
@@ -392,13 +385,13 @@ class Scheduler:
     def _unexpected(self, task: Task, signal: object) -> None:
         if signal is STUCK:
             _stuck.append(task.coroutine)
-            line = innermost_line(task.coroutine)
+            line = line_of(task)
             task.crash = StuckTask(f"{task.path} does not end although it was evaporated 100 times, at {line}")
             task.generators = None
             self._fatal = self._fatal or task.crash
             self.finish(task, Status.EVAPORATED)
             return
-        where = innermost_line(task.coroutine)
+        where = line_of(task)
         self.throw(
             task,
             TypeError(

@@ -22,9 +22,16 @@ class Scope(Node):
     ``over`` means that the outcome is fixed and what is live is being evaporated.
     """
 
+    transparent = False
+    """Whether the branches appear in the tree in the construct's place."""
+
     def __init__(self, kind: str, name: str | None = None) -> None:
         self.scheduler, self.owner = here()
-        Node.__init__(self, self.owner.node, kind, name or kind)
+        if self.transparent:
+            self.parent, self.kind, self._name, self._ordinal = self.owner.node, kind, kind, 1
+            self._counts = self._path = None
+        else:
+            Node.__init__(self, self.owner.node, kind, name or kind)
         self.depth = self.owner.depth + 1
         if self.depth > MAX_DEPTH:
             raise PlanStructureError(f"more than {MAX_DEPTH} constructs nested: {_innermost_names(self.owner)}")
@@ -60,7 +67,9 @@ class Scope(Node):
 
     def start(self, branch: Callable[[], Any], name: str, index: int) -> Task:
         """Start a branch; it runs after what is already in the queue."""
-        task = Task(self, self, name, branch, index)
+        task = Task(self, self.parent if self.transparent else self, name, branch, index)
+        if self.transparent:
+            task.kind = self.kind
         self.live[task] = None
         owner = self.owner
         if owner.holds:
@@ -81,7 +90,7 @@ class Scope(Node):
         Raises a programming error that left a branch, before anything else; Evaporated if the owner is evaporated.
         """
         scheduler, owner = self.scheduler, self.owner
-        trace = scheduler.trace
+        trace = None if self.transparent else scheduler.trace
         if owner.doomed:
             await deliver(owner)
         if trace is not None:

@@ -175,11 +175,12 @@ class _Visit:
 class _Watched(Scope):
     """The body and, beside it, a watch over the place; the body counts when both end together."""
 
+    transparent = True
     lost = False
     body_task: Task | None = None
 
     def __init__(self, visit: _Visit, body: Branch) -> None:
-        super().__init__("at_place")
+        super().__init__("branch")
         self.visit = visit
         self.body = body
 

@@ -103,8 +103,10 @@ class Handle:
 
 
 class _Tag(All):
-    def __init__(self, name: str, body: Branch, handle: Handle) -> None:
-        super().__init__("tag", name)
+    transparent = True
+
+    def __init__(self, body: Branch, handle: Handle) -> None:
+        super().__init__("tag")
         self.body = body
         self.handle = handle
         self.result: Any = None
@@ -130,7 +132,7 @@ async def tag(name: str, body: Callable[[], Awaitable[V]]) -> V:
     handle = tags.get(name)
     if handle is None:
         handle = tags[name] = Handle(name)
-    result: V = await _Tag(name, body, handle).execute()
+    result: V = await _Tag(body, handle).execute()
     return result
 
 

@@ -89,14 +89,18 @@ def test_other_failures_go_outward_at_once(executive: Any) -> None:
     assert executive.log == ["at 1"]
 
 
-def test_exhausted_places_raise_object_unreachable_from_the_last_failure(executive: Any) -> None:
+def test_exhausted_places_raise_object_unreachable_that_explains_itself_down_to_the_last_failure(
+    executive: Any,
+) -> None:
     async def body() -> None:
         raise ManipulationPoseUnreachable(what=f"cup from {executive.base[0]:g}")
 
     with pytest.raises(ObjectUnreachable, match="cup1") as caught:
         go(partial(at_location, NEAR_CUP, body), executive)
-    assert isinstance(caught.value.__cause__, ManipulationPoseUnreachable)
-    assert caught.value.__cause__.what == "cup from 2"
+    unresolvable, last = list(caught.value.chain())[1:3]
+    assert isinstance(unresolvable, LocationUnresolvable)
+    assert isinstance(last, ManipulationPoseUnreachable)
+    assert last.what == "cup from 2"
 
 
 def test_attempts_bound_the_number_of_places(executive: Any) -> None:
