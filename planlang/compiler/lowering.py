@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import networkx as nx
 
 from planlang.compiler.naming import Names
-from planlang.compiler.recoveries import Recoveries, looked_at
+from planlang.compiler.recoveries import Recoveries
 from planlang.compiler.scopes import Scoping, Unit, scoping
 from planlang.compiler.terms import HandUse, Renaming, Terms
 from planlang.compiler.tree import (
@@ -135,7 +135,7 @@ class Lowering:
 
     def _around_scope(self, recipe: Recipe, steps: Iterable[Step], renaming: Renaming) -> Iterable[Recover]:
         for step in steps:
-            about = looked_at(step)
+            about = self._recoveries.looked_at(step)
             yield from self._recoveries.around_scope(step, renaming.get(about, about) if about else None)
             for callee in step.recipes:
                 below = self._recipes.recipes[callee]
@@ -172,7 +172,7 @@ class Lowering:
 
     def _about(self, recipe: Recipe, step: Step) -> Thing | None:
         """What a recovery looks at: what the step handles, else what its recipe acts on, else the only object."""
-        own = looked_at(step)
+        own = self._recoveries.looked_at(step)
         if own is not None:
             return own
         acted_on = [filler for filler in recipe.fillers("objectActedOn") if isinstance(filler, Thing)]

@@ -8,8 +8,6 @@ import re
 import unicodedata
 from collections.abc import Iterable
 
-_WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|[0-9]+|[^\W\d_]+")
-
 
 def snake_case(name: str) -> str:
     """``MoveBaseToGraspPose`` -> ``move_base_to_grasp_pose``; characters Python does not allow become ``_``.
@@ -17,17 +15,17 @@ def snake_case(name: str) -> str:
     Digits stay with the word before them (``bottle1``); a leading digit gets an underscore before it.
     """
     text = unicodedata.normalize("NFKC", name)
-    words: list[str] = []
-    end = 0
-    for match in _WORD.finditer(text):
-        word = match.group().lower()
-        if word.isdigit() and words and match.start() == end:
-            words[-1] += word
-        else:
-            words.append(word)
-        end = match.end()
-    result = "_".join(words) or "_"
-    return f"_{result}" if result[0].isdigit() else result
+    parts: list[str] = []
+    for index, character in enumerate(text):
+        if not f"a{character}".isidentifier():
+            parts.append("_")
+            continue
+        before, after = text[index - 1 : index] if index else "", text[index + 1 : index + 2]
+        if character.isupper() and (before.islower() or before.isdigit() or (before.isupper() and after.islower())):
+            parts.append("_")
+        parts.append(character.lower())
+    result = re.sub("_+", "_", unicodedata.normalize("NFKC", "".join(parts))).strip("_")
+    return result if result.isidentifier() else f"_{result}"
 
 
 def without_digits(name: str) -> str:

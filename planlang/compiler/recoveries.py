@@ -101,20 +101,22 @@ class Recoveries:
                         found.setdefault(failure, _recover(failure, rule, about))
         return tuple(found.values())
 
-
-def looked_at(step: Step) -> Thing | None:
-    """The object that a step handles, hence looks at first: acted on, or the one its hand goes to."""
-    for filler in step.fillers("objectActedOn"):
-        if isinstance(filler, Thing) and filler.kind is Kind.OBJECT:
-            return filler
-    for filler in step.fillers("toLocation"):
-        if isinstance(filler, Thing) and filler.kind is Kind.OBJECT:
-            return filler
-        if isinstance(filler, Place):
-            for relation, reference in filler.relations:
-                if relation in HANDLED and isinstance(reference, Thing) and reference.kind is Kind.OBJECT:
-                    return reference
-    return None
+    def looked_at(self, step: Step) -> Thing | None:
+        """What a step looks at before it acts: the object that it handles, or who is to receive what it lets go of."""
+        primitive = self._primitives[step.primitive] if step.primitive is not None else None
+        if primitive is not None and primitive.releases:
+            return next((filler for filler in step.fillers("recipient") if isinstance(filler, Thing)), None)
+        for filler in step.fillers("objectActedOn"):
+            if isinstance(filler, Thing) and filler.kind is Kind.OBJECT:
+                return filler
+        for filler in step.fillers("toLocation"):
+            if isinstance(filler, Thing) and filler.kind is Kind.OBJECT:
+                return filler
+            if isinstance(filler, Place):
+                for relation, reference in filler.relations:
+                    if relation in HANDLED and isinstance(reference, Thing) and reference.kind is Kind.OBJECT:
+                        return reference
+        return None
 
 
 def _recover(failure: str, rule: RecoveryRule, about: Thing | None) -> Recover:

@@ -173,7 +173,7 @@ def read_step(ontology: Ontology, sub_action: SubAction, primitives: dict[str, P
         read_parameters(ontology, iri, sub_action.restrictions),
         recipes,
         primitive,
-        ontology.label(iri),
+        ontology.label(iri) if shorten(iri) == iri else None,
         sub_action.span,
     )
 
