@@ -37,11 +37,15 @@ def bands(
     the origin of the map.
     """
     left_out = frozenset[int]().union(*(robot.moved_by(name) for name in without))
-    rows = [number for number in range(len(robot.solid)) if number not in left_out]
-    boxes = [tuple(corners[rows] for corners in robot.boxes())]
+    lower, upper = robot.boxes()
+    found = [
+        (float(lower[number, 2]), float(upper[number, 2]), robot.spread(number))
+        for number in range(len(robot.solid))
+        if number not in left_out
+    ]
     for name, grip in held.items():
         if not robot.carrier(grip.link) & left_out:
-            boxes.append(tuple(corner[None] for corner in bodies.box_of(name)))
-    lower, upper = (np.concatenate([box[side] for box in boxes]) for side in (0, 1))
-    radius = np.hypot(*np.maximum(np.abs(lower[:, :2]), np.abs(upper[:, :2])).T)
-    return tuple(zip(lower[:, 2].tolist(), upper[:, 2].tolist(), radius.tolist(), strict=True))
+            low, high = bodies.box_of(name)
+            radius = float(np.hypot(*np.maximum(np.abs(low[:2]), np.abs(high[:2]))))
+            found.append((float(low[2]), float(high[2]), radius))
+    return tuple(found)

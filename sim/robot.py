@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,9 @@ class Robot:
     def __init__(self, client: int, body: RobotBody) -> None:
         self.client, self.body = client, body
         with quiet():
-            self.uid: int = bullet.loadURDF(str(body.urdf), useFixedBase=True, physicsClientId=client)
+            # true cylinders, not polyhedra: faster and as wide as they are
+            flags = bullet.URDF_USE_IMPLICIT_CYLINDER
+            self.uid: int = bullet.loadURDF(str(body.urdf), useFixedBase=True, flags=flags, physicsClientId=client)
         self._read_joints()
         self._read_links()
         self.shown: dict[str, float] = {}
@@ -173,6 +175,26 @@ class Robot:
             index = self.parent[index]
         return self._below(index)
 
+    def spread(self, number: int) -> float:
+        """How far a solid link reaches from the map's z axis, in its present place [m]; for meshes an upper bound."""
+        index = self.solid[number]
+        if index == -1:
+            place = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client))
+        else:
+            state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
+            place = Pose(state[0], state[1])
+        away = 0.0
+        for shape in bullet.getCollisionShapeData(self.uid, index, physicsClientId=self.client):
+            points, radius = _support(shape[2], shape[3])
+            if points is None:
+                lower, upper = (corners[number] for corners in self.boxes())
+                points, centre = np.array([np.maximum(np.abs(lower), np.abs(upper))]), Pose((0.0, 0.0, 0.0))
+            else:
+                centre = place @ Pose(shape[5], shape[6])
+            there = points @ rotation(centre).T + np.asarray(centre.position)
+            away = max(away, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
+        return away
+
     def hand_links(self, link: str) -> frozenset[str]:
         """Names of the solid links of the hand at a link."""
         return frozenset(self.solid_names[number] for number in self.hand_of(link))
@@ -251,6 +273,18 @@ class Robot:
         """Penetration of a solid link and a piece [m], 0 when they are apart."""
         points = bullet.getClosestPoints(self.uid, uid, 0.0, self.solid[number], -1, physicsClientId=self.client)
         return max((-point[8] for point in points), default=0.0)
+
+
+def _support(kind: int, size: Sequence[float]) -> tuple[Array | None, float]:
+    """Points (n, 3) in a primitive's frame and a radius: the spheres around them enclose it; None for a mesh."""
+    match kind:
+        case bullet.GEOM_BOX:
+            return np.array([np.where(side, size, np.negative(size)) / 2 for side in np.ndindex(2, 2, 2)]), 0.0
+        case bullet.GEOM_SPHERE:
+            return np.zeros((1, 3)), size[0]
+        case bullet.GEOM_CYLINDER | bullet.GEOM_CAPSULE:
+            return np.array([[0.0, 0.0, size[0] / 2], [0.0, 0.0, -size[0] / 2]]), size[1]
+    return None, 0.0
 
 
 def close_pairs(pairs: Index, lower: Array, upper: Array) -> list[tuple[int, int]]:

@@ -21,8 +21,10 @@ HEADINGS = (0.0, 0.35, -0.35, 0.8, -0.8)
 """Heading of the base relative to the line to the target [rad]."""
 MOST_CANDIDATES = 240
 """Places that are looked at exactly before a resolution gives up."""
+RADII = np.array([0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0])
+"""Distances from the target at which places are looked for, in lengths of the arm."""
 SIGHT_DISTANCES = (0.8, 1.1, 1.4, 1.8, 2.3)
-MARGIN = 0.02
+MARGIN = 0.01
 """Free distance around the silhouette that a place to stand must have [m]."""
 APART = 0.05
 """Consecutive solutions are at least this far apart [m]."""
@@ -126,7 +128,7 @@ class Resolver:
         """Bases (n, 3) around the anchors and how promising each is (n,)."""
         points, why = anchors
         if why == "reach" and arm is not None:
-            radii = arm.reach * np.array([0.55, 0.7, 0.85, 1.0])
+            radii = arm.reach * RADII
             best, width = 0.8 * arm.reach, 0.35 * arm.reach
             side = float(arm.shoulder_low[1])
         else:
