@@ -95,7 +95,12 @@ def run_plan_file(options: RunOptions) -> RunResult:
         if not options.force:
             missing = missing_capabilities(semantic_map.ontology, _action_classes(module), robot)
             if missing:
-                return RunResult(MISSING_CAPABILITY, str(missing), diagnostics=tuple(found))
+                return RunResult(
+                    MISSING_CAPABILITY,
+                    "\n".join(f"MissingCapability: {what}" for what in missing),
+                    diagnostics=tuple(found),
+                    failure=("MissingCapability",),
+                )
         scene = _placed(scene_of(semantic_map, found), robot, options)
         truth = PyBulletWorld(perturb(scene, options.seed), robot.body(), gui=options.gui, seed=options.seed)
         stack.callback(truth.close)

@@ -164,6 +164,12 @@ CODES: dict[str, str] = {
     "B011": "a robot file names what the URDF does not have, or a position outside of its limits",
     "B012": "the URDF is another robot's",
     # X: running
+    "X001": "a plan cannot be imported",
+    "X002": "a file defines no plan",
+    "X003": "there is no free place for the robot to start",
+    "X004": "a plan has no such parameter",
+    "X005": "what a parameter is set to is not in the map",
+    "X006": "what a parameter is set to is of another class",
     # C: command line
     "C001": "a file or folder that was named is not there or cannot be read",
     "C002": "the file is neither a recipe nor a plan",
