@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from planlang.designators import local_name
@@ -38,6 +39,12 @@ def _undefined_superclasses(ontology: Ontology, triples: Sequence[Triple]) -> It
         seen.add(name)
         if not ontology.defined(name):
             advice = "import the file that defines it, or correct the name"
+            local = local_name(name)
+            namespace = name.removesuffix(local)
+            others = (other for other in ontology.class_names() if other.startswith(namespace))
+            similar = get_close_matches(local, [other.removeprefix(namespace) for other in others], n=1, cutoff=0.75)
+            if similar:
+                advice = f"did you mean {similar[0]}? {advice}"
             yield warning("O041", f"nothing defines the superclass {local_name(name)} ({name})", triple.span, advice)
 
 

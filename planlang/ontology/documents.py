@@ -181,7 +181,8 @@ def read_all(path: Path, folders: Sequence[Path], *, builtin: bool) -> list[Read
             reading = _read(found, read_bytes(found))
         except BadInput as problem:
             first = problem.diagnostics[0]
-            problems.append(warning("O034", f"an import cannot be read: {first}", triple.span, first.help))
+            message = f"an import cannot be read: {first.span}: {first.message}"
+            problems.append(warning("O034", message, triple.span, first.help))
             continue
         if reading.document.sha256 not in digests:
             digests.add(reading.document.sha256)

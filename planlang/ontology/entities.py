@@ -33,6 +33,11 @@ class EntityTable:
         """Characters that the references may expand to; a short file may use a few declared prefixes freely."""
         return min(LARGEST_EXPANSION, LARGEST_FACTOR * len(self._text))
 
+    @property
+    def names(self) -> frozenset[str]:
+        """What may be referred to: declared entities and those of XML itself."""
+        return frozenset(self._values) | frozenset(("amp", "lt", "gt", "apos", "quot"))
+
     def declare(self, name: str, value: str, span: Span) -> None:
         """Note an entity; of two declarations the first counts, as XML has it."""
         self._values.setdefault(name, (value, span))

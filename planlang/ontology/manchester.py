@@ -18,7 +18,7 @@ from planlang.ontology.expressions import Statements
 from planlang.ontology.frames import Frames
 from planlang.ontology.rdfxml import Parsed
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary
-from planlang.ontology.xml_text import decode, position_of
+from planlang.ontology.xml_text import decode, offset_of, position_of
 
 MOST_ERRORS = 20
 """Syntax errors reported of one file."""
@@ -46,6 +46,7 @@ _SPOKEN = {
     "$END": "the end of the file",
 }
 """What the terminals of the grammar are called in messages; the others are words of the language."""
+_ORDER = {name: place for place, name in enumerate(_SPOKEN)}
 
 
 class _Relay(Transformer[Token, None]):
@@ -102,7 +103,8 @@ def _parse(text: str, file: str, frames: Frames, problems: list[Diagnostic]) -> 
             return None
         except BadInput as problem:
             problems.extend(problem.diagnostics)
-            offset = _offset(text, problem.diagnostics[0].span)
+            span = problem.diagnostics[0].span
+            offset = len(text) if span is None else offset_of(text, span)
         except UnexpectedInput as problem:
             offset = _where(problem, text)
             problems.append(_explain(problem, parser, text, offset, file))
@@ -134,7 +136,7 @@ def _explain(problem: UnexpectedInput, parser: Lark, text: str, offset: int, fil
         or ()
     )
     literal, spoken = [], []
-    for name in sorted(accepted):
+    for name in sorted(accepted, key=lambda name: (_ORDER.get(name, len(_ORDER)), name)):
         pattern = parser.get_terminal(name).pattern if name != "$END" else None
         if isinstance(pattern, PatternStr):
             literal.append(pattern.value)
@@ -156,15 +158,6 @@ def _explain(problem: UnexpectedInput, parser: Lark, text: str, offset: int, fil
         expected = f"{', '.join(punctuation)}, {expected}" if expected else ", ".join(punctuation)
     advice = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
     return error("O020", message, span, f"{advice}expected: {expected}")
-
-
-def _offset(text: str, span: Span | None) -> int:
-    if span is None:
-        return len(text)
-    offset = 0
-    for _ in range(span.line - 1):
-        offset = text.index("\n", offset) + 1
-    return offset + span.column - 1
 
 
 class _Names:

@@ -126,6 +126,11 @@ class Ontology:
             return True
         return any(triple.predicate == SUBCLASS_OF for triple in self._index.by_object.get(iri, ()))
 
+    def class_names(self) -> tuple[str, ...]:
+        """All classes that are declared, in document order."""
+        found = (t.subject for t in self._index.by_predicate.get(TYPE, ()) if t.object in _CLASS_KINDS)
+        return tuple(dict.fromkeys(name for name in found if isinstance(name, str)))
+
     def is_individual(self, iri: str) -> bool:
         """True if it has a class, or is declared an individual. A class may be one too."""
         return bool(self.types(iri)) or NAMED_INDIVIDUAL in self.values(iri, TYPE)

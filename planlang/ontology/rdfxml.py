@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.entities import EntityTable
-from planlang.ontology.terms import FIRST, NIL, RDF, REST, TYPE, BNode, Literal, Term, Triple
+from planlang.ontology.terms import FIRST, NIL, ONTOLOGY, RDF, REST, TYPE, BNode, Literal, Term, Triple
 from planlang.ontology.xml_text import decode, explain, repair
 
 DEEPEST = 100
@@ -94,7 +94,7 @@ def _parse(text: str, file: str, base: str, label: str) -> Parsed:
         parser.Parse(text, True)
     except expat.ExpatError as problem:
         open_lines = [frame.span.line for frame in handler.frames[1:]]
-        raise BadInput([explain(problem, text, file, open_lines)]) from None
+        raise BadInput([explain(problem, text, file, open_lines, handler.entities.names)]) from None
     return Parsed(handler.triples, handler.diagnostics)
 
 
@@ -113,7 +113,6 @@ class _Handler:
         self.entities = EntityTable(text, file)
         self.resolved: dict[tuple[str, str], str] = {}
         parser.ordered_attributes = True
-        parser.buffer_text = True
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
         parser.CharacterDataHandler = self.characters
@@ -177,11 +176,8 @@ class _Handler:
         if parent.kind == "document" and name == RDF + "RDF":
             self.frames.append(_Frame("rdf", base, language, span))
         elif parent.kind in ("document", "rdf"):
-            if parent.kind == "document" and (" " not in tag or tag.startswith("http://www.w3.org/1999/xhtml ")):
-                message = f"this is XML, but not RDF: its first element is {tag.rpartition(' ')[2]}"
-                raise BadInput(
-                    [error("O001", message, span, "an ontology begins with rdf:RDF or in Manchester syntax")]
-                )
+            if parent.kind == "document":
+                self._must_be_rdf(tag, span)
             self._node(name, tag, given, base, language, span)
         elif parent.kind == "node":
             self._property(parent, name, tag, given, base, language, span)
@@ -193,6 +189,17 @@ class _Handler:
             self.frames.append(_Frame("skipped", base, language, span))
         else:
             self._fill(parent, name, tag, given, base, language, span)
+
+    def _must_be_rdf(self, tag: str, span: Span) -> None:
+        namespace, _, local = tag.rpartition(" ")
+        if tag.replace(" ", "") == ONTOLOGY:
+            message, advice = "this is OWL/XML, another syntax", "save it as RDF/XML or in Manchester syntax"
+        elif not namespace or namespace == "http://www.w3.org/1999/xhtml":
+            message = f"this is XML, but not RDF: its first element is {local}"
+            advice = "an ontology begins with rdf:RDF or in Manchester syntax"
+        else:
+            return
+        raise BadInput([error("O001", message, span, advice)])
 
     def _fill(
         self, parent: _Frame, name: str, tag: str, given: dict[str, str], base: str, language: str | None, span: Span
@@ -231,7 +238,9 @@ class _Handler:
         elif frame.kind == "property":
             frame.text.append(data)
         elif frame.kind != "skipped" and (stray := data.strip()):
-            self.warn("O010", f"text between elements is skipped: {stray[:40]!r}", self.here())
+            start = self.here()
+            span = Span(self.file, start.line, start.column + len(data) - len(data.lstrip()))
+            self.warn("O010", f"text between elements is skipped: {stray[:40]!r}", span)
 
     # nodes and properties
 

@@ -63,6 +63,16 @@ def position_of(text: str, offset: int, file: str) -> Span:
     return Span(file, line, offset - text.rfind("\n", 0, offset))
 
 
+def offset_of(text: str, span: Span) -> int:
+    """The offset of a position, at most the length of the text."""
+    offset = 0
+    for _ in range(span.line - 1):
+        offset = text.find("\n", offset) + 1
+        if offset == 0:
+            return len(text)
+    return min(offset + span.column - 1, len(text))
+
+
 @dataclass
 class Repaired:
     """A text of the same length, the same in every line, and what was changed."""
@@ -140,16 +150,21 @@ def _blank(pieces: list[str], start: int, end: int) -> None:
             pieces[index] = " "
 
 
-def explain(problem: expat.ExpatError, text: str, file: str, open_lines: Sequence[int]) -> Diagnostic:
-    """What an expat error means; ``open_lines`` are where the open elements begin, the innermost last."""
+def explain(
+    problem: expat.ExpatError, text: str, file: str, open_lines: Sequence[int], entities: frozenset[str]
+) -> Diagnostic:
+    """What an expat error means.
+
+    ``open_lines`` are where the open elements begin, the innermost last; ``entities`` what may be referred to.
+    """
     span = Span(file, problem.lineno, problem.offset + 1)
     reason = expat.ErrorString(problem.code) or "not well-formed"
-    lines = text.split("\n")
-    line = lines[problem.lineno - 1] if problem.lineno <= len(lines) else ""
     advice = None
     if reason == "undefined entity":
-        match = re.match(r"&([^;\s]+);", line[problem.offset :])
+        start = offset_of(text, span)
+        match = next((m for m in re.finditer(r"&([\w.:-]+);", text[start:]) if m[1] not in entities), None)
         if match:
+            span = position_of(text, start + match.start(), file)
             reason = f"undefined entity &{match[1]};"
             advice = f'declare it in the DOCTYPE: <!ENTITY {match[1]} "http://...#">'
     elif reason == "unbound prefix":
