@@ -1,8 +1,16 @@
-"""What the README says of diagnostic codes and of the command is what the program says."""
+"""What the README says is what the program says: outputs, diagnostic codes, folders.
+
+``python tests/repository/test_readme.py`` writes the outputs and the table of codes into the README anew. A line
+``...`` in an output stands for any number of lines, and stays where it is as long as what is around it is unchanged.
+"""
 
 from __future__ import annotations
 
+import os
 import re
+import runpy
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,26 +18,121 @@ import pytest
 from planlang.diagnostics import CODES
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-README = (CHECKOUT / "README.md").read_text(encoding="utf-8")
+FILE = CHECKOUT / "README.md"
+README = FILE.read_text(encoding="utf-8")
+PACKAGES = ("planlang", "executive", "sim")
+
+BLOCK = re.compile(r"```console\n\$ planlang (.+)\n((?:(?!```).*\n)*)```")
+ROW = re.compile(r"^\| `([A-Z]\d{3})` \| (.+?) \|$", flags=re.MULTILINE)
+
+
+def output(command: str, folder: Path) -> str:
+    """What ``planlang`` with these arguments prints in a folder, stdout and stderr in the order of writing."""
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONUNBUFFERED": "1"}
+    ended = subprocess.run(
+        [sys.executable, "-m", "executive", *command.split()],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    return ended.stdout
+
+
+def agrees(shown: str, real: str) -> bool:
+    """Whether an output is as the README shows it, ``...`` standing for any lines."""
+    parts = [re.escape(part) for part in re.split(r"^\.\.\.\n", shown, flags=re.MULTILINE)]
+    return re.fullmatch(r"(?:.*\n)*?".join(parts), real) is not None
+
+
+def prepare(command: str, folder: Path, corpus: Path) -> bool:
+    """Put the real OWL files that a command names into its folder; False when they are not at hand."""
+    for name in re.findall(r"\S+@\S+", command):
+        found = next(corpus.rglob(name), None)
+        if found is None:
+            return False
+        (folder / name).symlink_to(found)
+    return True
+
+
+def code_table() -> str:
+    """The rows of the README's table of codes."""
+    return "\n".join(f"| `{code}` | {meaning} |" for code, meaning in sorted(CODES.items()))
+
+
+@pytest.mark.parametrize(("command", "shown"), BLOCK.findall(README), ids=lambda text: text.split("\n")[0][:60])
+def test_an_output_in_the_readme_is_what_its_command_prints(
+    command: str, shown: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    if "@" in command:
+        assert prepare(command, tmp_path, request.getfixturevalue("corpus")), "the corpus lacks a file of the README"
+    real = output(command, tmp_path)
+    assert agrees(shown, real), f"planlang {command} prints:\n{real}"
+
+
+def test_the_recipe_in_the_readme_is_the_bundled_one() -> None:
+    recipe = (CHECKOUT / "recipes" / "serve_a_drink.omn").read_text(encoding="utf-8")
+    blocks = re.findall(r"```manchester\n(.+?)```", README, flags=re.DOTALL)
+    assert blocks
+    for block in blocks:
+        for part in block.split("...\n"):
+            assert part in recipe
+
+
+def test_the_plan_tests_in_the_readme_pass(tmp_path: Path) -> None:
+    blocks = re.findall(r"```python\n(.+?)```", README, flags=re.DOTALL)
+    tests = [block for block in blocks if "def test_" in block]
+    assert tests
+    for number, block in enumerate(tests):
+        path = tmp_path / f"test_readme_{number}.py"
+        path.write_text(block, encoding="utf-8")
+        names = runpy.run_path(str(path))
+        for name, value in names.items():
+            if name.startswith("test_"):
+                value()
 
 
 def test_the_table_of_codes_is_the_programs() -> None:
-    rows = re.findall(r"^\| `([A-Z]\d{3})` \| (.+?) \|$", README, flags=re.MULTILINE)
-    wanted = "\n".join(f"| `{code}` | {meaning} |" for code, meaning in sorted(CODES.items()))
-    assert rows == sorted(CODES.items()), f"the README's table of codes should be:\n{wanted}"
+    assert ROW.findall(README) == sorted(CODES.items()), f"the README's table of codes should be:\n{code_table()}"
 
 
-@pytest.mark.parametrize("code", sorted(CODES))
-def test_a_code_is_used_and_its_meaning_fits_in_a_line(code: str) -> None:
-    assert re.fullmatch(r"[A-Z]\d{3}", code)
-    assert CODES[code]
-    assert "\n" not in CODES[code]
-    sources = [path for package in ("planlang", "executive", "sim") for path in (CHECKOUT / package).rglob("*.py")]
-    uses = [path for path in sources if path.name != "diagnostics.py" and f'"{code}"' in path.read_text("utf-8")]
-    assert uses, f"nothing in the program says {code}"
+def test_every_code_that_the_program_says_is_explained_and_every_explained_code_is_said() -> None:
+    said: set[str] = set()
+    for package in PACKAGES:
+        for path in sorted((CHECKOUT / package).rglob("*.py")):
+            if path != CHECKOUT / "planlang" / "diagnostics.py":
+                said.update(re.findall(r'"([A-Z]\d{3})"', path.read_text("utf-8")))
+    assert sorted(said - set(CODES)) == [], "said, not explained in planlang/diagnostics.py"
+    assert sorted(set(CODES) - said) == [], "explained, never said"
 
 
 def test_every_folder_that_the_readme_lists_is_there() -> None:
     listed = re.findall(r"^([a-z_]+/[a-z_/]*) {2,}", README, flags=re.MULTILINE)
     assert listed
     assert [folder for folder in listed if not (CHECKOUT / folder).is_dir()] == []
+
+
+def rewrite() -> None:
+    """Write outputs that no longer agree, and the table of codes, into the README."""
+    import tempfile
+
+    corpus = CHECKOUT.parent / "shared" / "corpus"
+
+    def renewed(block: re.Match[str]) -> str:
+        command, shown = block.groups()
+        with tempfile.TemporaryDirectory() as folder:
+            if not prepare(command, Path(folder), corpus):
+                return block.group()
+            real = output(command, Path(folder))
+        return block.group() if agrees(shown, real) else f"```console\n$ planlang {command}\n{real}```"
+
+    text = BLOCK.sub(renewed, README)
+    head, _, rest = text.partition("| code | meaning |\n|---|---|\n")
+    text = f"{head}| code | meaning |\n|---|---|\n{code_table()}\n{rest[rest.index(chr(10) + chr(10)) + 1 :]}"
+    FILE.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    rewrite()
