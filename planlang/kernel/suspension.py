@@ -63,16 +63,20 @@ def wake_up(scheduler: Scheduler, task: Task) -> bool:
 
 
 def unhold(scheduler: Scheduler, task: Task) -> None:
-    """An evaporated task is never held; neither is what it started inside a shield."""
+    """An evaporated task is never held: only its cleanup runs. What it started inside a shield goes on as it was."""
     if not task.holds:
         return
-    for one in _subtree(task, cancelled=True):
-        shielded = one is not task
-        if one.holds and (one.cancelled or task.shields):
+    if task.shields:
+        for one in _subtree(task, cancelled=True):
             one.holds = one.count = 0
-            if one.woken and not shielded and one.begun and not task.shields and not _must_be_seen(one):
-                one.error, one.value = Evaporated(), None
             _let_go(scheduler, one)
+        return
+    task.holds = task.count = 0
+    if task.woken:
+        if task.begun and not _must_be_seen(task):
+            task.error, task.value = Evaporated(), None
+        if not task.in_queue:
+            scheduler.enqueue(task)
 
 
 def _must_be_seen(task: Task) -> bool:
