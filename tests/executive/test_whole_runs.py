@@ -1,0 +1,67 @@
+"""The whole way, as a process of its own: recipe in, drink served, files left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+
+
+def planlang(*arguments: str | Path, folder: Path, hash_seed: str = "0") -> dict[str, Any]:
+    """Run the command in a folder; its answer as JSON."""
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONHASHSEED": hash_seed}
+    command = [sys.executable, "-m", "executive", *map(str, arguments), "--json"]
+    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment)
+    assert "Traceback" not in ended.stderr, ended.stderr
+    answer: dict[str, Any] = json.loads(ended.stdout)
+    assert answer["exit_code"] == ended.returncode
+    return answer
+
+
+def test_the_drink_is_served_and_the_run_leaves_its_files(tmp_path: Path) -> None:
+    answer = planlang("run", "serve_a_drink", "--trace", "run.jsonl", "--picture", "scene.png", folder=tmp_path)
+    assert answer["exit_code"] == 0, answer["outcome"]
+    assert answer["final_state"] == ["bottle1: held by patient1"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run.jsonl", "scene.png"]
+    records = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
+    assert records[0]["event"] == "header"
+    assert all(before["step"] <= after["step"] for before, after in pairwise(records))
+    assert (tmp_path / "scene.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_compiled_plan_runs_as_its_recipe_does(tmp_path: Path) -> None:
+    assert planlang("compile", "serve_a_drink", "-o", "plan.py", folder=tmp_path)["exit_code"] == 0
+    options = ("--robot", "amigo", "--environment", "hospital_room")
+    of_plan = planlang("run", "plan.py", *options, "--trace", "plan.jsonl", folder=tmp_path)
+    of_recipe = planlang("run", "serve_a_drink", "--trace", "recipe.jsonl", folder=tmp_path)
+    assert of_plan["final_state"] == of_recipe["final_state"]
+    assert (tmp_path / "plan.jsonl").read_bytes() == (tmp_path / "recipe.jsonl").read_bytes()
+
+
+def test_equal_seeds_give_equal_traces_in_two_processes_whatever_the_order_of_hashes(tmp_path: Path) -> None:
+    traces = []
+    for hash_seed in ("1", "4711"):
+        planlang("run", "serve_a_drink", "--seed", "5", "--trace", "run.jsonl", folder=tmp_path, hash_seed=hash_seed)
+        traces.append((tmp_path / "run.jsonl").read_bytes())
+    assert traces[0] == traces[1]
+    assert (tmp_path / "run.jsonl.old").read_bytes() == traces[0], "the older trace is kept"
+
+
+def test_roboearths_own_recipe_robot_and_map_put_the_bottle_on_the_bed(corpus: Path, tmp_path: Path) -> None:
+    answer = planlang(
+        "run",
+        corpus / "recipes" / "serve_drink@knowrob_hydro_2014-11.owl",
+        "--robot",
+        corpus / "robots" / "amigo@hydro.owl",
+        "--environment",
+        corpus / "environments" / "map_hospital_room@re_stack.owl.in",
+        folder=tmp_path,
+    )
+    assert answer["exit_code"] == 0, answer["outcome"]
+    assert answer["final_state"] == ["bottle1: at rest on bed1"]
