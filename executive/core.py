@@ -68,9 +68,12 @@ class RobotExecutive:
         raise ValueError(f"nothing decides {condition}; what can be asked: holding(object)")
 
     def before_retry(self) -> Iterable[Action]:
-        """Arms that are not in the carrying posture go there, with what they hold."""
-        for arm in self.platform.around.arms:
-            if not self.platform.is_at(arm, self.platform.posture(arm, CARRYING)):
+        """Arms that are not in the carrying posture go there, with what they hold, if there is room for it."""
+        platform = self.platform
+        for arm in platform.around.arms:
+            platform.sync()
+            posture = platform.posture(arm, CARRYING)
+            if not platform.is_at(arm, posture) and not platform.around.contacts(platform.base(), arm, posture):
                 yield action("Reaching", to_location=a_posture(CARRYING), device_used=self._device(arm.name))
 
     def _device(self, name: str) -> Device:

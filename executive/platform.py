@@ -87,7 +87,7 @@ class Platform:
         room = clearance_field(grid, around.obstacles(), around.silhouette())
 
         def is_free(x: float, y: float, yaw: float) -> bool:
-            return not around.contacts((x, y, yaw), None, None, None)
+            return not around.contacts((x, y, yaw))
 
         for step in STEPS:
             trajectory = time_path(

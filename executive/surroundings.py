@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -99,11 +99,23 @@ class BelievedSurroundings:
         """What the robot needs of room when it stands or turns, with what it holds, in its present posture."""
         return self.world.silhouette()
 
-    def contacts(self, base: Base, arm: ArmModel | None, q: Array | None, touches: str | None) -> tuple[Contact, ...]:
-        """Penetrations with the arm at ``q``, all else as it is; the hand may touch the body ``touches``."""
-        joints: Mapping[str, float] = self.world.configuration().joints
+    def contacts(
+        self,
+        base: Base,
+        arm: ArmModel | None = None,
+        q: Array | None = None,
+        touches: str | None = None,
+        opened: bool = False,
+    ) -> tuple[Contact, ...]:
+        """Penetrations with an arm at ``q``, all else as it is; its hand may touch the body ``touches``.
+
+        ``opened``: with the fingers of the arm open.
+        """
+        joints = dict(self.world.configuration().joints)
         if arm is not None and q is not None:
-            joints = {**joints, **dict(zip(arm.joints, map(float, q), strict=True))}
+            gripper = self.robot.arm(arm.name).gripper
+            joints |= gripper.opened if opened and gripper is not None else {}
+            joints |= zip(arm.joints, map(float, q), strict=True)
         ignore = [(link, touches) for link in sorted(arm.hand_links)] if arm is not None and touches is not None else []
         return self.world.contacts(Configuration(base, joints), ignore=ignore)
 

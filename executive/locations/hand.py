@@ -16,8 +16,8 @@ from planlang.protocols import Array, Pose
 
 APPROACH = 0.08
 """How far back along the approach direction the pre-grasp is [m] (rules of `in_front_of`)."""
-LIFT = 0.08
-"""How far up the hand goes after a grasp [m]."""
+LIFTS = (0.05, 0.08, 0.03)
+"""How far up the hand goes with what it has grasped, before it goes back [m]; the first is what places are judged by."""
 CLEARANCES = (0.04, 0.07, 0.11)
 """Heights of the lowest point above a surface for `above` [m]; the relation allows 0.02 to 0.15."""
 YAW_OFFSETS = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9, 1.25, -1.25)
@@ -47,6 +47,8 @@ class HandPlan:
     label: str
     poses: Array
     touches: str | None = None
+    opened: bool = False
+    """Whether the fingers are open meanwhile."""
 
 
 def transform(rotation: Array, position: Array) -> Array:
@@ -67,7 +69,7 @@ def shifted(pose: Array, offset: Array) -> Array:
 def grasp_plans(
     name: str, block: Block, eye: Array, frame: HandFrame, max_opening: float, *, pitches: Sequence[float] = PITCHES
 ) -> Iterator[HandPlan]:
-    """Pre-grasp, grasp and lift for a body, from the side that faces ``eye`` (2,) first.
+    """Pre-grasp, grasp, lift and retreat for a body, from the side that faces ``eye`` (2,) first.
 
     The fingers close horizontally, across an extent that fits into ``max_opening`` [m].
     """
@@ -81,8 +83,11 @@ def grasp_plans(
             approach = np.array([math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)])
             for roll in (1.0, -1.0):
                 grasp = transform(frame.rotation(approach, roll * closing), block.centre)
-                poses = np.stack([shifted(grasp, -APPROACH * approach), grasp, shifted(grasp, np.array([0, 0, LIFT]))])
-                yield HandPlan(f"grasp {name} at yaw {yaw:.2f} pitch {pitch:.2f}", poses, name)
+                lift = shifted(grasp, np.array([0.0, 0.0, LIFTS[0]]))
+                poses = np.stack(
+                    [shifted(grasp, -APPROACH * approach), grasp, lift, shifted(lift, -APPROACH * approach)]
+                )
+                yield HandPlan(f"grasp {name} at yaw {yaw:.2f} pitch {pitch:.2f}", poses, name, opened=True)
 
 
 def extent(block: Block, direction: Array) -> float:
@@ -200,6 +205,6 @@ def retreat_plans(name: str, grasp: Array, frame: HandFrame) -> Iterator[HandPla
     """
     approach = grasp[:3, :3] @ np.asarray(frame.approach)
     up = np.array([0.0, 0.0, 1.0])
-    for rise in (0.05, 0.08, 0.03):
+    for rise in LIFTS:
         lift = shifted(grasp, rise * up)
         yield HandPlan(f"lift {name} by {rise:.2f}", np.stack([lift, shifted(lift, -APPROACH * approach)]), name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 
 import numpy as np
 
@@ -88,7 +88,14 @@ def reach_solutions(
             joints = _complete(plan, key, q, to_base, arm) if ok else None
             if joints is None:
                 continue
-            contacts = next((hit for row in joints if (hit := around.contacts(base, arm, row, plan.touches))), ())
+            contacts = next(
+                (
+                    hit
+                    for q_i in _between(joints)
+                    if (hit := around.contacts(base, arm, q_i, plan.touches, plan.opened))
+                ),
+                (),
+            )
             if contacts:
                 touched[first_body(contacts)] = touched.get(first_body(contacts), 0) + 1
                 continue
@@ -107,6 +114,14 @@ def within_reach(to_base: Array, poses: Array, arm: ArmModel) -> bool:
     shoulders = np.repeat(((arm.shoulder_low + arm.shoulder_high) / 2)[None], len(points), 0)
     shoulders[:, 2] = heights
     return bool((np.linalg.norm(points - shoulders, axis=1) <= arm.reach).all())
+
+
+def _between(joints: Array) -> Iterator[Array]:
+    """The rows (k, d) themselves, then points on the lines between neighbours."""
+    yield from joints
+    for first, second in pairwise(joints):
+        for share in (0.5, 0.25, 0.75):
+            yield first + share * (second - first)
 
 
 def _complete(plan: HandPlan, key: int, q: Array, to_base: Array, arm: ArmModel) -> Array | None:

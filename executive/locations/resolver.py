@@ -155,7 +155,7 @@ class Resolver:
     ) -> Solution | None:
         """The solution at ``base``, or None with the reason counted."""
         around = self.around
-        if contacts := around.contacts(base, None, None, None):
+        if contacts := around.contacts(base):
             rejections.collision(first_body(contacts))
             return None
         if not all(_in_front(around, name, base) for name in demand.in_front_of):

@@ -82,8 +82,18 @@ class Surroundings(Protocol):
     def clearance(self, bases: Array) -> Array:
         """Room (m,) [m] around the robot's body, arms left out, at bases (m, 3); negative where there is none."""
 
-    def contacts(self, base: Base, arm: ArmModel | None, q: Array | None, touches: str | None) -> tuple[Contact, ...]:
-        """Penetrations with the arm at ``q``, all else as it is; the hand may touch the body ``touches``."""
+    def contacts(
+        self,
+        base: Base,
+        arm: ArmModel | None = None,
+        q: Array | None = None,
+        touches: str | None = None,
+        opened: bool = False,
+    ) -> tuple[Contact, ...]:
+        """Penetrations with an arm at ``q``, all else as it is; its hand may touch the body ``touches``.
+
+        ``opened``: with the fingers of the arm open.
+        """
 
     def sees(self, base: Base, name: str) -> bool:
         """Whether the camera could see the body from a base: within its limits, unoccluded."""

@@ -63,11 +63,11 @@ class Navigation:
         try:
             return self.platform.base_path(goal)
         except GoalInCollision as problem:
-            contacts = self.platform.around.contacts(goal, None, None, None)
+            contacts = self.platform.around.contacts(goal)
             body = contacts[0].body if contacts else None
             raise NavigationGoalInCollision(target=goal, blocked_by=body) from problem
         except StartInCollision as problem:
-            contacts = self.platform.around.contacts(self.platform.base(), None, None, None)
+            contacts = self.platform.around.contacts(self.platform.base())
             body = contacts[0].body if contacts else None
             raise NavigationGoalNotReached("the base is stuck", target=goal, blocked_by=body) from problem
         except MotionError as problem:
