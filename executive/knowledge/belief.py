@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from executive.knowledge.semantic_map import MapObject, SemanticMap
-from planlang.designators import Object
-from planlang.failures import ObjectUnresolvable
+from planlang.designators import Object, local_name
+from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.ontology import expand
 from planlang.protocols import Configuration, Detection, Pose
 from sim import PyBulletWorld
@@ -18,6 +18,8 @@ MOVED = 0.002
 """A thing seen within this distance of where it was believed to be has not moved [m]."""
 TURNED = 0.01
 """The same for its rotation [rad]."""
+ALIKE = 0.02
+"""Things whose distances from the robot differ by less are equally near [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,7 @@ class Belief:
         """Things that a person has taken."""
         self._seen: dict[str, int] = {}
         self._moves = 0
+        self._bound: dict[Object, str] = {}
         self._in_vain: dict[str, list[tuple[float, float, float]]] = {}
 
     # Asking
@@ -78,19 +81,38 @@ class Belief:
     def bind(self, what: Object, near: tuple[float, float, float]) -> str:
         """The thing that a designator means: the one of its IRI; else of its class, the nearest to the robot.
 
-        Raises ObjectUnresolvable, telling what there is.
+        What a designator was bound to once it keeps meaning, wherever the robot goes. Raises ObjectUnresolvable,
+        telling what there is; AmbiguousPerception if two that were seen from here are equally near.
         """
-        for thing in self.map.objects:
-            if what.iri is not None and thing.iri == what.iri and thing.name in self._poses:
+        if what not in self._bound:
+            self._bound[what] = self._find(what, near)
+        return self._bound[what]
+
+    def _find(self, what: Object, near: tuple[float, float, float]) -> str:
+        placed = [thing for thing in self.map.objects if thing.name in self._poses]
+        for thing in placed:
+            if what.iri is not None and thing.iri == what.iri:
                 return thing.name
-        fitting = [thing for thing in self.map.objects if thing.name in self._poses and self._is_a(thing, what.type)]
+        fitting = {
+            thing.name: math.dist(self._poses[thing.name].position[:2], near[:2])
+            for thing in placed
+            if self._is_a(thing, what.type)
+        }
         if not fitting:
             known = ", ".join(self._poses)
             raise ObjectUnresolvable(f"{what} ({what.type}) is not in the map; there are {known}", designator=str(what))
-        return min(fitting, key=lambda thing: math.dist(self._poses[thing.name].position[:2], near[:2])).name
+        nearest = min(fitting, key=lambda name: fitting[name])
+        equal = tuple(n for n in fitting if fitting[n] - fitting[nearest] < ALIKE and self.seen_from_here(n))
+        if len(equal) > 1 and nearest in equal:
+            raise AmbiguousPerception(what=str(what), candidates=equal)
+        return nearest
 
     def _is_a(self, thing: MapObject, cls: str) -> bool:
-        return any(self.map.ontology.is_a(one, expand(cls)) for one in thing.types)
+        """Whether a thing is of a class; one that the map's vocabulary does not know is told by its local name."""
+        ontology = self.map.ontology
+        if ontology.defined(expand(cls)):
+            return any(ontology.is_a(one, expand(cls)) for one in thing.types)
+        return any(local_name(above) == local_name(cls) for one in thing.types for above in ontology.ancestors(one))
 
     # Learning
 
