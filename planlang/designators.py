@@ -92,8 +92,8 @@ class Posture(Location):
     name: str | None = None
 
 
-Value = Object | Location | str | int | float | bool
-"""What may fill a property of an action."""
+Value = Object | Location | str | int | float | bool | tuple[Object | Location, ...]
+"""What may fill a property of an action; a tuple where several things do."""
 
 
 @dataclass(frozen=True, slots=True)

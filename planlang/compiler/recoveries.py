@@ -54,7 +54,7 @@ def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
 def _unknown(rule: RecoveryRule, what: str, name: str, known: AbstractSet[str]) -> Diagnostic:
     similar = get_close_matches(name, sorted(known), n=1)
     advice = f"did you mean {similar[0]}?" if similar else f"known are {', '.join(sorted(known))}"
-    return error("R043", f"the recovery `{rule.name}` names a {what} {name}, which there is not", rule.span, advice)
+    return error("R043", f"the recovery `{rule.name}` names a {what} {name}, which does not exist", rule.span, advice)
 
 
 class Recoveries:

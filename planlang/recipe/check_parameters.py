@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from planlang.designators import RELATIONS, local_name
 from planlang.diagnostics import Diagnostic, Severity, Span, error, warning
 from planlang.ontology import BNode, Ontology, shorten
+from planlang.ontology.terms import is_vocabulary
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Place, Recipe, Step, Thing
 from planlang.recipe.reading import filling_restrictions, sub_actions
@@ -50,14 +51,13 @@ def _property(actions: Actions, owner: str, property_iri: str, span: Span) -> It
     listed = actions.properties(owner)
     if not listed or property_iri in listed:
         return
-    names = [local_name(name) for name in listed]
+    names = sorted(local_name(name) for name in listed)
     short = local_name(property_iri)
-    similar = get_close_matches(short, names, n=1)
-    guess = f"did you mean {similar[0]}? " if similar else ""
-    known = ", ".join(sorted(names))
-    severity = Severity.ERROR if similar and not actions.ontology.defined(property_iri) else Severity.WARNING
-    message = f"`{local_name(owner)}` has no property {short}"
-    yield Diagnostic(severity, "R031", message, span, f"{guess}its properties are {known}")
+    similar = get_close_matches(short, names, n=1, cutoff=0.85)
+    is_misspelt = bool(similar) and not is_vocabulary(short)
+    severity = Severity.ERROR if is_misspelt else Severity.WARNING
+    advice = f"did you mean {similar[0]}?" if similar else f"its properties are {', '.join(names)}"
+    yield Diagnostic(severity, "R031", f"`{local_name(owner)}` has no property {short}", span, advice)
 
 
 def _filler(ontology: Ontology, owner: str, property_iri: str, term: object, span: Span) -> Iterator[Diagnostic]:

@@ -16,6 +16,7 @@ from planlang.recipe.terms import is_device, nearest_in_vocabulary, read_filler
 
 SUB_ACTION = expand("subAction")
 ORDERING = expand("orderingConstraints")
+TRANSITION = expand("stateTransition")
 DATA_FLOW = expand("inputOutputConstraints")
 BEFORE = expand("occursBeforeInOrdering")
 AFTER = expand("occursAfterInOrdering")
@@ -53,8 +54,9 @@ class SubAction:
 
 
 def states_recipe(ontology: Ontology, cls: str) -> bool:
-    """True if the class itself states sub-actions in a dialect that is read."""
-    return any(restriction.property == SUB_ACTION for restriction in own_restrictions(ontology, cls))
+    """True if the class itself states sub-actions in a dialect that is read: a finite-state recipe does not."""
+    properties = {restriction.property for restriction in own_restrictions(ontology, cls)}
+    return SUB_ACTION in properties and TRANSITION not in properties
 
 
 def own_restrictions(ontology: Ontology, cls: str) -> tuple[Restriction, ...]:

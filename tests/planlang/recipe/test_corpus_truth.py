@@ -95,7 +95,8 @@ def test_reduction_and_total_order_agree(corpus: Path, file: str) -> None:
 @pytest.mark.parametrize("file", FILES)
 def test_labels_and_dialects_agree(corpus: Path, file: str) -> None:
     for recipe, task in recipes(corpus, file):
-        assert [recipe.label] == (task["label"] or [None])
+        if file.startswith("recipes/"):  # classes of the vocabulary have labels of our own
+            assert [recipe.label] == (task["label"] or [None])
         assert recipe.dialect == ("D1" if "intersectionOf" in task["dialect"][0] else "D1f")
 
 

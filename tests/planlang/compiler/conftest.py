@@ -1,0 +1,99 @@
+"""Reading plan sources back: which step may come before which, told from the source alone."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass, field
+
+import pytest
+
+
+@dataclass
+class Happening:
+    """Steps and the pairs of them that a piece of plan puts in order."""
+
+    steps: list[str] = field(default_factory=list)
+    before: set[tuple[str, str]] = field(default_factory=set)
+
+    def then(self, later: Happening) -> Happening:
+        """Both, this one first."""
+        across = {(a, b) for a in self.steps for b in later.steps}
+        return Happening(self.steps + later.steps, self.before | later.before | across)
+
+
+class PlanReader:
+    """Interprets the constructs that compiled plans are made of."""
+
+    def __init__(self, source: str) -> None:
+        self.functions = {node.name: node for node in ast.parse(source).body if isinstance(node, ast.AsyncFunctionDef)}
+
+    def orders(self, name: str) -> Happening:
+        """What a plan function does, with the functions that it calls."""
+        return self._body(self.functions[name], {})
+
+    def _body(self, function: ast.AsyncFunctionDef, scope: dict[str, ast.AsyncFunctionDef]) -> Happening:
+        scope = dict(scope)
+        done = Happening()
+        for statement in function.body:
+            if isinstance(statement, ast.AsyncFunctionDef):
+                scope[statement.name] = statement
+            elif isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Await):
+                call = statement.value.value
+                assert isinstance(call, ast.Call)
+                done = done.then(self._call(call.func, call.args, call.keywords, scope))
+        return done
+
+    def _branch(self, node: ast.expr, scope: dict[str, ast.AsyncFunctionDef], name: str | None = None) -> Happening:
+        if isinstance(node, ast.Call):
+            assert isinstance(node.func, ast.Name)
+            assert node.func.id == "partial"
+            return self._call(node.args[0], node.args[1:], node.keywords, scope, name)
+        return self._call(node, [], [], scope, name)
+
+    def _call(
+        self,
+        function: ast.expr,
+        arguments: list[ast.expr],
+        keywords: list[ast.keyword],
+        scope: dict[str, ast.AsyncFunctionDef],
+        name: str | None = None,
+    ) -> Happening:
+        assert isinstance(function, ast.Name)
+        match function.id:
+            case "perform":
+                given = [k.value.value for k in keywords if k.arg == "name" and isinstance(k.value, ast.Constant)]
+                return Happening([str(given[0]) if given else str(name)])
+            case "perform_or" | "achieve":
+                return self._branch(arguments[1], scope)
+            case "with_failure_handling":
+                return self._branch(arguments[0], scope)
+            case "at_location":
+                place = arguments[0]
+                assert isinstance(place, ast.Call)
+                assert isinstance(place.func, ast.Name)
+                return Happening([f"at {place.func.id}"]).then(self._branch(arguments[1], scope))
+            case "par":
+                return self._side_by_side({k.arg: self._branch(k.value, scope, k.arg) for k in keywords}, [])
+            case "partial_order":
+                steps, pairs = arguments
+                assert isinstance(steps, ast.Dict)
+                keys = [ast.literal_eval(key) for key in steps.keys if key is not None]
+                branches = {key: self._branch(value, scope, key) for key, value in zip(keys, steps.values, strict=True)}
+                return self._side_by_side(branches, ast.literal_eval(pairs))
+            case called:
+                return self._body(scope.get(called) or self.functions[called], scope if called in scope else {})
+
+    @staticmethod
+    def _side_by_side(branches: dict[str | None, Happening], pairs: list[tuple[str, str]]) -> Happening:
+        steps = [step for branch in branches.values() for step in branch.steps]
+        before = {pair for branch in branches.values() for pair in branch.before}
+        before |= {(a, b) for first, second in pairs for a in branches[first].steps for b in branches[second].steps}
+        while more := {(a, d) for a, b in before for c, d in before if b == c} - before:
+            before |= more
+        return Happening(steps, before)
+
+
+@pytest.fixture
+def read_plan() -> type[PlanReader]:
+    """Reads a plan's source back."""
+    return PlanReader

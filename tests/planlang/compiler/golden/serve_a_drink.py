@@ -1,0 +1,124 @@
+"""Serve a drink.
+
+Compiled by planlang 0.1.0 from serve_a_drink.omn
+(sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task ServeADrink.
+"""
+
+from functools import partial
+
+from planlang import (
+    Location,
+    Object,
+    Person,
+    Recovery,
+    a_device,
+    a_location,
+    a_person,
+    a_posture,
+    achieve,
+    action,
+    an_object,
+    at_location,
+    holding,
+    look_and_repeat,
+    look_from_another_place,
+    perform,
+    perform_or,
+    plan,
+    with_failure_handling,
+)
+from planlang.failures import GraspMissed, ObjectNotFound, ObjectNowhereToBeFound, ObjectUnfetchable
+
+RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
+HOSPITAL_ROOM = "http://planlang.org/kb/hospital_room.owl#"
+
+BOTTLE = an_object("DrinkingBottle", HOSPITAL_ROOM + "bottle1")
+PATIENT = a_person("Patient", HOSPITAL_ROOM + "patient1")
+GRIPPER = a_device("HolderGripper", RECIPE + "gripper")
+CARRYING = a_posture("carrying")
+
+
+def approach_pose(bottle: Object) -> Location:
+    """Where the hand waits before it grasps: in front of the bottle."""
+    return a_location("approachPose", in_front_of=bottle, using=GRIPPER)
+
+
+def grasp_pose(bottle: Object) -> Location:
+    """Where the hand closes: at the centre of the bottle."""
+    return a_location("graspPose", in_center_of=bottle, using=GRIPPER)
+
+
+def grasping_place(bottle: Object) -> Location:
+    """Where the base stands to grasp: in reach of the bottle."""
+    return a_location("graspingPlace", in_reach_of=bottle, using=GRIPPER)
+
+
+def handover_place(patient: Person) -> Location:
+    """Where the base stands to hand over: in reach of the patient."""
+    return a_location("handoverPlace", in_reach_of=patient, using=GRIPPER)
+
+
+def handover_pose(patient: Person) -> Location:
+    """Where the hand offers the bottle: in reach of the patient."""
+    return a_location("handoverPose", in_reach_of=patient, using=GRIPPER)
+
+
+@plan(RECIPE + "GraspBottle")
+async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
+    """Grasp a bottle."""
+    await perform(action("Reaching", to_location=approach_pose(bottle), device_used=GRIPPER), name="ApproachBottle")
+    await perform(action("OpeningAGripper", device_used=GRIPPER), name="OpenGripper")
+    await perform(action("Reaching", to_location=grasp_pose(bottle), device_used=GRIPPER), name="ReachForBottle")
+    await perform(action("ClosingAGripper", device_used=GRIPPER), name="CloseGripper")
+    # lift the bottle to where the hand came from
+    await perform(action("Reaching", to_location=approach_pose(bottle), device_used=GRIPPER), name="LiftBottle")
+    # bring the bottle close to the robot
+    await perform(action("Reaching", to_location=CARRYING, device_used=GRIPPER), name="ParkArm")
+
+
+@plan(RECIPE + "ServeADrink")
+async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -> None:
+    """Serve a drink."""
+
+    # drive to where the bottle is in reach
+    async def at_grasping_place() -> None:
+        async def grasp_bottle_once() -> None:
+            await perform_or(
+                action("GraspingSomething", object_acted_on=bottle, device_used=GRIPPER),
+                partial(grasp_bottle, bottle=bottle),
+            )
+
+        await with_failure_handling(
+            partial(achieve, holding(bottle), grasp_bottle_once),
+            Recovery(GraspMissed, look_and_repeat(bottle), attempts=2, otherwise=ObjectUnfetchable),
+        )
+
+    await with_failure_handling(
+        partial(
+            at_location,
+            grasping_place(bottle),
+            at_grasping_place,
+            attempts=5,
+            reaching=(approach_pose(bottle), grasp_pose(bottle)),
+        ),
+        Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3, otherwise=ObjectNowhereToBeFound),
+    )
+
+    # drive to where the patient is in reach
+    async def at_handover_place() -> None:
+        # offer the bottle to the patient
+        await perform(
+            action("Reaching", to_location=handover_pose(patient), device_used=GRIPPER), name="ReachToHandoverPose"
+        )
+        # let go of the bottle when the patient has taken it
+        await perform(
+            action("HandingOverAnObject", object_acted_on=bottle, recipient=patient, device_used=GRIPPER),
+            name="HandOverBottle",
+        )
+
+    await with_failure_handling(
+        partial(
+            at_location, handover_place(patient), at_handover_place, attempts=5, reaching=(handover_pose(patient),)
+        ),
+        Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3, otherwise=ObjectNowhereToBeFound),
+    )
