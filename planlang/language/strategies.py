@@ -9,7 +9,13 @@ from contextlib import suppress
 from functools import partial
 
 from planlang.designators import Object, a_location, action
-from planlang.failures import ObjectNotFound, PlanFailure
+from planlang.failures import (
+    ObjectNotFound,
+    ObjectNowhereToBeFound,
+    ObjectUndeliverable,
+    ObjectUnreachable,
+    PlanFailure,
+)
 from planlang.language.location import at_location
 from planlang.language.performing import perform
 from planlang.language.recovery import RETRY, Decision, Do, Return, retry
@@ -21,12 +27,16 @@ repeat = retry
 def look_from_another_place(what: Object) -> Do:
     """Go where the object should be visible from and look for it there, then run the body again.
 
-    Not finding it there either is no failure yet: the body will tell.
+    Not finding it there either is no failure yet: the body will tell. Raises ObjectNowhereToBeFound when there is no
+    other place to look from.
     """
 
     async def look(failure: PlanFailure) -> Decision:
-        with suppress(ObjectNotFound):
-            await at_location(a_location(visible_from=what), partial(_look_for, what))
+        try:
+            with suppress(ObjectNotFound):
+                await at_location(a_location(visible_from=what), partial(_look_for, what))
+        except (ObjectUnreachable, ObjectUndeliverable) as nowhere:
+            raise ObjectNowhereToBeFound(what=str(what)) from nowhere
         return RETRY
 
     return look
