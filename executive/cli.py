@@ -10,7 +10,7 @@ import typer
 from executive.console import BAD_INPUT, Answer, answer, say
 from executive.inputs import PlanFile, RecipeFile, find, names, read
 from executive.outputs import check_outputs, write_plan
-from planlang.diagnostics import BadInput, Diagnostic, error, has_errors
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
 from planlang.resources import bundled
 
 if TYPE_CHECKING:
@@ -226,7 +226,7 @@ def _recipe(name: str) -> RecipeFile:
     found = read(name)
     if isinstance(found, PlanFile):
         advice = f"planlang check {name} tells about a plan, planlang run {name} runs it"
-        raise BadInput([error("C007", f"{name} is a plan already, not a recipe", help=advice)])
+        raise BadInput([error("C007", f"{name} is a plan already, not a recipe", Span(str(found.path)), advice)])
     return found
 
 

@@ -11,6 +11,7 @@ from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from importlib.machinery import SourceFileLoader
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import ModuleType
@@ -20,6 +21,7 @@ import numpy as np
 
 from executive.arms import arm_models, gaze_of
 from executive.capabilities import Robot, bind_robot, missing_capabilities
+from executive.console import DONE, FAILED, INTERRUPTED, MISSING_CAPABILITY
 from executive.core import RobotExecutive
 from executive.knowledge import Belief, SemanticMap, default_start, read_map, scene_of
 from executive.locations import Resolver
@@ -38,7 +40,6 @@ from sim.oracle import at_rest_on, held_by
 if TYPE_CHECKING:
     from executive.report.recording import Recording
 
-DONE, FAILED, MISSING_CAPABILITY, INTERRUPTED = 0, 1, 3, 130
 BUDGET = 600.0
 """Plan time after which a run is given up [s]."""
 
@@ -193,16 +194,23 @@ def _plan_module(options: RunOptions, stack: ExitStack, found: list[Diagnostic])
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-")))
         path = folder / f"{compiled.functions[-1]}.py"
         path.write_text(compiled.source, encoding="utf-8")
-    spec = importlib.util.spec_from_file_location(f"planlang_run_{path.stem}", path)
+    loader = _PlanLoader(f"planlang_run_{path.stem}", str(path))
+    spec = importlib.util.spec_from_loader(loader.name, loader)
     assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
-    except Exception as problem:
+        loader.exec_module(module)
+    except (Exception, SystemExit) as problem:
         message = f"the plan cannot be imported: {type(problem).__name__}: {problem}"
         raise BadInput([error("X001", message, Span(str(path), _line_of(problem, path)))]) from problem
     return module
+
+
+class _PlanLoader(SourceFileLoader):
+    """Loads a plan from a file of any suffix and leaves no compiled copy beside it."""
+
+    def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:
+        """Called with the compiled copy; it is not kept."""
 
 
 def _line_of(problem: BaseException, path: Path) -> int:

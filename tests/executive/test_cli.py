@@ -226,3 +226,22 @@ def test_bad_input_ends_with_2_and_its_diagnostics(capsys: pytest.CaptureFixture
 def test_an_unreadable_file_is_bad_input(plan: Path) -> None:
     plan.chmod(stat.S_IWUSR)
     assert codes(invoke("check", plan)) == ["C001"]
+
+
+def test_a_compiled_plan_is_told_from_an_edited_one(tmp_path: Path) -> None:
+    path = tmp_path / "plan.py"
+    assert invoke("compile", "serve_a_drink", "-o", path).exit_code == 0
+    assert "what serve_a_drink.omn compiles to" in invoke("check", path).stdout
+    path.write_text(path.read_text().replace("attempts=5", "attempts=7"))
+    result = invoke("check", path, "--json")
+    answer = json.loads(result.stdout)
+    assert (result.exit_code, answer["state"]) == (0, "an edited plan")
+    assert [(d["severity"], d["code"]) for d in answer["diagnostics"]] == [("note", "C010")]
+    assert codes(invoke("compile", "serve_a_drink", "-o", path)) == ["C005"], "edited plans are not overwritten"
+    assert "attempts=7" in path.read_text()
+
+
+def test_a_missing_viewer_package_is_told_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.report.recording.find_spec", lambda name: None)
+    result = invoke("run", "serve_a_drink", "--record", tmp_path / "run.rrd")
+    assert (result.exit_code, codes(result)) == (2, ["C012"])
