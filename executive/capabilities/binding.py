@@ -170,8 +170,8 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
         if value not in mechanism.links:
             found.append(error("B011", f"{key}: {name} has no link {value!r}", numbers.span(key)))
 
-    def joint(value: str, key: str, position: float | None = None) -> None:
-        if not mechanism.actuated(value):
+    def joint(value: str, key: str, position: float | None = None, *, follows: bool = False) -> None:
+        if not (mechanism.moves(value) if follows else mechanism.actuated(value)):
             found.append(error("B011", f"{key}: {name} has no joint {value!r} that moves by itself", numbers.span(key)))
         elif position is not None and mechanism.joints[value].kind != "continuous":
             lower, upper = mechanism.joints[value].lower, mechanism.joints[value].upper
@@ -184,7 +184,7 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
         link(arm.hand, f"arms.{arm.name}.hand")
         for side, positions in (("opened", arm.gripper.opened), ("closed", arm.gripper.closed)) if arm.gripper else ():
             for moved, position in positions.items():
-                joint(moved, f"arms.{arm.name}.gripper.{side}", position)
+                joint(moved, f"arms.{arm.name}.gripper.{side}", position, follows=True)
         for finger in arm.gripper.fingers if arm.gripper else ():
             link(finger, f"arms.{arm.name}.gripper.fingers")
     if numbers.camera is not None:

@@ -25,10 +25,14 @@ class Mechanism:
         roots = [link for link in self.links if link not in self.above]
         self.root = roots[0] if roots else ""
 
+    def moves(self, name: str) -> bool:
+        """Whether a joint of that name exists and moves, by itself or after another one."""
+        joint = self.joints.get(name)
+        return joint is not None and joint.kind in ("revolute", "continuous", "prismatic")
+
     def actuated(self, name: str) -> bool:
         """Whether a joint of that name exists and moves by itself."""
-        joint = self.joints.get(name)
-        return joint is not None and joint.kind not in ("fixed", "floating", "planar") and joint.mimic is None
+        return self.moves(name) and self.joints[name].mimic is None
 
     def chain(self, link: str) -> tuple[Joint, ...]:
         """The joints from the root to a link."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 
 from planlang.designators import Device, Object, local_name
@@ -130,11 +131,15 @@ class Robot:
         return next((a for a in self.arms if link in (a.hand_link, a.tip)), None)
 
     def body(self, posture: str | None = None) -> RobotBody:
-        """What the simulator needs, in a named posture to begin with (default: ``carrying``, if there is one)."""
+        """What the simulator needs, in a named posture to begin with (default: ``carrying``, if there is one).
+
+        Fingers of one hand may touch each other.
+        """
         camera = self.camera or CameraModel(self.base_link, near=0.0, far=0.0)
         hands = {arm.hand_link: arm.gripper.finger_links for arm in self.arms if arm.gripper}
         start = self.postures.get(posture or "carrying", {}) if posture is None else self.postures[posture]
-        return RobotBody(self.urdf, camera, hands, self.allowed_contacts, start)
+        fingers = tuple(pair for links in hands.values() for pair in combinations(links, 2))
+        return RobotBody(self.urdf, camera, hands, (*self.allowed_contacts, *fingers), start)
 
     def posture(self, name: str) -> Mapping[str, float] | None:
         """Joint positions of a named posture; None if the robot knows none of that name."""

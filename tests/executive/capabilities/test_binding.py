@@ -1,10 +1,12 @@
 """Robots: bundled, real self-models, and what is not quite right about them."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pybullet_data
 import pytest
 
 from executive.capabilities import Robot, bind_robot, robots
@@ -227,3 +229,40 @@ def test_a_posture_is_known_by_name(amigo: Robot, request: pytest.FixtureRequest
     ask: Callable[[str], object] = amigo.posture
     assert ask("carrying") == amigo.postures["carrying"]
     assert ask("yoga") is None
+
+
+PANDA = """
+name = "panda"
+urdf = "panda.urdf"
+[base]
+radius = 0.26
+speed = 0.5
+acceleration = 0.5
+turn_speed = 1.0
+turn_acceleration = 1.0
+jerk = 5.0
+[arms.arm]
+tip = "panda_grasptarget"
+hand = "panda_hand"
+approach = [0, 0, 1]
+closing = [0, 1, 0]
+[arms.arm.gripper]
+opened = { panda_finger_joint1 = 0.04, panda_finger_joint2 = 0.04 }
+closed = { panda_finger_joint1 = 0.0, panda_finger_joint2 = 0.0 }
+fingers = ["panda_leftfinger", "panda_rightfinger"]
+max_opening = 0.075
+"""
+
+
+def test_a_single_arm_without_torso_neck_and_camera_binds(tmp_path: Path) -> None:
+    source = Path(pybullet_data.getDataPath()) / "franka_panda"
+    shutil.copytree(source, tmp_path / "panda")
+    path = tmp_path / "panda" / "robot.toml"
+    path.write_text(PANDA)
+    robot = bind_robot(path)
+    assert (robot.torso, robot.neck, robot.camera, robot.base_link) == (None, (), None, "panda_link0")
+    assert [arm.joints for arm in robot.arms] == [tuple(f"panda_joint{k}" for k in range(1, 8))]
+    assert robot.arms[0].base_link == "panda_link0"
+    world = PyBulletWorld(Scene(()), robot.body())
+    assert world.contacts() == (), "fingers of one hand may touch each other"
+    world.close()
