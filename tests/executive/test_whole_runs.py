@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from itertools import pairwise
@@ -65,3 +66,25 @@ def test_roboearths_own_recipe_robot_and_map_put_the_bottle_on_the_bed(corpus: P
     )
     assert answer["exit_code"] == 0, answer["outcome"]
     assert answer["final_state"] == ["bottle1: at rest on bed1"]
+
+
+def test_ctrl_c_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "executive", "run", "serve_a_drink", "--trace", "run.jsonl", "--picture", "s.png"]
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if "Reaching" in line:
+                process.send_signal(signal.SIGINT)
+                break
+        _, rest = process.communicate()
+    assert process.returncode == 130
+    assert "Traceback" not in rest
+    records = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
+    ended = {record["path"] for record in records if record["event"] == "ended"}
+    started = {record["path"] for record in records if record["event"] == "started"}
+    assert started - ended == set(), "no task is left open"
+    assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run.jsonl", "s.png"]
