@@ -200,7 +200,7 @@ def chain(tree: Inner, start: Moment, cut: Moment, depth: int) -> tuple[Moment, 
         moment, how = model(child, moment, cut, depth + 1)
         if how[0] == "error":
             return moment, how
-        if moment > cut:
+        if moment > cut or how == EVAPORATED:
             return moment, EVAPORATED
         if how[0] == "failure":
             return moment, how
