@@ -22,7 +22,7 @@ class RobotExecutive:
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
-        self.modules: tuple[ProcessModule, ...] = (
+        self.modules: Sequence[ProcessModule] = (
             Navigation(platform),
             Reaching(platform),
             GripperModule(platform),

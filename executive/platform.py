@@ -228,7 +228,7 @@ class Platform:
         """Wait until a body that was let go has come to rest."""
         await wait_for(Fluent(read=lambda: not self.world.falling(name), name=f"{name} at rest"))
 
-    def taken(self, name: str) -> Fluent:
+    def taken(self, name: str) -> Fluent[str | None]:
         """The person who pulls at a held body, None while nobody does: what the wrist feels."""
         return Fluent(read=lambda: self.world.taken(name), name=f"{name} taken")
 

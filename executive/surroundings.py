@@ -47,7 +47,8 @@ class BelievedSurroundings:
 
     def block(self, name: str) -> Block:
         """The believed shape of a body; for a held one where it was grasped."""
-        return Block.of(self.belief.reference_pose(name), self.world.size(name))
+        cylinder = self.world.scene.body(name).shape == "cylinder"
+        return Block.of(self.belief.reference_pose(name), self.world.size(name), cylinder=cylinder)
 
     def is_person(self, name: str) -> bool:
         """Whether the body is a person."""
@@ -61,7 +62,9 @@ class BelievedSurroundings:
         """Where the person takes things."""
         person = self.world.person(name)
         heading = math.atan2(person.facing[1], person.facing[0])
-        return ComfortZone(person.shoulders, heading, person.arm_length, person.comfortable)
+        return ComfortZone(
+            person.shoulders, heading, person.arm_length, lambda point: person.comfortable(tuple(map(float, point)))
+        )
 
     def held(self, arm: str) -> Held | None:
         """What the arm holds."""
@@ -118,6 +121,10 @@ class BelievedSurroundings:
             joints |= zip(arm.joints, map(float, q), strict=True)
         ignore = [(link, touches) for link in sorted(arm.hand_links)] if arm is not None and touches is not None else []
         return self.world.contacts(Configuration(base, joints), ignore=ignore)
+
+    def looked_in_vain(self, name: str) -> Sequence[Base]:
+        """Places from where the body was looked for and not seen."""
+        return self.belief.looked_in_vain(name)
 
     def sees(self, base: Base, name: str) -> bool:
         """Whether the camera could see the body from a base: the neck can turn there and nothing is in between."""

@@ -186,11 +186,17 @@ class Solution:
 class ProcessModule(Protocol):
     """Performs actions of some classes, one at a time, and raises typed failures."""
 
-    name: str
-    actions: tuple[str, ...]
-    """Action classes (local names of the vocabulary) that it performs, descendants included."""
-    failures: tuple[type[Exception], ...]
-    """Failure classes that it may raise; any other exception is a programming error."""
+    @property
+    def name(self) -> str:
+        """Shown in the trace."""
+
+    @property
+    def actions(self) -> Sequence[str]:
+        """Action classes (local names of the vocabulary) that it performs, descendants included."""
+
+    @property
+    def failures(self) -> Sequence[type[Exception]]:
+        """Failure classes that it may raise; any other exception is a programming error."""
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Names of what the action needs exclusively: "base", "head", "torso", "right_arm", ..."""

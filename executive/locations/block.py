@@ -21,9 +21,11 @@ class Block:
     half_y: float
     low: float
     high: float
+    round: bool = False
+    """Whether it is a cylinder about the vertical, as wide from everywhere."""
 
     @staticmethod
-    def of(pose: Pose, size: tuple[float, float, float]) -> Block:
+    def of(pose: Pose, size: tuple[float, float, float], *, cylinder: bool = False) -> Block:
         """The smallest prism around a box, turned with the most horizontal of the box's axes."""
         rotation = pose.matrix()[:3, :3]
         half = np.asarray(size) / 2
@@ -37,7 +39,7 @@ class Block:
         half_x, half_y = (float(np.abs(axis @ rotation) @ half) for axis in (along, across))
         half_z = float(np.abs(rotation[2]) @ half)
         x, y, z = pose.position
-        return Block(x, y, yaw, half_x, half_y, z - half_z, z + half_z)
+        return Block(x, y, yaw, half_x, half_y, z - half_z, z + half_z, cylinder and vertical == 2)
 
     @property
     def centre(self) -> Array:

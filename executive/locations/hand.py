@@ -91,12 +91,12 @@ def grasp_plans(
 
 
 def extent(block: Block, direction: Array) -> float:
-    """Width of the block across a horizontal direction [m]; round things are as wide from everywhere."""
-    c, s = math.cos(block.yaw), math.sin(block.yaw)
-    along, across = direction[0] * c + direction[1] * s, direction[1] * c - direction[0] * s
-    if math.isclose(block.half_x, block.half_y, rel_tol=0.05):
+    """Width of the block across a horizontal direction [m]."""
+    if block.round:
         return 2 * max(block.half_x, block.half_y)
-    return 2 * (abs(along) * block.half_x + abs(across) * block.half_y)
+    c, s = math.cos(block.yaw), math.sin(block.yaw)
+    x, y = map(float, direction[:2])
+    return 2 * (abs(x * c + y * s) * block.half_x + abs(y * c - x * s) * block.half_y)
 
 
 def upright_rotations(bearing: float, frame: HandFrame, held: Pose | None) -> Iterator[tuple[float, Array]]:
@@ -131,8 +131,8 @@ class Held:
         matrix = self.pose.matrix()
         turned = rotation @ matrix[:3, :3]
         centre: Array = rotation @ matrix[:3, 3]
-        half_height = float(np.dot(np.abs(turned[2]), np.asarray(self.size) / 2))
-        return float(centre[2]) - half_height
+        half_height = np.abs(turned[2]) @ (np.asarray(self.size) / 2)
+        return float(centre[2] - half_height)
 
     def offset(self, rotation: Array) -> Array:
         """The object's centre relative to the tip, in the map (3,)."""

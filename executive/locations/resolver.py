@@ -26,6 +26,8 @@ RADII = np.array([0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0])
 SIGHT_DISTANCES = (0.8, 1.1, 1.4, 1.8, 2.3)
 MARGIN = 0.01
 """Free distance around the silhouette that a place to stand must have [m]."""
+ANOTHER_PLACE = 0.4
+"""Whatever was not seen from one place is looked for from places at least this far away [m]."""
 APART = 0.05
 """Consecutive solutions are at least this far apart [m]."""
 
@@ -161,6 +163,10 @@ class Resolver:
         if not all(_in_front(around, name, base) for name in demand.in_front_of):
             rejections.add("not in front")
             return None
+        for name in demand.seen:
+            if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in around.looked_in_vain(name)):
+                rejections.add("looked from there in vain")
+                return None
         looked_at = (*demand.seen, *(r.body for r in demand.reaches if r.kind == "grasp"))
         if not all(around.sees(base, name) for name in looked_at):
             rejections.add("not visible")

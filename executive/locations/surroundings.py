@@ -95,5 +95,8 @@ class Surroundings(Protocol):
         ``opened``: with the fingers of the arm open.
         """
 
+    def looked_in_vain(self, name: str) -> Sequence[Base]:
+        """Places from where the body was looked for and not seen where it is believed to be."""
+
     def sees(self, base: Base, name: str) -> bool:
         """Whether the camera could see the body from a base: within its limits, unoccluded."""

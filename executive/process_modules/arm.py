@@ -99,11 +99,11 @@ class Reaching:
         raise problem or ManipulationPoseUnreachable(arm=arm.name, what=str(location))
 
     def _ways(self, arm: ArmModel, location: Location) -> Iterator[ReachSolution]:
-        """The way that was begun first: a grasp goes on with the pre-grasp that was taken."""
+        """The way that was begun first: a grasp goes on with the pre-grasp that was taken; then all others."""
         begun = self.platform.begun(arm, location)
         if begun is not None:
-            return iter([begun])
-        return self.platform.resolver.hands(location, arm, self.platform.arm_joints(arm))
+            yield begun
+        yield from self.platform.resolver.hands(location, arm, self.platform.arm_joints(arm))
 
     async def _take(self, way: ReachSolution, location: Location) -> None:
         match way.reach.kind:
