@@ -77,7 +77,7 @@ def code_table() -> str:
     return "\n".join(f"| `{code}` | {meaning} |" for code, meaning in sorted(CODES.items()))
 
 
-@pytest.mark.parametrize(("command", "shown"), BLOCK.findall(README), ids=lambda text: text.split("\n")[0][:60])
+@pytest.mark.parametrize(("command", "shown"), BLOCK.findall(README), ids=[c for c, _ in BLOCK.findall(README)])
 def test_an_output_in_the_readme_is_what_its_command_prints(
     command: str, shown: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
