@@ -39,6 +39,8 @@ def lengths(triple: Triple, found: list[Diagnostic]) -> tuple[float, ...] | None
     """The numbers of a literal such as "0.4 0.8 1.2", lengths in metres; None with a diagnostic if one is none."""
     text = _text(triple)
     try:
+        if "_" in text:  # Python would read 1_000
+            raise ValueError
         numbers = tuple(float(word) for word in text.replace(",", " ").split())
     except ValueError:
         found.append(error("M002", f"not a number: {text!r}", triple.span))

@@ -12,8 +12,8 @@ from planlang.protocols import Array
 from sim import Scene
 from sim.geometry import corners
 
-SPACING = 0.05
-"""Distance of the places that are tried [m]."""
+GRIDS = ((10.0, 0.05), (50.0, 0.25), (1000.0, 5.0))
+"""How far from the centre places are looked for, and how far apart they are [m]; coarser only when there is none."""
 
 CLEARANCE = 0.1
 """Free distance around the robot's radius [m]."""
@@ -34,25 +34,31 @@ def default_start(scene: Scene, radius: float) -> tuple[float, float, float] | N
     rooms = [body for body in scene.bodies if body.shape == "room"]
     x_min, y_min, x_max, y_max = scene.bounds
     centre = np.array(rooms[0].pose.position[:2] if rooms else ((x_min + x_max) / 2, (y_min + y_max) / 2))
-    reach = SPACING * int(np.ceil(max(x_max - x_min, y_max - y_min) / SPACING))
-    axis = np.arange(-reach, reach + SPACING / 2, SPACING)
-    offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    points = (offsets + centre).round(6)
-    within = np.all((points >= (x_min, y_min)) & (points <= (x_max, y_max)), axis=1)
-    points, away = points[within], np.hypot(*offsets[within].T).round(6)
-    points = points[np.lexsort((points[:, 1], points[:, 0], away))]
     inner = [footprint(room) for room in rooms]
     outer = [
         footprint(body)
         for body in scene.bodies
         if body.shape not in ("marker", "room") and corners(body.pose, body.size)[:, 2].min() < HEADROOM
     ]
-    for first in range(0, len(points), BLOCK):
-        block = points[first : first + BLOCK]
-        free = block[_free(block, inner, outer, radius + CLEARANCE)]
-        if len(free):
-            return (float(free[0, 0]) + 0.0, float(free[0, 1]) + 0.0, 0.0)
+    for reach, spacing in GRIDS:
+        points = _grid(centre, min(reach, max(x_max - x_min, y_max - y_min)), spacing)
+        points = points[np.all((points >= (x_min, y_min)) & (points <= (x_max, y_max)), axis=1)]
+        for first in range(0, len(points), BLOCK):
+            block = points[first : first + BLOCK]
+            free = block[_free(block, inner, outer, radius + CLEARANCE)]
+            if len(free):
+                return (float(free[0, 0]) + 0.0, float(free[0, 1]) + 0.0, 0.0)
     return None
+
+
+def _grid(centre: Array, reach: float, spacing: float) -> Array:
+    """Points (n, 2) up to ``reach`` from the centre along each axis, the nearest first, then by x, then by y."""
+    steps = int(np.ceil(reach / spacing))
+    axis = spacing * np.arange(-steps, steps + 1)
+    offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    order = np.lexsort((offsets[:, 1], offsets[:, 0], np.hypot(*offsets.T).round(6)))
+    points: Array = (offsets[order] + centre).round(6)
+    return points
 
 
 def _free(points: Array, rooms: Sequence[Array], bodies: Sequence[Array], keep: float) -> NDArray[np.bool_]:

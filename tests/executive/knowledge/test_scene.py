@@ -124,3 +124,15 @@ def test_a_crowded_room_has_no_place_for_the_robot() -> None:
 def test_lamps_far_above_do_not_keep_the_robot_away() -> None:
     lamp = Body("lamp", Pose((0, 0, 2.4)), (1.0, 1.0, 0.2))
     assert default_start(Scene((lamp,), (-2, -2, 2, 2)), 0.4) == (0.0, 0.0, 0.0)
+
+
+def test_a_map_of_far_places_is_searched_near_its_middle_only() -> None:
+    far = Body("far", Pose((3e6, 0, 0.5)), (1.0, 1.0, 1.0))
+    near = Body("near", Pose((-3e6, 0, 0.5)), (1.0, 1.0, 1.0))
+    assert default_start(Scene((far, near), (-3e6, -5, 3e6, 5)), 0.4) == (0.0, 0.0, 0.0)
+
+
+def test_a_start_may_be_farther_away_than_a_small_room_is_wide() -> None:
+    hall = Body("hall", Pose((0, 0, 0.5)), (30.0, 30.0, 1.0))
+    start = default_start(Scene((hall,), (-20, -20, 20, 20)), 0.4)
+    assert start == (-15.5, 0.0, 0.0)
