@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 
-LARGEST_FILE = 64_000_000
+LARGEST_FILE = 32_000_000
 """Bytes; the largest ontology of its kind that is in use has 0.7 MB."""
 
 _DECLARATION = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
@@ -88,12 +88,12 @@ def repair(text: str, file: str) -> Repaired:
     of a prefix the one that is used as an entity's name or stands last counts.
     """
     result = Repaired(text)
-    pieces = list(text)
+    blanks: list[tuple[int, int]] = []
     visible = _without_comments(text)
     body = max(visible.find("]>"), 0)
     for match in _BROKEN_COMMENT.finditer(visible, body):
         if match[0].endswith("->"):
-            _blank(pieces, match.start(), match.end())
+            blanks.append(match.span())
             result.diagnostics.append(
                 warning(
                     "O006",
@@ -104,8 +104,8 @@ def repair(text: str, file: str) -> Repaired:
             )
     for tag in _START_TAG.finditer(visible, body):
         if "=" in tag[0]:
-            _drop_repeated(tag, pieces, result, file)
-    result.text = "".join(pieces)
+            blanks += _drop_repeated(tag, result, file)
+    result.text = _blanked(text, sorted(blanks))
     return result
 
 
@@ -124,15 +124,14 @@ def _without_comments(text: str) -> str:
     return "".join(pieces) + text[position:]
 
 
-def _drop_repeated(tag: re.Match[str], pieces: list[str], result: Repaired, file: str) -> None:
+def _drop_repeated(tag: re.Match[str], result: Repaired, file: str) -> Iterator[tuple[int, int]]:
     last: dict[str, re.Match[str]] = {}
     for attribute in _ATTRIBUTE.finditer(tag[0]):
         earlier = last.get(attribute[1])
         last[attribute[1]] = attribute
         if earlier is None:
             continue
-        start = tag.start() + earlier.start()
-        _blank(pieces, start, tag.start() + earlier.end())
+        yield tag.start() + earlier.start(), tag.start() + earlier.end()
         same = "with the same value" if earlier[2][1:-1] == attribute[2][1:-1] else f"first as {earlier[2]}"
         result.diagnostics.append(
             warning(
@@ -144,10 +143,13 @@ def _drop_repeated(tag: re.Match[str], pieces: list[str], result: Repaired, file
         )
 
 
-def _blank(pieces: list[str], start: int, end: int) -> None:
-    for index in range(start, end):
-        if pieces[index] not in "\r\n":
-            pieces[index] = " "
+def _blanked(text: str, ranges: Sequence[tuple[int, int]]) -> str:
+    pieces: list[str] = []
+    position = 0
+    for start, end in ranges:
+        pieces += (text[position:start], re.sub(r"[^\r\n]", " ", text[start:end]))
+        position = end
+    return "".join(pieces) + text[position:]
 
 
 def explain(

@@ -1,0 +1,230 @@
+"""Manchester syntax: triples, positions, names, and agreement with py-horned-owl."""
+
+from pathlib import Path
+
+import pyhornedowl
+import pytest
+import rdflib
+
+from planlang.diagnostics import BadInput
+from planlang.ontology import BNode, Literal, Triple
+from planlang.ontology.manchester import read_manchester
+from planlang.ontology.terms import OWL, RDFS, XSD
+from planlang.resources import bundled
+
+HEAD = """Prefix: : <http://example.org/t#>
+Prefix: xsd: <http://www.w3.org/2001/XMLSchema#>
+Prefix: rdfs: <http://www.w3.org/2000/01/rdf-schema#>
+Ontology: <http://example.org/t>
+"""
+T = "http://example.org/t#"
+
+
+def read(text: str, head: str = HEAD) -> list[Triple]:
+    return read_manchester((head + text).encode(), "t.omn", base="http://example.org/base").triples
+
+
+def about(triples: list[Triple], name: str) -> list[tuple[str, object]]:
+    return [(t.predicate.rpartition("#")[2], t.object) for t in triples if t.subject == T + name]
+
+
+def graph_of(triples: list[Triple]) -> rdflib.Graph:
+    graph = rdflib.Graph()
+    for triple in triples:
+        subject, value = (
+            rdflib.BNode(term.label)
+            if isinstance(term, BNode)
+            else rdflib.Literal(term.value, term.language, term.datatype, normalize=False)
+            if isinstance(term, Literal)
+            else rdflib.URIRef(term)
+            for term in (triple.subject, triple.object)
+        )
+        graph.add((subject, rdflib.URIRef(triple.predicate), value))
+    return graph
+
+
+def axioms(text: str, serialization: str) -> set[str]:
+    return {str(a.component) for a in pyhornedowl.open_ontology_from_string(text, serialization).get_axioms()}
+
+
+OURS = sorted([*bundled("ontologies").rglob("*.omn"), *bundled("recipes").rglob("*.omn")])
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("path", OURS, ids=lambda path: path.name)
+def test_our_files_have_the_axioms_that_horned_owl_finds(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    triples = read_manchester(text.encode(), path.name, base="http://example.org/base").triples
+    assert axioms(graph_of(triples).serialize(format="xml"), "rdf") == axioms(text, "omn")
+
+
+EVERYTHING = """
+ObjectProperty: p
+    Characteristics: Functional, Transitive
+    InverseOf: q
+    Domain: A or B
+ObjectProperty: q
+    SubPropertyOf: p
+    EquivalentTo: r
+    DisjointWith: s
+ObjectProperty: r
+    SubPropertyChain: p o q
+ObjectProperty: s
+DataProperty: d
+    Range: xsd:integer[>= 5, < 10]
+    Characteristics: Functional
+DataProperty: e
+    Range: {1, 2, "three"}
+AnnotationProperty: note
+    SubPropertyOf: rdfs:comment
+Datatype: Size
+    EquivalentTo: xsd:decimal[>= 0.5] or xsd:integer
+Class: A
+    Annotations: rdfs:label "x"@en, note "3"^^xsd:integer, note B
+    SubClassOf: p some (B and not C or D), p only {a, b}, p min 3, p max 2 B, p exactly 1 (B or C), d value 5,
+        d some xsd:string, p Self, inverse p some B, inverse (p) value a, d min 2 xsd:integer, d only not xsd:string
+    EquivalentTo: B and (p value a)
+    DisjointWith: C
+    DisjointUnionOf: B, C
+Class: B
+Class: C
+    SubClassOf: Annotations: note "why" D
+Class: D
+Individual: a
+    Types: A, p some B
+    Facts: p b, not p a, d 5, d "x\\"\\\\y", d 1.5, not d true, d -3
+    SameAs: c
+    DifferentFrom: b
+Individual: b
+Individual: c
+EquivalentClasses: B, p some C
+EquivalentProperties: p, s
+SameIndividual: b, c
+DifferentIndividuals: a, b, c
+"""
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_every_construct_has_the_axioms_that_horned_owl_finds() -> None:
+    found = axioms(graph_of(read(EVERYTHING)).serialize(format="xml"), "rdf")
+    expected = axioms(HEAD + EVERYTHING, "omn")
+    assert found - expected == set()
+    assert expected - found == set()
+
+
+def test_words_of_the_language_are_names_where_they_cannot_be_words() -> None:
+    triples = read(
+        "Class: some SubClassOf: value, max some min, only value value, o exactly 2, and\n"
+        "Individual: value Types: some, max Facts: value some, some value, o 3\n"
+    )
+    values = [t.object for t in triples if t.subject == T + "value" and t.predicate == T + "value"]
+    assert values == [T + "some"]
+    assert (T + "value") in [t.object for t in triples if t.predicate == OWL + "hasValue"]
+    assert (T + "min") in [t.object for t in triples if t.predicate == OWL + "someValuesFrom"]
+
+
+@pytest.mark.parametrize("name", ["Bed-PieceOfFurniture", "a.b", "x1", "_hidden", "Möbel", "in-ContGeneric"])
+def test_names_need_no_quotes(name: str) -> None:
+    assert read(f"Class: {name}\n")[-1].subject == T + name
+
+
+@pytest.mark.parametrize(
+    ("written", "iri"), [(":1a", T + "1a"), ("<http://x.org/a b>".replace(" ", ""), "http://x.org/ab")]
+)
+def test_other_names_have_a_prefix_or_are_whole_iris(written: str, iri: str) -> None:
+    assert read(f"Individual: {written}\n")[-1].subject == iri
+
+
+def test_each_triple_stands_at_the_word_that_says_it() -> None:
+    text = "Class: A\n    SubClassOf: B,\n        p some C\n"
+    spans = {t.predicate.rpartition("#")[2]: (t.span.line - 4, t.span.column) for t in read(text)[1:]}
+    assert spans == {
+        "type": (3, 9),
+        "subClassOf": (3, 9),
+        "onProperty": (3, 9),
+        "someValuesFrom": (3, 16),
+    }
+
+
+def test_numbers_have_the_datatype_that_they_look_like() -> None:
+    triples = read('Individual: a Facts: p 5, p -1.5, p 2.5f, p true, p "x", p "x"@EN, p "x"^^xsd:token\n')
+    assert [value for name, value in about(triples, "a") if name == "p"] == [
+        Literal("5", XSD + "integer"),
+        Literal("-1.5", XSD + "decimal"),
+        Literal("2.5", XSD + "float"),
+        Literal("true", XSD + "boolean"),
+        Literal("x"),
+        Literal("x", None, "en"),
+        Literal("x", XSD + "token"),
+    ]
+
+
+def test_escapes_in_texts_are_undone() -> None:
+    (value,) = [
+        v for name, v in about(read(r'Class: A Annotations: rdfs:comment "a \"b\" \\n"'), "A") if name == "comment"
+    ]
+    assert value == Literal('a "b" \\n')
+
+
+def test_more_than_two_disjoint_classes_are_one_list() -> None:
+    triples = read("DisjointClasses: A, B, C\n")
+    assert (OWL + "AllDisjointClasses") in [t.object for t in triples]
+    assert [t.object for t in triples if t.predicate.endswith("#first")] == [T + "A", T + "B", T + "C"]
+
+
+def test_a_key_is_a_list_of_properties() -> None:
+    triples = read("Class: A HasKey: p value\n")
+    assert [t.object for t in triples if t.predicate.endswith("#first")] == [T + "p", T + "value"]
+
+
+def test_an_annotated_axiom_is_repeated_with_its_annotation() -> None:
+    triples = read('Class: A SubClassOf: Annotations: rdfs:comment "why" B\n')
+    axiom = next(t.subject for t in triples if t.object == OWL + "Axiom")
+    said = {t.predicate: t.object for t in triples if t.subject == axiom}
+    assert said[OWL + "annotatedSource"] == T + "A"
+    assert said[OWL + "annotatedTarget"] == T + "B"
+    assert said[RDFS + "comment"] == Literal("why")
+
+
+def test_the_example_of_the_paper_is_read_without_prefixes() -> None:
+    text = """Class: PuttingSomethingSomewhere
+    SubClassOf: Movement-TranslationEvent, TransportationEvent,
+        subAction some PickingUpAnObject, orderingConstraints value SubEventOrdering1
+Individual: SubEventOrdering1
+    Types: PartialOrdering-Strict
+    Facts: occursBeforeInOrdering PickingUpAnObject, occursAfterInOrdering CarryingWhileLocomoting
+"""
+    triples = read(text, head="")
+    knowrob = "http://knowrob.org/kb/knowrob.owl#"
+    assert triples[0].subject == knowrob + "PuttingSomethingSomewhere"
+    assert ("http://example.org/base#SubEventOrdering1") in [t.subject for t in triples]
+    assert (knowrob + "occursBeforeInOrdering") in [t.predicate for t in triples]
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "column", "expected"),
+    [
+        ("Class: A SubClassOf: p some\n", 5, 28, "a name"),
+        ("Class: A SubClassOf: p some ,\n", 5, 29, "a name"),
+        ("Class: A SubClassOf: (B and C\n", 5, 30, "')'"),
+        ("Class: A SubClassOf: p min some B\n", 5, 28, "a number"),
+        ("Individual: a Facts: p\n", 5, 23, "a name"),
+        ("ObjectProperty: p Characteristics: Fictional\n", 5, 36, "Functional"),
+        ("Klass: A\n", 5, 1, "did you mean Class:?"),
+    ],
+)
+def test_a_syntax_error_says_where_it_is_and_what_was_expected(
+    text: str, line: int, column: int, expected: str
+) -> None:
+    with pytest.raises(BadInput) as caught:
+        read(text)
+    (problem,) = caught.value.diagnostics
+    assert problem.span is not None
+    assert (problem.code, problem.span.line, problem.span.column) == ("O020", line, column)
+    assert problem.help is not None
+    assert expected in problem.help
+
+
+def test_cardinalities_are_whole_numbers() -> None:
+    with pytest.raises(BadInput, match="whole number"):
+        read("Class: A SubClassOf: p min 1.5\n")
