@@ -215,13 +215,12 @@ class Platform:
 
     def let_go(self, name: str, *, to: str | None = None) -> None:
         """Let a held body go: it comes down on what is below, or a person has it."""
-        self.world.release(name)
         self.sync()
-        planning = self.around.world
-        planning.release(name)
-        while planning.falling(name):
-            planning.step()
-        self.belief.released(name, planning.pose(name), to=to)
+        believed = self.around.world.pose(name)
+        x, y, z = believed.position
+        sinks = self.around.world.height_above_support(name)
+        self.world.release(name)
+        self.belief.released(name, Pose((x, y, z - sinks if sinks < z else 0.0), believed.orientation), to=to)
         self.sync()
 
     async def settled(self, name: str) -> None:
