@@ -6,6 +6,7 @@ They are suggested, never added: an order comes from the recipe or not at all.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import networkx as nx
 
@@ -14,12 +15,30 @@ from planlang.diagnostics import Diagnostic, warning
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
 from planlang.recipe.graph import closed, order_graph, recipe_graph, reduced
-from planlang.recipe.model import Place, Recipe, Step, Thing
+from planlang.recipe.model import Filler, Place, Recipe, Step, Thing
 
-ACQUIRES = ("GraspingSomething", "PickingUpAnObject", "TakingSomething")
-DELIVERS = ("PuttingDownAnObject", "PuttingSomethingSomewhere", "HandingOverAnObject")
-LETS_GO = ("ReleasingGraspOfSomething", "OpeningAGripper")
-MOVES_THE_OBJECT = ("CarryingWhileLocomoting", "LoweringAnObject", "LiftingAnObject")
+ROLES: dict[str, tuple[str, ...]] = {
+    "acquires": ("GraspingSomething", "PickingUpAnObject", "TakingSomething"),
+    "delivers": ("PuttingDownAnObject", "PuttingSomethingSomewhere", "HandingOverAnObject"),
+    "lets go": ("ReleasingGraspOfSomething", "OpeningAGripper"),
+    "releases": ("ReleasingGraspOfSomething",),
+    "carries": ("CarryingWhileLocomoting", "LoweringAnObject", "LiftingAnObject"),
+    "reaches": ("Reaching",),
+    "moves a handle": ("OpeningADoor", "ClosingADoor", "OpeningADrawer", "ClosingADrawer"),
+    "opens a gripper": ("OpeningAGripper",),
+    "closes a gripper": ("ClosingAGripper",),
+}
+"""What a step does, told by its action class."""
+
+BASE = "moves the base"
+
+
+@dataclass(frozen=True, slots=True)
+class _Facts:
+    """What a step does and which things and places (IRIs) it is about."""
+
+    roles: frozenset[str]
+    about: frozenset[str]
 
 
 def check_wisdom(actions: Actions, recipe: Recipe) -> Iterator[Diagnostic]:
@@ -27,74 +46,76 @@ def check_wisdom(actions: Actions, recipe: Recipe) -> Iterator[Diagnostic]:
 
     Suggestions never contradict the recipe or each other, and none follows from the others.
     """
+    facts = {step.iri: _facts(actions, step) for step in recipe.steps}
+    all_roles = [role for fact in facts.values() for role in fact.roles]
+    grasps = actions.is_a(recipe, *ROLES["acquires"])
+    active = [step for step in recipe.steps if facts[step.iri].roles]
     stated = recipe_graph(recipe)
     closure = closed(stated)
     wished = nx.DiGraph(closure)
     suggested: dict[tuple[str, str], str] = {}
-    steps = list(recipe.steps)
-    for first in steps:
-        for second in steps:
-            why = _why(actions, recipe, first, second) if first is not second else None
-            if why is None or wished.has_edge(first.iri, second.iri) or nx.has_path(wished, second.iri, first.iri):
+    for first in active:
+        for second in active:
+            if first is second or closure.has_edge(first.iri, second.iri) or closure.has_edge(second.iri, first.iri):
                 continue
-            wished.add_edge(first.iri, second.iri)
-            suggested[first.iri, second.iri] = why
-    kept = reduced(order_graph(stated.nodes, wished.edges))
-    for before, after in kept.edges:
-        if (before, after) in suggested and not closure.has_edge(before, after):
+            why = _why(facts[first.iri], facts[second.iri], all_roles, grasps=grasps)
+            if why is not None and not nx.has_path(wished, second.iri, first.iri):
+                wished.add_edge(first.iri, second.iri)
+                suggested[first.iri, second.iri] = why
+    for before, after in reduced(order_graph(stated.nodes, wished.edges)).edges:
+        if (before, after) in suggested:
             message = f"nothing puts `{local_name(before)}` before `{local_name(after)}`: {suggested[before, after]}"
             yield warning("R042", message, recipe.step(after).span, ordering_to_write(recipe, before, after))
 
 
-def _why(actions: Actions, recipe: Recipe, first: Step, second: Step) -> str | None:
-    """Why the first step should come before the second; None if there is no reason."""
-    acquires = actions.is_a(first, *ACQUIRES)
-    is_base = actions.is_base_motion(first)
-    if acquires and actions.is_a(second, *DELIVERS, *MOVES_THE_OBJECT):
-        return "an object is picked up before it is carried or handed on"
-    if acquires and actions.is_a(second, *LETS_GO):
-        return "an object is grasped before it is let go"
-    if actions.is_a(first, *MOVES_THE_OBJECT) and actions.is_a(second, "PuttingDownAnObject", *LETS_GO):
+def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -> str | None:
+    """Why the first step should come before the second; None if there is no reason.
+
+    ``all_roles`` are the roles of all steps, ``grasps`` tells whether the recipe as a whole gets hold of something.
+    """
+    is_related = not first.about.isdisjoint(second.about)
+    a, b = first.roles, second.roles
+    if "acquires" in a:
+        if b & {"delivers", "carries"}:
+            return "an object is picked up before it is carried or handed on"
+        if "lets go" in b:
+            return "an object is grasped before it is let go"
+        if BASE in b and not is_related:
+            return "an object is picked up before it is carried away"
+    if "carries" in a and b & {"lets go", "delivers"}:
         return "an object is moved before it is let go"
-    if acquires and actions.is_base_motion(second) and not _related(first, second):
-        return "an object is picked up before it is carried away"
-    if is_base and _related(first, second) and not actions.is_base_motion(second):
+    if BASE in a and BASE not in b and is_related:
         return "the base goes there before the hand reaches there"
-    if actions.is_a(first, "Reaching"):
-        if actions.is_a(second, *ACQUIRES) and not _has(actions, recipe, *DELIVERS, *LETS_GO):
-            return "the hand reaches for an object before it takes it"
-        if actions.is_a(second, *LETS_GO) and _has(actions, recipe, *ACQUIRES):
+    if "reaches" in a:
+        if b & {"acquires", "moves a handle"} and not {"delivers", "lets go"} & set(all_roles):
+            return "the hand reaches for a thing before it takes hold of it"
+        if "lets go" in b and "acquires" in all_roles:
             return "the hand reaches where the object goes before it lets go"
-    if actions.is_a(first, "ClosingADoor", "OpeningADoor") and actions.is_a(second, "ReleasingGraspOfSomething"):
+    if "moves a handle" in a and "releases" in b:
         return "a handle is moved before it is let go"
-    if actions.is_a(first, "OpeningAGripper") and actions.is_a(second, "ClosingAGripper"):
-        return "a gripper is opened before it is closed on something" if actions.is_a(recipe, *ACQUIRES) else None
-    if actions.is_a(first, "ClosingAGripper") and actions.is_a(second, "OpeningAGripper"):
-        return None if actions.is_a(recipe, *ACQUIRES) else "a gripper is closed on something before it lets go"
+    if all_roles.count("opens a gripper") == all_roles.count("closes a gripper") == 1:
+        if grasps and "opens a gripper" in a and "closes a gripper" in b:
+            return "a gripper is opened before it is closed on something"
+        if not grasps and "closes a gripper" in a and "opens a gripper" in b:
+            return "a gripper is closed on something before it lets go"
     return None
 
 
-def _has(actions: Actions, recipe: Recipe, *classes: str) -> bool:
-    return any(actions.is_a(step, *classes) for step in recipe.steps)
-
-
-def _related(first: Step, second: Step) -> bool:
-    """True if the two steps are about the same thing or place."""
-    return not _about(first).isdisjoint(_about(second))
-
-
-def _about(step: Step) -> set[str]:
-    found: set[str] = set()
-
-    def visit(filler: object) -> None:
-        if isinstance(filler, Thing):
-            found.add(filler.iri or filler.stated)
-        elif isinstance(filler, Place):
-            found.add(filler.iri)
-            for _, reference in filler.relations:
-                visit(reference)
-
+def _facts(actions: Actions, step: Step) -> _Facts:
+    roles = {role for role, classes in ROLES.items() if actions.is_a(step, *classes)}
+    if actions.is_base_motion(step):
+        roles.add(BASE)
+    about: set[str] = set()
     for parameter in step.parameters:
         if parameter.property in ("objectActedOn", "toLocation"):
-            visit(parameter.filler)
-    return found
+            about.update(_named(parameter.filler))
+    return _Facts(frozenset(roles), frozenset(about))
+
+
+def _named(filler: Filler) -> Iterator[str]:
+    if isinstance(filler, Thing):
+        yield filler.iri or filler.stated
+    elif isinstance(filler, Place):
+        yield filler.iri
+        for _, reference in filler.relations:
+            yield from _named(reference)

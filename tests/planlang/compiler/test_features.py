@@ -1,0 +1,298 @@
+"""What the compiler makes of nested recipes, parameters, devices, scopes and recoveries, on small recipes."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planlang.compiler import CompiledPlan, compile_recipe
+from planlang.diagnostics import BadInput
+
+HEAD = """
+Prefix: : <http://planlang.org/test#>
+Prefix: room: <http://planlang.org/room#>
+Prefix: k: <http://knowrob.org/kb/knowrob.owl#>
+Prefix: rdfs: <http://www.w3.org/2000/01/rdf-schema#>
+Ontology: <http://planlang.org/test>
+Import: <http://knowrob.org/kb/knowrob.owl>
+
+Individual: room:bottle1
+    Types: k:DrinkingBottle
+Individual: room:cup1
+    Types: k:Cup
+Individual: room:patient1
+    Types: k:Patient
+Individual: gripper
+    Types: k:HolderGripper
+Individual: there
+    Types: k:Point2D
+    Facts: k:inReachOf room:bottle1
+Individual: graspPose
+    Types: k:Point3D
+    Facts: k:inCenterOf room:bottle1
+"""
+
+
+def orderings(*pairs: str) -> str:
+    """Individuals O1, O2, ... for pairs written ``A<B``."""
+    lines = []
+    for number, pair in enumerate(pairs, 1):
+        a, b = pair.split("<")
+        lines.append(f"Individual: O{number}\n    Types: k:PartialOrdering-Strict")
+        lines.append(f"    Facts: k:occursBeforeInOrdering {a}, k:occursAfterInOrdering {b}")
+    return "\n".join(lines)
+
+
+def task(name: str, steps: str, *more: str, above: str = "k:PurposefulAction", constraints: int = 0) -> str:
+    parts = [above, *(f"k:subAction some {step}" for step in steps.split()), *more]
+    parts += [f"k:orderingConstraints value O{number}" for number in range(1, constraints + 1)]
+    return f"Class: {name}\n    SubClassOf: {', '.join(parts)}\n"
+
+
+def step(name: str, above: str, *parts: str) -> str:
+    return f"Class: {name}\n    SubClassOf: {', '.join((above, *parts))}\n"
+
+
+@pytest.fixture
+def compiled(tmp_path: Path) -> Any:
+    """Compiles a recipe given as its parts."""
+
+    def compile_text(*parts: str, **options: Any) -> CompiledPlan:
+        path = tmp_path / "test.omn"
+        path.write_text("\n".join((HEAD, *parts)), encoding="utf-8")
+        return compile_recipe(path, **options)
+
+    return compile_text
+
+
+def body(plan: CompiledPlan, function: str) -> str:
+    """The source of one plan function, from its ``async def``."""
+    return plan.source.split(f"async def {function}(")[1].split("\n\n\n")[0]
+
+
+def test_steps_of_one_place_run_at_it_and_hand_places_narrow_it(compiled: Any) -> None:
+    plan = compiled(
+        task("Take", "Drive Reach Close", constraints=2),
+        orderings("Drive<Reach", "Reach<Close"),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value there"),
+        step("Reach", "k:Reaching", "k:toLocation value graspPose", "k:deviceUsed value gripper"),
+        step("Close", "k:ClosingAGripper", "k:deviceUsed value gripper"),
+    )
+    source = body(plan, "take")
+    assert "async def at_there() -> None:" in source
+    assert "reaching=(grasp_pose(bottle),)" in source
+    assert 'a_location("there", in_reach_of=bottle, using=GRIPPER)' in plan.source
+
+
+def test_without_scopes_a_base_motion_is_a_step_like_any_other(compiled: Any) -> None:
+    plan = compiled(
+        task("Take", "Drive Reach", constraints=1),
+        orderings("Drive<Reach"),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value there"),
+        step("Reach", "k:Reaching", "k:toLocation value graspPose"),
+        scopes=False,
+    )
+    assert "at_location" not in plan.source
+    assert 'perform(action("Translation-LocationChange", to_location=there(bottle)), name="Drive")' in plan.source
+
+
+def test_base_motion_that_nothing_follows_opens_no_scope(compiled: Any) -> None:
+    plan = compiled(task("Go", "Drive"), step("Drive", "k:Translation-LocationChange", "k:toLocation value there"))
+    assert "at_location" not in plan.source
+
+
+def test_step_unordered_with_the_next_base_motion_stays_outside_without_an_object(
+    compiled: Any, read_plan: Any
+) -> None:
+    plan = compiled(
+        task("Go", "Drive Back Look", constraints=2),
+        orderings("Drive<Back", "Drive<Look"),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value there"),
+        "Individual: home\n    Types: k:Point2D\n    Facts: k:inReachOf room:cup1",
+        step("Back", "k:Translation-LocationChange", "k:toLocation value home"),
+        step("Look", "k:LookingForSomething"),
+    )
+    happening = read_plan(plan.source).orders("go")
+    assert ("Look", "Back") not in happening.before
+    assert ("Back", "Look") not in happening.before
+
+
+def test_recipe_with_a_base_motion_of_its_own_ends_the_scope_of_its_caller(compiled: Any) -> None:
+    plan = compiled(
+        task("Outer", "Drive Fetch Reach", constraints=2),
+        orderings("Drive<Fetch", "Fetch<Reach"),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value there"),
+        task("Fetch", "DriveAgain Look", "k:orderingConstraints value P1"),
+        "Individual: P1\n    Types: k:PartialOrdering-Strict\n"
+        "    Facts: k:occursBeforeInOrdering DriveAgain, k:occursAfterInOrdering Look",
+        step("DriveAgain", "k:Translation-LocationChange", "k:toLocation value there"),
+        step("Look", "k:LookingForSomething", "k:objectActedOn value room:bottle1"),
+        step("Reach", "k:Reaching", "k:toLocation value graspPose"),
+    )
+    assert "at_location" in body(plan, "fetch")
+    assert "at_location" not in body(plan, "outer")
+
+
+def test_called_function_takes_the_callers_thing_of_the_same_property(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "GraspIt", above="k:PurposefulAction"),
+        step("GraspIt", "Grasp", "k:objectActedOn value room:bottle1"),
+        task("Grasp", "Look", "k:objectActedOn some k:DrinkingVessel", above="k:GraspingSomething"),
+        step("Look", "k:LookingForSomething", "k:objectActedOn some k:DrinkingVessel"),
+    )
+    assert "async def grasp(*, drinking_vessel: Object = DRINKING_VESSEL) -> None:" in plan.source
+    assert "partial(grasp, drinking_vessel=bottle)" in plan.source
+    assert "async def serve(*, bottle: Object = BOTTLE) -> None:" in plan.source
+
+
+def test_two_things_of_one_name_get_two_parameters(compiled: Any) -> None:
+    plan = compiled(
+        task("Look", "LookHere LookThere"),
+        "Individual: bottle\n    Types: k:DrinkingBottle",
+        step("LookHere", "k:LookingForSomething", "k:objectActedOn value room:bottle1"),
+        step("LookThere", "k:LookingForSomething", "k:objectActedOn value bottle"),
+    )
+    assert "async def look(*, bottle: Object = BOTTLE, bottle_2: Object = BOTTLE_2) -> None:" in plan.source
+
+
+def test_device_of_a_recipe_is_that_of_its_steps_and_of_recipes_below(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "Grasp", "k:deviceUsed value gripper"),
+        task("Grasp", "Close", above="k:PurposefulAction"),
+        step("Close", "k:ClosingAGripper"),
+    )
+    assert 'action("ClosingAGripper", device_used=GRIPPER)' in plan.source
+
+
+def test_recipe_nearer_than_a_primitive_is_called_directly(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "CarefulReach"),
+        task("CarefulReach", "Look", above="k:Reaching"),
+        step("Look", "k:LookingForSomething"),
+    )
+    assert "await careful_reach()" in body(plan, "serve")
+    assert "perform_or" not in plan.source
+
+
+def test_primitive_nearer_than_a_recipe_is_performed(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "Reach"),
+        step("Reach", "k:Reaching"),
+        "Class: k:VoluntaryBodyMovement\n    SubClassOf: k:subAction some Look",
+        step("Look", "k:LookingForSomething"),
+        task="Serve",
+    )
+    assert 'perform(action("Reaching"), name="Reach")' in plan.source
+
+
+def test_recipes_of_two_superclasses_are_tried_in_order(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "Bring"),
+        step("Bring", "OneWay", "OtherWay"),
+        task("OneWay", "Look", above="k:TransportationEvent"),
+        task("OtherWay", "Reach", above="k:TransportationEvent"),
+        step("Look", "k:LookingForSomething"),
+        step("Reach", "k:Reaching", "k:toLocation value graspPose"),
+        task="Serve",
+    )
+    assert "partial(try_in_order, one_way, partial(other_way, bottle=bottle))" in plan.source
+
+
+def test_task_without_steps_of_its_own_takes_those_of_its_superclass(compiled: Any) -> None:
+    plan = compiled(step("Mine", "Serve"), task("Serve", "Look"), step("Look", "k:LookingForSomething"), task="Mine")
+    assert plan.functions == ("mine",)
+    assert 'name="Look"' in plan.source
+
+
+def test_recovery_stated_in_the_recipe_replaces_the_inherited_one(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "Close"),
+        step("Close", "k:ClosingAGripper", "k:objectActedOn value room:bottle1"),
+        "Individual: again\n    Types: k:Recovery\n"
+        "    Facts: k:recoversAction Close, k:recoversFailure k:GraspMissed, k:strategy k:Repeat, k:attempts 4",
+    )
+    assert "Recovery(GraspMissed, attempts=4)" in plan.source
+    assert "look_and_repeat" not in plan.source
+
+
+def test_recovery_with_no_attempts_is_switched_off(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "Close"),
+        step("Close", "k:ClosingAGripper", "k:objectActedOn value room:bottle1"),
+        "Individual: never\n    Types: k:Recovery\n"
+        "    Facts: k:recoversAction Close, k:recoversFailure k:GraspMissed, k:strategy k:Repeat, k:attempts 0",
+    )
+    assert "Recovery" not in plan.source
+
+
+def test_task_that_is_run_by_itself_has_its_own_recoveries(compiled: Any) -> None:
+    plan = compiled(
+        task("Grasp", "Close", "k:objectActedOn value room:bottle1", above="k:GraspingSomething"),
+        step("Close", "k:ClosingAGripper", "k:objectActedOn value room:bottle1"),
+    )
+    assert "async def grasp_once() -> None:" in body(plan, "grasp")
+    assert plan.source.count("Recovery(GraspMissed") == 1
+
+
+def test_label_of_a_step_stands_above_it(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "Look"),
+        'Class: Look\n    Annotations: rdfs:label "look\n around"\n    SubClassOf: k:LookingForSomething',
+    )
+    assert "    # look around\n    await perform(" in plan.source
+
+
+def test_data_flow_orders_steps(compiled: Any, read_plan: Any) -> None:
+    plan = compiled(
+        task("Serve", "Reach Look", "k:inputOutputConstraints value Flow"),
+        "Individual: Flow\n    Types: k:InputOutputMapping\n    Facts: k:createsOutput Look, k:requiresInput Reach",
+        step("Look", "k:LookingForSomething"),
+        step("Reach", "k:Reaching"),
+    )
+    assert read_plan(plan.source).orders("serve").steps == ["Look", "Reach"]
+
+
+def test_numbers_and_several_fillers_of_a_property_are_kept(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "Reach"),
+        step(
+            "Reach",
+            "k:Reaching",
+            "k:linearVelocity value 0.3",
+            "k:objectActedOn value room:bottle1",
+            "k:objectActedOn value room:cup1",
+        ),
+    )
+    assert 'action("Reaching", object_acted_on=(bottle, cup), linear_velocity=0.3)' in plan.source
+
+
+def test_person_is_a_person_and_names_that_python_has_get_a_number(compiled: Any) -> None:
+    plan = compiled(
+        task("print", "Look"),
+        step("Look", "k:LookingForSomething", "k:objectActedOn value room:patient1"),
+    )
+    assert "async def print_2(*, patient: Person = PATIENT) -> None:" in plan.source
+
+
+def test_labels_cannot_break_out_of_docstrings(compiled: Any) -> None:
+    evil = 'x\\"\\"\\"; import os #'
+    plan = compiled(
+        f'Class: Serve\n    Annotations: rdfs:label "{evil}"',
+        "    SubClassOf: k:PurposefulAction, k:subAction some Look",
+        step("Look", "k:LookingForSomething"),
+    )
+    compile(plan.source, "plan.py", "exec")
+    assert "\nimport os" not in plan.source
+    assert plan.source.count('"""') == 4
+
+
+def test_all_errors_come_in_one_run(compiled: Any) -> None:
+    with pytest.raises(BadInput) as found:
+        compiled(
+            task("Serve", "Look Lok Dance", "k:orderingConstraints value Nothing", constraints=2),
+            orderings("Look<Dance", "Dance<Look"),
+            step("Look", "k:LookingForSomething", "k:objectActedOn value nobody"),
+            step("Dance", "k:PurposefulAction"),
+        )
+    codes = {d.code for d in found.value.diagnostics if d.code.startswith("R")}
+    assert codes == {"R011", "R012", "R020", "R021", "R033"}
