@@ -84,6 +84,10 @@ class RobotExecutive:
         """Names of the objects that the robot holds."""
         return tuple(self.platform.belief.held)
 
+    def releases(self, action: Action) -> bool:
+        """Whether the action lets go of something, by the vocabulary's primitives."""
+        return any(cls in self.platform.releasing for cls in self.ancestors(action.type))
+
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
         """Belief changes are written into the trace."""
         self.platform.belief.tell = write

@@ -45,6 +45,9 @@ class Platform:
     resolver: Resolver
     gaze: Gaze | None
     ancestors: Callable[[str], Sequence[str]]
+    """Action class -> itself and its superclasses, nearest first; local names."""
+    releasing: frozenset[str]
+    """Action classes that let go of something."""
     rng: np.random.Generator
     _preferred: str | None = None
     """Arm that was chosen last where the plan left the choice; it is kept."""

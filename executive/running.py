@@ -33,7 +33,7 @@ from planlang import PlanFailure, SimulationHost, budget, explain, run
 from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.language.plans import Plan
-from planlang.ontology import expand, load, shorten
+from planlang.ontology import Ontology, expand, load, shorten
 from sim import PyBulletWorld, Scene, perturb
 from sim.oracle import at_rest_on, held_by
 
@@ -265,7 +265,24 @@ def _platform(
     def ancestors(action_type: str) -> tuple[str, ...]:
         return tuple(map(shorten, ontology.ancestors(expand(action_type))))
 
-    return Platform(truth, robot, belief, around, Resolver(around), around.gaze, ancestors, np.random.default_rng(seed))
+    return Platform(
+        truth,
+        robot,
+        belief,
+        around,
+        Resolver(around),
+        around.gaze,
+        ancestors,
+        _releasing(ontology),
+        np.random.default_rng(seed),
+    )
+
+
+def _releasing(ontology: Ontology) -> frozenset[str]:
+    """Action classes whose primitive says that it releases something."""
+    primitives = [iri for iri in ontology.individuals(expand("Primitive")) if ontology.values(iri, expand("releases"))]
+    performed = (cls for iri in primitives for cls in ontology.values(iri, expand("performsAction")))
+    return frozenset(shorten(cls) for cls in performed if isinstance(cls, str))
 
 
 def _bound(plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap) -> dict[str, Object]:

@@ -236,6 +236,9 @@ class Executive(Protocol):
     def held(self) -> Sequence[str]:
         """Names of the objects that the robot holds."""
 
+    def releases(self, action: Action) -> bool:
+        """Whether the action lets go of something; it is not repeated while that is still to be delivered."""
+
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
         """Give the executive a way to write its own events (belief changes, solutions) into the trace."""
 

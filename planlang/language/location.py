@@ -120,6 +120,7 @@ class _Visit:
                 if not matches(failure, CURABLE):
                     raise
                 last = failure
+                self.place.again(failure)
                 self._failed.append(solution)
                 record("place failed", attempt=attempt, base=solution.base, failure=failure)
         if last is None:

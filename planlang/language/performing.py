@@ -47,7 +47,14 @@ async def perform(action: Action, name: str | None = None) -> Any:
     here = place.get()
     if here is not None and here.displaced and "base" not in resources:
         await here.establish()
-    return await _Perform(path_element, action, module, resources).execute()
+    releases = here is not None and executive.releases(action)
+    if here is not None and releases and (refused := here.refusal(action, executive)) is not None:
+        with inside("perform", path_element, action=action):
+            raise refused
+    result = await _Perform(path_element, action, module, resources).execute()
+    if here is not None and releases:
+        here.released(action)
+    return result
 
 
 async def perform_or(action: Action, branch: Callable[[], Awaitable[Any]]) -> Any:

@@ -43,6 +43,7 @@ class ScriptedExecutive:
     belief: int = 0
     drive_time: float = 0.5
     retry_actions: tuple[Action, ...] = ()
+    releasing: tuple[str, ...] = ("OpeningAGripper",)
     asked: list[Location] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -89,6 +90,9 @@ class ScriptedExecutive:
 
     def held(self) -> Sequence[str]:
         return self.holding
+
+    def releases(self, action: Action) -> bool:
+        return action.type in self.releasing
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
         self.write = write

@@ -274,3 +274,53 @@ def test_each_place_and_its_failure_is_in_the_trace(executive: Any) -> None:
     go(partial(at_location, NEAR_CUP, body), executive, trace=trace)
     told = [(e["event"], e["base"]) for e in trace.events if e["event"] in ("solution", "place failed")]
     assert told == [("solution", [1.0, 0.0, 0.0]), ("place failed", [1.0, 0.0, 0.0]), ("solution", [2.0, 0.0, 0.0])]
+
+
+def opening(executive: Any, module: Any, log: list[str]) -> Any:
+    async def let_go(wanted: Any) -> None:
+        log.append("open")
+
+    executive.extra.append(module("gripper", ("OpeningAGripper",), let_go))
+    return partial(perform, action("OpeningAGripper"))
+
+
+def test_a_step_that_lets_go_is_not_repeated_while_something_is_held(executive: Any, module: Any) -> None:
+    log: list[str] = []
+    open_gripper = opening(executive, module, log)
+
+    async def body() -> None:
+        await open_gripper()
+        executive.holding.append("cup1")
+        raise ManipulationPoseUnreachable(arm="right")
+
+    with pytest.raises(ObjectUndeliverable, match="cup1 is still held") as caught:
+        go(partial(at_location, NEAR_CUP, body), executive)
+    assert log == ["open"]
+    assert isinstance(caught.value.__cause__, ManipulationPoseUnreachable)
+
+
+def test_a_step_that_lets_go_is_repeated_while_nothing_is_held(executive: Any, module: Any) -> None:
+    log: list[str] = []
+    open_gripper = opening(executive, module, log)
+
+    async def body() -> None:
+        await open_gripper()
+        if executive.base[0] == 1.0:
+            raise ManipulationPoseUnreachable(arm="right")
+
+    go(partial(at_location, NEAR_CUP, body), executive)
+    assert log == ["open", "open"]
+
+
+def test_a_step_that_lets_go_runs_in_a_second_try_if_the_first_did_not_come_to_it(executive: Any, module: Any) -> None:
+    log: list[str] = []
+    open_gripper = opening(executive, module, log)
+    executive.holding.append("cup1")
+
+    async def body() -> None:
+        if executive.base[0] == 1.0:
+            raise ManipulationPoseUnreachable(arm="right")
+        await open_gripper()
+
+    go(partial(at_location, NEAR_CUP, body), executive)
+    assert log == ["open"]
