@@ -124,7 +124,7 @@ class Detection:
 
 
 class World(Protocol):
-    """Bodies, one robot, contact, camera, attachment, time. ``sim.PyBulletWorld`` is one; a real robot can be another."""
+    """Bodies, one robot, contact, camera, attachment, time: ``sim.PyBulletWorld``; a real robot can be another."""
 
     rate: int
     """World steps per second."""

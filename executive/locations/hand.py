@@ -17,7 +17,7 @@ from planlang.protocols import Array, Pose
 APPROACH = 0.08
 """How far back along the approach direction the pre-grasp is [m] (rules of `in_front_of`)."""
 LIFTS = (0.05, 0.08, 0.03)
-"""How far up the hand goes with what it has grasped, before it goes back [m]; the first is what places are judged by."""
+"""How far up the hand goes with what it has grasped, then back [m]; places are judged by the first."""
 CLEARANCES = (0.04, 0.07, 0.11)
 """Heights of the lowest point above a surface for `above` [m]; the relation allows 0.02 to 0.15."""
 YAW_OFFSETS = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9, 1.25, -1.25)
