@@ -7,7 +7,7 @@ import textwrap
 
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, call, sequence, statement
 from planlang.compiler.statements import Statements
-from planlang.compiler.symbols import Symbols, quoted
+from planlang.compiler.symbols import Symbols, is_iri, quoted
 from planlang.compiler.tree import Function, PlanTree
 from planlang.designators import local_name
 from planlang.recipe.model import Kind, Place, RecipeSet, Thing
@@ -91,7 +91,7 @@ def _namespaces(symbols: Symbols) -> list[str]:
 
 
 def _thing(symbols: Symbols, thing: Thing) -> list[str]:
-    arguments = [quoted(thing.type) if not _is_iri(thing.type) else symbols.iri(thing.type)]
+    arguments = [quoted(thing.type) if not is_iri(thing.type) else symbols.iri(thing.type)]
     if thing.iri is not None:
         arguments.append(symbols.iri(thing.iri))
     return _assignment(symbols.constant(thing), call(symbols.use(MAKERS[thing.kind]), *arguments))
@@ -202,7 +202,3 @@ def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:
 def _sentence(text: str) -> str:
     text = " ".join(text.split())
     return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")
-
-
-def _is_iri(name: str) -> bool:
-    return ":" in name

@@ -7,7 +7,7 @@ import textwrap
 from planlang.compiler.layout import INDENT, WIDTH, Display, Expression, Text, call, sequence, statement
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.naming import Names, snake_case
-from planlang.compiler.symbols import Symbols, quoted
+from planlang.compiler.symbols import Symbols, is_iri, quoted
 from planlang.compiler.tree import (
     Achieve,
     ActionTerm,
@@ -144,7 +144,8 @@ class Statements:
         for name, fillers in term.properties:
             values = [self._value(filler) for filler in fillers]
             properties[name] = values[0] if len(values) == 1 else sequence(values)
-        return call(self._symbols.use("action"), quoted(term.type), **properties)
+        action_class = self._symbols.iri(term.type) if is_iri(term.type) else quoted(term.type)
+        return call(self._symbols.use("action"), action_class, **properties)
 
     def _value(self, value: Value) -> Expression:
         match value:

@@ -106,6 +106,11 @@ def quoted(text: str) -> str:
     return literal
 
 
+def is_iri(name: str) -> bool:
+    """True for an IRI, false for a local name of the vocabulary."""
+    return ":" in name
+
+
 def _stem(start: str) -> str:
     name = start.rstrip("#/").rsplit("/", 1)[-1]
     return without_digits(snake_case(name.removesuffix(".owl")))

@@ -8,7 +8,7 @@ from itertools import combinations
 
 from planlang.diagnostics import Diagnostic, note
 from planlang.ontology import Ontology, expand
-from planlang.recipe.model import Parameter, Place, Recipe, RecipeSet, Thing
+from planlang.recipe.model import Kind, Parameter, Place, Recipe, RecipeSet, Thing
 
 _RANGE = "http://www.w3.org/2000/01/rdf-schema#range"
 
@@ -47,28 +47,29 @@ def violates_range(ontology: Ontology, property_name: str, thing: Thing) -> bool
 def _exchanged(
     ontology: Ontology, parameters: tuple[Parameter, ...], owner: str
 ) -> tuple[tuple[Parameter, ...], list[Diagnostic]]:
-    """Exchange two fillers where one violates its property's range and the exchange violates nothing."""
-    single = [
-        parameter
-        for parameter in parameters
-        if isinstance(parameter.filler, Thing) and sum(p.property == parameter.property for p in parameters) == 1
-    ]
-    for first, second in combinations(single, 2):
-        a, b = first.filler, second.filler
-        if not isinstance(a, Thing) or not isinstance(b, Thing):
-            continue
+    """Exchange two fillers where one violates its property's range and the exchange violates nothing.
+
+    What becomes the device must be a part of a robot: a pancake maker is a physical device too, and may well be what a
+    bottle (which is none) is used on.
+    """
+    things = [(parameter, parameter.filler) for parameter in parameters if isinstance(parameter.filler, Thing)]
+    single = [(p, thing) for p, thing in things if sum(q.property == p.property for q in parameters) == 1]
+    for (first, a), (second, b) in combinations(single, 2):
         is_wrong = violates_range(ontology, first.property, a) or violates_range(ontology, second.property, b)
-        is_right = not violates_range(ontology, first.property, b) and not violates_range(ontology, second.property, a)
-        if is_wrong and is_right:
+        if is_wrong and _fits(ontology, first.property, b) and _fits(ontology, second.property, a):
             swap = {first: replace(first, filler=b), second: replace(second, filler=a)}
             message = (
                 f"{first.property} `{a.name}` and {second.property} `{b.name}` of `{owner}` are exchanged:"
                 f" taken as {first.property} `{b.name}` and {second.property} `{a.name}`"
             )
-            advice = "exchange them in the file"
-            found = note("R030", message, first.span, advice)
+            found = note("R030", message, first.span, "exchange them in the file")
             return tuple(swap.get(parameter, parameter) for parameter in parameters), [found]
     return parameters, []
+
+
+def _fits(ontology: Ontology, property_name: str, thing: Thing) -> bool:
+    is_device = thing.kind is Kind.DEVICE
+    return not violates_range(ontology, property_name, thing) and (property_name != "deviceUsed" or is_device)
 
 
 def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Recipe, list[Diagnostic]]:

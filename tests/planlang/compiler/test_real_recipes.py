@@ -53,6 +53,13 @@ def test_hydro_recipe_gets_its_exchanged_fillers_the_right_way_round(hydro: Comp
     assert ("R030", 308) in codes(hydro.diagnostics, Severity.NOTE)
 
 
+def test_tool_that_is_no_physical_device_stays_the_tool(corpus: Path) -> None:
+    plan = compile_recipe(corpus / "recipes" / "pouring@hydro.owl", allow_abstract=True)
+    assert "object_acted_on=pancake_maker" in plan.source
+    assert "device_used=pancake_mix_in_right_hand" in plan.source
+    assert {d.code for d in plan.diagnostics if "deviceUsed" in d.message} == {"R032"}
+
+
 def test_place_without_relations_is_a_posture(hydro: CompiledPlan) -> None:
     assert 'PARKINGPOSE = a_posture("parkingpose")' in hydro.source
     assert 'action("Reaching", to_location=PARKINGPOSE, device_used=ROBOT_RIGHT_GRIPPER)' in hydro.source
@@ -140,27 +147,25 @@ def test_other_real_recipes_keep_their_total_order(
     assert read_plan(plan.source).orders(plan.functions[-1]).steps == order
 
 
-@pytest.mark.parametrize(
-    ("file", "task"),
-    [
+def test_plans_of_real_recipes_are_formatted_linted_and_typed(corpus: Path, tmp_path: Path) -> None:
+    recipes = [
         (HYDRO, None),
         ("recipes/pancake-making@hydro.owl", None),
         ("recipes/pancake-making-constr@hydro.owl", None),
         ("recipes/pouring@hydro.owl", None),
         ("recipes/ChocolateCakeBaking@2011-03.owl", None),
+        ("recipes/serve_drink_new@re_stack.owl", None),
         ("ontologies/knowrob@hydro.owl", "PuttingSomethingSomewhere"),
         ("ontologies/knowrob@hydro.owl", "AddingAnEgg"),
-    ],
-)
-def test_plans_of_real_recipes_are_formatted_linted_and_typed(
-    corpus: Path, file: str, task: str | None, tmp_path: Path
-) -> None:
-    plan = tmp_path / "plan.py"
-    plan.write_text(compile_recipe(corpus / file, task=task, allow_abstract=True).source, encoding="utf-8")
+    ]
+    for number, (file, task) in enumerate(recipes):
+        source = compile_recipe(corpus / file, task=task, allow_abstract=True).source
+        assert not any("http://" in line for line in source.splitlines() if line.startswith("    "))
+        (tmp_path / f"plan{number}.py").write_text(source, encoding="utf-8")
     for arguments in (
         ["ruff", "format", "--diff", "--line-length", "120", "--isolated"],
         ["ruff", "check", "--line-length", "120", "--isolated", "--select", "E,F,W,I,B,UP,N,RUF"],
         ["mypy", "--strict", "--no-error-summary"],
     ):
-        done = subprocess.run([sys.executable, "-m", *arguments, str(plan)], capture_output=True, text=True)
+        done = subprocess.run([sys.executable, "-m", *arguments, str(tmp_path)], capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
