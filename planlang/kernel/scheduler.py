@@ -14,6 +14,7 @@ import sys
 from collections import deque
 from collections.abc import AsyncGenerator, Callable
 from random import Random
+from types import CoroutineType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.failures import BranchEvaporated, PlanFailure
@@ -46,11 +47,29 @@ MAX_RESUMPTIONS = 100_000
 """Resumptions in one world step after which the run is considered to make no progress."""
 
 
+def _call(task: Task) -> object:
+    """Call the branch, in its task, and run to the first wait."""
+    coroutine = task.branch()
+    if coroutine.__class__ is not CoroutineType and not hasattr(coroutine, "send"):
+        if not hasattr(coroutine, "__await__"):
+            raise TypeError(
+                f"branch {task.path} returned {type(coroutine).__name__}, which cannot be awaited; "
+                "a branch is a function written with async def"
+            )
+        coroutine = coroutine.__await__()
+    task.coroutine = coroutine
+    return coroutine.send(None)
+
+
 def _keep(generator: AsyncGenerator[Any, Any]) -> None:
     """Generators are closed by the task that iterated them; nothing is left to the collector."""
 
 
-_stuck: list[object] = []  # keeps coroutines that refuse to end from being closed by the collector
+def _never_close(coroutine: object) -> None:
+    """Keep a coroutine that refuses to end from being closed, which it would refuse too, even by the interpreter."""
+    import ctypes
+
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(coroutine))
 
 
 class Scheduler:
@@ -333,24 +352,12 @@ class Scheduler:
             self.current = None
 
     def _begin(self, task: Task) -> object:
-        """Call the branch, in its task, and run to the first wait."""
         task.begun = True
         if task.watched is not None:
             task.watched.set(Status.RUNNING)
         if self.trace is not None:
             self.trace.started(self.now, task)
-        awaitable = task.context.run(task.branch)
-        if hasattr(awaitable, "send"):
-            task.coroutine = awaitable
-        elif hasattr(awaitable, "__await__"):
-            task.coroutine = awaitable.__await__()
-        else:
-            raise TypeError(
-                f"branch {task.path} returned {type(awaitable).__name__}, which cannot be awaited; "
-                "a branch is a function written with async def"
-            )
-        assert task.coroutine is not None
-        return task.context.run(task.coroutine.send, None)
+        return task.context.run(_call, task)
 
     def _returned(self, task: Task, value: Any) -> None:
         if task.generators:
@@ -384,7 +391,7 @@ class Scheduler:
 
     def _unexpected(self, task: Task, signal: object) -> None:
         if signal is STUCK:
-            _stuck.append(task.coroutine)
+            _never_close(task.coroutine)
             line = line_of(task)
             task.crash = StuckTask(f"{task.path} does not end although it was evaporated 100 times, at {line}")
             task.generators = None

@@ -18,6 +18,7 @@ from planlang.kernel.task import Status
 from planlang.kernel.tree import Node
 
 SCHEMA = 1
+_WORDS = {status: status.value for status in Status}
 LONGEST = 256
 """Sequences longer than this are told by their length."""
 
@@ -55,31 +56,46 @@ class Trace:
         """Write one record; details are encoded now, in the order given."""
         record: dict[str, Any] = {"step": step, "event": event}
         for key, value in details.items():
-            record[key] = encode(value)
+            record[key] = value if value.__class__ in _PLAIN else encode(value)
         if self._file is None:
             self.events.append(record)
         else:
-            self._file.write(json.dumps(record, ensure_ascii=False) + "\n")
+            self._file.write(_line(record))
             self._file.flush()
 
     def started(self, step: int, node: Node, **details: object) -> None:
         """A node of the tree begins."""
-        self.write(step, "started", kind=node.kind, path=node.path, **details)
+        if details:
+            self.write(step, "started", kind=node.kind, path=node.path, **details)
+        elif self._file is None:
+            self.events.append({"step": step, "event": "started", "kind": node.kind, "path": node.path})
+        else:  # the same bytes as write() gives, several times faster
+            self._file.write(
+                f'{{"step": {step}, "event": "started", "kind": "{node.kind}", "path": {_quoted(node.path)}}}\n'
+            )
+            self._file.flush()
 
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
     ) -> None:
         """A node of the tree ends."""
-        details: dict[str, object] = {}
-        if result is not None and outcome is Status.SUCCEEDED:
-            details["result"] = result
+        word = _WORDS[outcome]
         if failure is not None:
-            details["failure"] = failure
-        self.write(step, "ended", kind=node.kind, path=node.path, status=outcome.value, **details)
+            self.write(step, "ended", kind=node.kind, path=node.path, status=word, failure=failure)
+        elif result is not None and outcome is Status.SUCCEEDED:
+            self.write(step, "ended", kind=node.kind, path=node.path, status=word, result=result)
+        elif self._file is None:
+            self.events.append({"step": step, "event": "ended", "kind": node.kind, "path": node.path, "status": word})
+        else:
+            self._file.write(
+                f'{{"step": {step}, "event": "ended", "kind": "{node.kind}", "path": {_quoted(node.path)}, '
+                f'"status": "{word}"}}\n'
+            )
+            self._file.flush()
 
     def text(self) -> str:
         """The kept records as JSON Lines."""
-        return "".join(json.dumps(record, ensure_ascii=False) + "\n" for record in self.events)
+        return "".join(map(_line, self.events))
 
     def flush(self) -> None:
         """Write through."""
@@ -96,6 +112,15 @@ class Trace:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
+
+
+_PLAIN = frozenset({str, int, bool, type(None)})
+_json = json.JSONEncoder(ensure_ascii=False).encode
+_quoted = json.encoder.encode_basestring
+
+
+def _line(record: dict[str, Any]) -> str:
+    return _json(record) + "\n"
 
 
 def encode(value: object) -> Any:

@@ -43,6 +43,10 @@ class Node:
         """Names from the root, joined by ``/``."""
         if self._path is not None:
             return self._path
+        parent = self.parent
+        if parent is not None and parent._path is not None:
+            path = self._path = f"{parent._path}/{self.name}"
+            return path
         names: list[str] = []
         node: Node | None = self
         while node is not None and node._path is None:

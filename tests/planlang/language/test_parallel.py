@@ -219,11 +219,10 @@ def test_timeout_names_its_construct_and_returns_after_the_cleanup() -> None:
     async def slow() -> None:
         await sleep(10)
 
+    async def plan() -> None:
+        await timeout(2, slow)
+
     with pytest.raises(Timeout, match=r"slow in plan/timeout took longer than 2 s") as caught:
-
-        async def plan() -> None:
-            await timeout(2, slow)
-
         go(plan)
     assert caught.value.seconds == 2
 

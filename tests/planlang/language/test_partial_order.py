@@ -25,7 +25,9 @@ async def nothing() -> None: ...
     st.integers(1, 8).flatmap(
         lambda n: st.tuples(
             st.just(n),
-            st.lists(st.tuples(st.integers(0, n - 1), st.integers(0, n - 1)).filter(lambda e: e[0] < e[1]), max_size=16),
+            st.lists(
+                st.tuples(st.integers(0, n - 1), st.integers(0, n - 1)).filter(lambda e: e[0] < e[1]), max_size=16
+            ),
             st.lists(st.integers(0, 3), min_size=n, max_size=n),
             st.one_of(st.none(), st.integers(1, 3)),
             st.one_of(st.none(), st.integers(0, 99)),

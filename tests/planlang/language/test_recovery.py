@@ -83,8 +83,16 @@ def test_otherwise_may_be_a_function_of_the_failure_or_a_value() -> None:
         return ObjectNowhereToBeFound(f"gave up after: {failure}")
 
     with pytest.raises(ObjectNowhereToBeFound, match="gave up after: dark"):
-        go(partial(with_failure_handling, Body(ObjectNotFound("dark")), Recovery(ObjectNotFound, attempts=0, otherwise=lost)))
-    plan = partial(with_failure_handling, Body(ObjectNotFound()), Recovery(ObjectNotFound, attempts=0, otherwise=Return(3)))
+        go(
+            partial(
+                with_failure_handling,
+                Body(ObjectNotFound("dark")),
+                Recovery(ObjectNotFound, attempts=0, otherwise=lost),
+            )
+        )
+    plan = partial(
+        with_failure_handling, Body(ObjectNotFound()), Recovery(ObjectNotFound, attempts=0, otherwise=Return(3))
+    )
     assert go(plan) == 3
 
 

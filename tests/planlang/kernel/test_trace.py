@@ -1,0 +1,189 @@
+"""The trace: one line per event, keys in a fixed order, values encoded by a closed set of rules."""
+
+from __future__ import annotations
+
+import io
+import json
+from enum import Enum
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planlang import Trace, VirtualHost, an_object, par, plan, run, sleep
+from planlang.failures import CompositeFailure, GraspMissed, ObjectUnfetchable
+from planlang.kernel.trace import encode
+from planlang.protocols import Configuration, Pose
+
+
+def test_every_line_is_a_json_object_that_begins_with_step_and_event() -> None:
+    out = io.StringIO()
+    run(partial(par, partial(sleep, 1), partial(sleep, 2)), host=VirtualHost(), trace=Trace(out))
+    lines = [json.loads(line) for line in out.getvalue().splitlines()]
+    assert all(list(line)[:2] == ["step", "event"] for line in lines)
+    assert [line["event"] for line in lines] == ["header", *["started"] * 4, *["ended"] * 4]
+    assert lines[-1] == {"step": 480, "event": "ended", "kind": "branch", "path": "par", "status": "succeeded"} | {
+        "result": [None, None]
+    }
+
+
+def test_the_header_tells_plan_iri_rate_seed_schedule_and_what_the_caller_knows() -> None:
+    @plan("http://example.org/r#Serve")
+    async def serve(*, cup: str = "a") -> None: ...
+
+    trace = Trace(header={"planlang": "0.1.0"})
+    run(partial(serve, cup="b"), host=VirtualHost(30), trace=trace, seed=4, schedule=2)
+    assert trace.events[0] == {
+        "step": 0,
+        "event": "header",
+        "schema": 1,
+        "plan": "serve",
+        "iri": "http://example.org/r#Serve",
+        "rate": 30,
+        "seed": 4,
+        "schedule": 2,
+        "planlang": "0.1.0",
+    }
+    assert trace.events[2] == {
+        "step": 0,
+        "event": "plan",
+        "path": "serve",
+        "iri": "http://example.org/r#Serve",
+        "parameters": {"cup": "b"},
+    }
+
+
+def test_a_plan_called_inside_another_is_a_node_with_its_parameters_and_result() -> None:
+    @plan
+    async def inner(number: int, *, what: str) -> int:
+        return number + 1
+
+    async def outer() -> int:
+        return await inner(1, what="x")
+
+    trace = Trace()
+    assert run(outer, host=VirtualHost(), trace=trace) == 2
+    assert trace.events[2] == {
+        "step": 0,
+        "event": "started",
+        "kind": "plan",
+        "path": "outer/inner",
+        "arguments": [1],
+        "parameters": {"what": "x"},
+    }
+    assert trace.events[3] == {
+        "step": 0,
+        "event": "ended",
+        "kind": "plan",
+        "path": "outer/inner",
+        "status": "succeeded",
+        "result": 2,
+    }
+
+
+def test_a_file_gets_the_same_bytes_as_the_kept_records_give() -> None:
+    async def odd() -> None: ...
+
+    odd.__name__ = 'quo"te\\ \u00e9 \n'
+    body = partial(par, odd, odd, partial(sleep, 1))
+    out, kept = io.StringIO(), Trace()
+    run(body, host=VirtualHost(), trace=Trace(out))
+    run(body, host=VirtualHost(), trace=kept)
+    assert out.getvalue() == kept.text()
+
+
+class Colour(Enum):
+    """A choice."""
+
+    RED = 1
+
+
+class Unknown:
+    """A class the trace knows nothing of."""
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (None, None),
+        (True, True),
+        (3, 3),
+        (0.1, 0.1),
+        (float("nan"), "nan"),
+        (float("inf"), "inf"),
+        ("é", "é"),
+        (Colour.RED, "RED"),
+        ((1, (2, 3)), [1, [2, 3]]),
+        ({"b": 1, "a": {2, 1}}, {"b": 1, "a": [1, 2]}),
+        (frozenset({"b", "a"}), ["a", "b"]),
+        (np.float64(0.5), 0.5),
+        (np.int32(7), 7),
+        (np.bool_(True), True),
+        (np.array([[1.0, 2.0]]), [[1.0, 2.0]]),
+        (np.zeros((100, 7)), {"shape": [100, 7]}),
+        (list(range(1000)), {"length": 1000}),
+        (an_object("Cup", "http://example.org/m#cup1"), "cup1"),
+        (Pose((1.0, 2.0, 3.0)), {"position": [1.0, 2.0, 3.0], "orientation": [0.0, 0.0, 0.0, 1.0]}),
+        (Configuration((0.0, 0.0, 0.0), {"a": 1.0}), {"base": [0.0, 0.0, 0.0], "joints": {"a": 1.0}}),
+        (Unknown, "test_trace.Unknown"),
+    ],
+)
+def test_values_are_encoded_by_a_closed_set_of_rules(value: Any, expected: Any) -> None:
+    encoded = encode(value)
+    if isinstance(expected, str) and expected.endswith("Unknown"):
+        assert encoded.endswith(expected)
+    else:
+        assert encoded == expected
+        assert type(encoded) is type(expected)
+    json.dumps(encoded, allow_nan=False)
+
+
+def test_objects_of_unknown_classes_are_told_by_their_qualified_name_without_addresses() -> None:
+    assert encode(Unknown()).endswith("test_trace.Unknown")
+    assert "0x" not in encode(lambda: None)
+
+
+def test_a_failure_is_told_with_place_members_and_chain_of_causes() -> None:
+    failure = ObjectUnfetchable(what="cup")
+    failure.__cause__ = CompositeFailure(failures=(GraspMissed(arm="left"), GraspMissed(arm="right")), names=("l", "r"))
+    told = encode(failure)
+    assert told["type"] == "ObjectUnfetchable"
+    assert told["cause"]["members"] == {
+        "l": "GraspMissed: the gripper closed on nothing: arm left",
+        "r": "GraspMissed: the gripper closed on nothing: arm right",
+    }
+
+
+def test_a_trace_at_a_path_is_flushed_line_by_line_and_an_older_one_is_kept(tmp_path: Path) -> None:
+    target = tmp_path / "run.jsonl"
+    target.write_text("older")
+    seen: list[int] = []
+
+    async def looks() -> None:
+        await sleep(1)
+        seen.append(len(target.read_text().splitlines()))
+
+    with Trace.at(target) as trace:
+        run(looks, host=VirtualHost(), trace=trace)
+    assert seen == [2]
+    assert len(target.read_text().splitlines()) == 3
+    assert (tmp_path / "run.jsonl.old").read_text() == "older"
+
+
+def test_the_trace_of_a_failed_run_is_complete(tmp_path: Path) -> None:
+    async def fails() -> None:
+        await sleep(1)
+        raise GraspMissed
+
+    trace = Trace()
+    with pytest.raises(GraspMissed):
+        run(partial(par, fails, partial(sleep, 9)), host=VirtualHost(), trace=trace)
+    ended = [(e["path"], e["status"]) for e in trace.events if e["event"] == "ended"]
+    assert ended == [
+        ("par/par/fails", "failed"),
+        ("par/par/sleep", "evaporated"),
+        ("par/par", "failed"),
+        ("par", "failed"),
+    ]
