@@ -113,7 +113,8 @@ def _renamed(written: Sequence[Triple], read: Sequence[Triple]) -> Iterator[Diag
 
 
 def _is_ours(path: Path) -> bool:
-    return path.suffix == ".omn" and path.resolve().is_relative_to(bundled("ontologies").resolve())
+    folders = (bundled("ontologies").resolve(), bundled("recipes").resolve())
+    return path.suffix == ".omn" and any(path.resolve().is_relative_to(folder) for folder in folders)
 
 
 def _is_xml(content: bytes, file: str) -> bool:

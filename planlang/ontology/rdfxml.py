@@ -15,7 +15,8 @@ from xml.sax.saxutils import escape, quoteattr
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.entities import EntityTable
 from planlang.ontology.terms import FIRST, NIL, ONTOLOGY, RDF, REST, TYPE, BNode, Literal, Term, Triple
-from planlang.ontology.xml_text import decode, explain, repair
+from planlang.ontology.xml_repairs import repair
+from planlang.ontology.xml_text import decode, explain
 
 DEEPEST = 100
 """Elements inside each other."""

@@ -1,26 +1,19 @@
-"""From the bytes of an XML file to text that expat takes: encodings, bounds, and mistakes that real files make."""
+"""From the bytes of a file to text: encodings and bounds; positions in it; what expat's errors mean."""
 
 from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from xml.parsers import expat
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error
 
 LARGEST_FILE = 32_000_000
 """Bytes; the largest ontology of its kind that is in use has 0.7 MB."""
 
 _DECLARATION = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
 _ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "ascii", "iso8859-1", "iso8859-15", "cp1252")
-
-_PROTECTED = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
-_OPENING = re.compile(r"<!--|<!\[CDATA\[|<\?")
-_BROKEN_COMMENT = re.compile(r"<!-(?!-)[^<>]*>")
-_START_TAG = re.compile(r"<[A-Za-z_][\w:.-]*(?:\s+[\w:.-]+\s*=\s*(?:\"[^\"<]*\"|'[^'<]*'))*\s*/?>")
-_ATTRIBUTE = re.compile(r"\s+([\w:.-]+)\s*=\s*(\"[^\"<]*\"|'[^'<]*')")
 
 
 def decode(content: bytes, file: str) -> str:
@@ -71,85 +64,6 @@ def offset_of(text: str, span: Span) -> int:
         if offset == 0:
             return len(text)
     return min(offset + span.column - 1, len(text))
-
-
-@dataclass
-class Repaired:
-    """A text of the same length, the same in every line, and what was changed."""
-
-    text: str
-    diagnostics: list[Diagnostic] = field(default_factory=list)
-
-
-def repair(text: str, file: str) -> Repaired:
-    """Blank out two mistakes that editors of real files made; positions stay what they are.
-
-    A comment opened by ``<!-`` is made blank, and so is an attribute that an element states twice: of two declarations
-    of a prefix the one that is used as an entity's name or stands last counts.
-    """
-    result = Repaired(text)
-    blanks: list[tuple[int, int]] = []
-    visible = _without_comments(text)
-    body = max(visible.find("]>"), 0)
-    for match in _BROKEN_COMMENT.finditer(visible, body):
-        if match[0].endswith("->"):
-            blanks.append(match.span())
-            result.diagnostics.append(
-                warning(
-                    "O006",
-                    f"a comment is opened by '<!-' instead of '<!--': {' '.join(match[0].split())[:60]}",
-                    position_of(text, match.start(), file),
-                    "the words are skipped; write <!-- ... -->",
-                )
-            )
-    for tag in _START_TAG.finditer(visible, body):
-        if "=" in tag[0]:
-            blanks += _drop_repeated(tag, result, file)
-    result.text = _blanked(text, sorted(blanks))
-    return result
-
-
-def _without_comments(text: str) -> str:
-    """The text with comments, CDATA sections and processing instructions made blank, positions kept."""
-    pieces: list[str] = []
-    position = 0
-    while opening := _OPENING.search(text, position):
-        closing = _PROTECTED[opening[0]]
-        end = text.find(closing, opening.end())
-        if end < 0:
-            break
-        end += len(closing)
-        pieces += (text[position : opening.start()], " " * (end - opening.start()))
-        position = end
-    return "".join(pieces) + text[position:]
-
-
-def _drop_repeated(tag: re.Match[str], result: Repaired, file: str) -> Iterator[tuple[int, int]]:
-    last: dict[str, re.Match[str]] = {}
-    for attribute in _ATTRIBUTE.finditer(tag[0]):
-        earlier = last.get(attribute[1])
-        last[attribute[1]] = attribute
-        if earlier is None:
-            continue
-        yield tag.start() + earlier.start(), tag.start() + earlier.end()
-        same = "with the same value" if earlier[2][1:-1] == attribute[2][1:-1] else f"first as {earlier[2]}"
-        result.diagnostics.append(
-            warning(
-                "O007",
-                f"{attribute[1]} is stated twice in one element, {same}",
-                position_of(result.text, tag.start() + earlier.start(1), file),
-                f"the later one counts: {attribute[2]}; remove one of the two",
-            )
-        )
-
-
-def _blanked(text: str, ranges: Sequence[tuple[int, int]]) -> str:
-    pieces: list[str] = []
-    position = 0
-    for start, end in ranges:
-        pieces += (text[position:start], re.sub(r"[^\r\n]", " ", text[start:end]))
-        position = end
-    return "".join(pieces) + text[position:]
 
 
 def explain(

@@ -62,7 +62,7 @@ def test_a_misspelt_section_is_answered_with_the_right_one() -> None:
 
 def test_an_undefined_entity_is_named_with_its_column() -> None:
     (found,) = diagnostics_of(FOLDER / "O005_undefined_entity.owl")
-    assert found.message.endswith("undefined entity &knowrob;")
+    assert found.message.endswith("undefined entity &kitchen;")
     assert found.span is not None
     assert found.span.column == 36
 
