@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import ast
-import importlib.util
 import inspect
-import tempfile
 import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from importlib.machinery import SourceFileLoader
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import executive
+import sim
 from executive.arms import arm_models, gaze_of
 from executive.capabilities import Robot, bind_robot, missing_capabilities
 from executive.console import DONE, FAILED, INTERRUPTED, MISSING_CAPABILITY
@@ -26,12 +23,13 @@ from executive.core import RobotExecutive
 from executive.knowledge import Belief, SemanticMap, default_start, read_map, scene_of
 from executive.locations import Resolver
 from executive.outputs import replace as write_complete
+from executive.plan_files import action_classes, bound_parameters, compiled_plan, import_plan, line_in, main_plan
 from executive.platform import Platform
 from executive.progress import ToldTrace, line_of, progress_lines
 from executive.surroundings import BelievedSurroundings
-from planlang import PlanFailure, SimulationHost, budget, explain, run
-from planlang.designators import Object, local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
+from planlang.designators import Object
+from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.language.plans import Plan
 from planlang.ontology import Ontology, expand, load, shorten
 from sim import PyBulletWorld, Scene, perturb
@@ -89,12 +87,13 @@ def run_plan_file(options: RunOptions) -> RunResult:
     """
     with ExitStack() as stack:
         found: list[Diagnostic] = []
-        module = _plan_module(options, stack, found)
-        plan = _main_plan(module, options.task)
+        path = options.plan or _compiled(options, stack, found)
+        module = import_plan(path)
+        plan = main_plan(module, options.task)
         semantic_map = _map(options, found)
         robot = _robot(options, found)
         if not options.force:
-            missing = missing_capabilities(semantic_map.ontology, _action_classes(module), robot)
+            missing = missing_capabilities(semantic_map.ontology, action_classes(module), robot)
             if missing:
                 return RunResult(
                     MISSING_CAPABILITY,
@@ -108,7 +107,7 @@ def run_plan_file(options: RunOptions) -> RunResult:
         believed = PyBulletWorld(scene, robot.body())
         stack.callback(believed.close)
         executive = RobotExecutive(_platform(robot, semantic_map, truth, believed, options.seed))
-        bound = _bound(plan, options.bindings or {}, semantic_map)
+        bound = bound_parameters(plan, options.bindings or {}, semantic_map)
         return replace(_execute(plan, bound, executive, truth, options), diagnostics=tuple(found))
 
 
@@ -149,6 +148,15 @@ def _execute(
         chain = tuple(type(link).__name__ for link in failure.chain())
     except KeyboardInterrupt:
         code, outcome = INTERRUPTED, "interrupted"
+    except RunError as problem:
+        code, outcome, chain = FAILED, f"{type(problem).__name__}: {problem}", (type(problem).__name__,)
+    except Exception as problem:
+        path = Path(str(inspect.getsourcefile(plan.function)))
+        line = line_in(problem, path)
+        if line is None or _is_own(problem):
+            raise
+        outcome = f"{type(problem).__name__}: {problem}\n  in the plan, {path.name}:{line}"
+        code, chain = FAILED, (type(problem).__name__,)
     finally:
         trace.close()
         if options.picture is not None:
@@ -157,6 +165,24 @@ def _execute(
             recording.save(options.record)
     state = tuple(_state_lines(truth, bound, executive.platform.belief))
     return RunResult(code, outcome, state, (), truth.steps / truth.rate, chain)
+
+
+def _is_own(problem: BaseException) -> bool:
+    """Whether an exception arose in the executive or the simulator rather than in the plan or in how it uses them."""
+    last = Path(traceback.extract_tb(problem.__traceback__)[-1].filename)
+    return any(last.is_relative_to(Path(inspect.getfile(kind)).parent) for kind in (RobotExecutive, PyBulletWorld))
+
+
+def _compiled(options: RunOptions, stack: ExitStack, found: list[Diagnostic]) -> Path:
+    assert options.recipe is not None
+    return compiled_plan(
+        options.recipe,
+        stack,
+        found,
+        task=options.task,
+        folders=options.ontologies,
+        allow_abstract=options.allow_abstract,
+    )
 
 
 class _Filmed:
@@ -178,55 +204,6 @@ def _budgeted(plan: Plan[Any, Any], bound: Mapping[str, Object]) -> Callable[[],
     body.__name__ = plan.name
     vars(body)["iri"] = plan.iri
     return body
-
-
-def _plan_module(options: RunOptions, stack: ExitStack, found: list[Diagnostic]) -> ModuleType:
-    """The plan as an imported module; a recipe is compiled into a temporary folder first."""
-    path = options.plan
-    if path is None:
-        from planlang.compiler import compile_recipe
-
-        assert options.recipe is not None
-        compiled = compile_recipe(
-            options.recipe, task=options.task, folders=options.ontologies, allow_abstract=options.allow_abstract
-        )
-        found.extend(compiled.diagnostics)
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-")))
-        path = folder / f"{compiled.functions[-1]}.py"
-        path.write_text(compiled.source, encoding="utf-8")
-    loader = _PlanLoader(f"planlang_run_{path.stem}", str(path))
-    spec = importlib.util.spec_from_loader(loader.name, loader)
-    assert spec is not None
-    module = importlib.util.module_from_spec(spec)
-    try:
-        loader.exec_module(module)
-    except (Exception, SystemExit) as problem:
-        message = f"the plan cannot be imported: {type(problem).__name__}: {problem}"
-        raise BadInput([error("X001", message, Span(str(path), _line_of(problem, path)))]) from problem
-    return module
-
-
-class _PlanLoader(SourceFileLoader):
-    """Loads a plan from a file of any suffix and leaves no compiled copy beside it."""
-
-    def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:
-        """Called with the compiled copy; it is not kept."""
-
-
-def _line_of(problem: BaseException, path: Path) -> int:
-    lines = [frame.lineno for frame in traceback.extract_tb(problem.__traceback__) if frame.filename == str(path)]
-    return (lines[-1] if lines else getattr(problem, "lineno", None)) or 1
-
-
-def _main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:
-    """The plan of that name or IRI; without one the last plan in the file, which calls the others."""
-    plans = [value for value in vars(module).values() if isinstance(value, Plan)]
-    if task is not None:
-        plans = [plan for plan in plans if task in (plan.name, plan.iri, local_name(plan.iri or ""))] or plans
-    if not plans:
-        advice = "mark the plan with @plan from planlang"
-        raise BadInput([error("X002", "this file defines no plan", Span(str(module.__file__)), advice)])
-    return plans[-1]
 
 
 def _map(options: RunOptions, found: list[Diagnostic]) -> SemanticMap:
@@ -283,47 +260,6 @@ def _releasing(ontology: Ontology) -> frozenset[str]:
     primitives = [iri for iri in ontology.individuals(expand("Primitive")) if ontology.values(iri, expand("releases"))]
     performed = (cls for iri in primitives for cls in ontology.values(iri, expand("performsAction")))
     return frozenset(shorten(cls) for cls in performed if isinstance(cls, str))
-
-
-def _bound(plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap) -> dict[str, Object]:
-    """The plan's parameters: their defaults, or things of the map that the user named and whose class fits."""
-    parameters = {
-        name: parameter.default
-        for name, parameter in inspect.signature(plan.function).parameters.items()
-        if isinstance(parameter.default, Object)
-    }
-    problems = []
-    for name, wanted in bindings.items():
-        thing = semantic_map.find(wanted)
-        if name not in parameters:
-            known = ", ".join(parameters) or "none"
-            problems.append(error("X004", f"the plan has no parameter {name!r}", help=f"its parameters: {known}"))
-        elif thing is None or thing.pose is None:
-            known = ", ".join(other.name for other in semantic_map.objects if other.pose is not None)
-            problems.append(error("X005", f"{wanted!r} is not in the map", help=f"things with a place: {known}"))
-        else:
-            default = parameters[name]
-            if not any(semantic_map.ontology.is_a(cls, expand(default.type)) for cls in thing.types):
-                classes = ", ".join(shorten(cls) for cls in thing.types)
-                problems.append(error("X006", f"{wanted} is a {classes}, but {name} must be a {default.type}"))
-            else:
-                parameters[name] = replace(default, iri=thing.iri)
-    if problems:
-        raise BadInput(problems)
-    return parameters
-
-
-def _action_classes(module: ModuleType) -> tuple[str, ...]:
-    """Action classes that the plan's source names, in order; a scope moves the base."""
-    source = inspect.getsource(module)
-    found: dict[str, None] = {}
-    for node in ast.walk(ast.parse(source)):
-        match node:
-            case ast.Call(func=ast.Name("action"), args=[ast.Constant(str(name)), *_]):
-                found[name] = None
-            case ast.Name("at_location"):
-                found["Translation-LocationChange"] = None
-    return tuple(found)
 
 
 def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Object], belief: Belief) -> Iterator[str]:
