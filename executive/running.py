@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import executive
-import sim
 from executive.arms import arm_models, gaze_of
 from executive.capabilities import Robot, bind_robot, missing_capabilities
 from executive.console import DONE, FAILED, INTERRUPTED, MISSING_CAPABILITY
