@@ -103,9 +103,9 @@ class Lowering:
         base = recipe.step(unit.base) if unit.base is not None else None
         if base is None:
             node = self._step(recipe, steps[0])
-            return self._with_looking(recipe, node, steps) if recipe.iri == self._recipes.task else node
-        place = next((filler for filler in base.fillers("toLocation") if isinstance(filler, Place)), None)
-        if not steps or place is None:
+            is_outermost = recipe.iri == self._recipes.task or self._actions.moves_the_base(recipe, self._recipes)
+            return self._with_looking(recipe, node, steps) if is_outermost else node
+        if not steps:
             return self._step(recipe, base)
         graph = recipe_graph(recipe)
         inner = closed(graph).subgraph(unit.steps)
@@ -116,7 +116,7 @@ class Lowering:
             [step.name for step in steps],
         )
         uses = list(self._terms.hand_uses(recipe, [step for step in self._terms.steps(recipe) if step in steps]))
-        use = self._terms.use(place)
+        use = self._terms.use(_destination(base))
         self._bases.append((use, uses))
         reaching = tuple(dict.fromkeys(where for where, _ in uses))
         scope = Scope(base.name, use, reaching, self._recoveries.attempts_at_places(base), body, base.label)
@@ -179,6 +179,15 @@ class Lowering:
         objects = [thing for thing in self._terms.parameters(recipe) if thing.kind is Kind.OBJECT]
         known = [thing for thing in acted_on if thing in objects] or objects
         return known[0] if len(known) == 1 else None
+
+
+def _destination(base: Step) -> Place:
+    """Where a base motion goes: its place, or where the thing that it goes to is in reach."""
+    filler = next(filler for filler in base.fillers("toLocation") if isinstance(filler, (Place, Thing)))
+    if isinstance(filler, Place):
+        return filler
+    iri = filler.iri or filler.stated
+    return Place(f"{iri.removesuffix(filler.name)}near-{filler.name}", (("in_reach_of", filler),))
 
 
 def placed(recipe: Recipe) -> frozenset[str]:

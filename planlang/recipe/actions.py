@@ -46,7 +46,7 @@ class Actions:
 
     def is_base_motion(self, step: Step) -> bool:
         """True for a primitive step that depends on BaseMotionCapability and says where to go."""
-        if step.primitive is None or not step.fillers("toLocation"):
+        if step.primitive is None or not any(isinstance(goal, (Place, Thing)) for goal in step.fillers("toLocation")):
             return False
         return any(
             restriction.property == _DEPENDS

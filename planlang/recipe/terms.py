@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from planlang.designators import RELATIONS, local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.recipe.model import Filler, Kind, Name, Place, Thing
@@ -74,17 +76,9 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
     As an individual its facts count, as a class its restrictions. A place that refers to itself, directly or through
     others, loses the reference that closes the circle.
     """
-    pairs: list[tuple[str, Term]] = []
-    for triple in ontology.triples(s=iri):
-        if triple.predicate in _RELATION_OF:
-            pairs.append((_RELATION_OF[triple.predicate], triple.object))
-    if ontology.is_class(iri):
-        for restriction in ontology.restrictions(iri):
-            if restriction.property in _RELATION_OF and restriction.kind in ("some", "value"):
-                pairs.append((_RELATION_OF[restriction.property], restriction.filler))
     relations: list[tuple[str, Thing | Place]] = []
-    for relation, term in pairs:
-        if not isinstance(term, str) or isinstance(term, BNode) or term in seen | {iri}:
+    for relation, term in _references(ontology, iri):
+        if not isinstance(term, str) or term in seen | {iri}:
             continue
         if is_place(ontology, term):
             relations.append((relation, read_place(ontology, term, seen | {iri})))
@@ -96,13 +90,20 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
 def unread_references(ontology: Ontology, place: str) -> list[str]:
     """IRIs that a location designator relates to but that nothing defines."""
     return [
-        triple.object
-        for triple in ontology.triples(s=place)
-        if triple.predicate in _RELATION_OF
-        and isinstance(triple.object, str)
-        and not isinstance(triple.object, BNode)
-        and read_filler(ontology, triple.object) is None
+        term
+        for _, term in _references(ontology, place)
+        if isinstance(term, str) and read_filler(ontology, term) is None
     ]
+
+
+def _references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
+    """Relations of a location designator and what they relate to: its facts, and its restrictions if it is a class."""
+    for triple in ontology.triples(s=place):
+        if triple.predicate in _RELATION_OF:
+            yield _RELATION_OF[triple.predicate], triple.object
+    for restriction in ontology.restrictions(place):
+        if restriction.property in _RELATION_OF and restriction.kind in ("some", "value"):
+            yield _RELATION_OF[restriction.property], restriction.filler
 
 
 def _number_or_text(literal: Literal) -> str | int | float | bool:

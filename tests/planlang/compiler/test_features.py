@@ -117,6 +117,37 @@ def test_step_unordered_with_the_next_base_motion_stays_outside_without_an_objec
     assert ("Back", "Look") not in happening.before
 
 
+def test_base_motion_to_a_thing_goes_where_that_is_in_reach(compiled: Any) -> None:
+    plan = compiled(
+        task("Go", "Drive Look", constraints=1),
+        orderings("Drive<Look"),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value room:bottle1"),
+        step("Look", "k:LookingForSomething"),
+    )
+    assert 'a_location("near-bottle1", in_reach_of=bottle)' in plan.source
+    assert "at_location(near_bottle(bottle), at_near_bottle" in plan.source
+
+
+def test_place_described_as_a_class_is_a_place(compiled: Any) -> None:
+    plan = compiled(
+        task("Take", "Reach"),
+        step("BesideTheCup", "k:Point3D", "k:toTheSideOf value room:cup1", "k:aboveOf some k:Table-PieceOfFurniture"),
+        step("Reach", "k:Reaching", "k:toLocation some BesideTheCup"),
+    )
+    assert 'a_location("BesideTheCup", next_to=cup, above=table_piece_of_furniture)' in plan.source
+
+
+def test_place_may_be_relative_to_another_place(compiled: Any) -> None:
+    plan = compiled(
+        task("Take", "Reach"),
+        "Individual: beyond\n    Types: k:Point3D\n    Facts: k:aboveOf graspPose, k:inReachOf room:patient1",
+        step("Reach", "k:Reaching", "k:toLocation value beyond"),
+    )
+    assert "def beyond(bottle: Object, patient: Person) -> Location:" in plan.source
+    assert 'a_location("beyond", above=grasp_pose(bottle), in_reach_of=patient)' in plan.source
+    assert "def grasp_pose(bottle: Object) -> Location:" in plan.source
+
+
 def test_recipe_with_a_base_motion_of_its_own_ends_the_scope_of_its_caller(compiled: Any) -> None:
     plan = compiled(
         task("Outer", "Drive Fetch Reach", constraints=2),
