@@ -15,6 +15,7 @@ PACKAGES = ("planlang", "executive", "sim")
 BREACHES = {
     "planlang knows no robot and no physics": ("planlang/kernel", "import sim"),
     "sim knows designators, protocols and diagnostics only": ("sim", "import planlang.kernel"),
+    "sim does not import the plan author's names": ("sim", "from planlang import run"),
     "the compiler reads recipes, recipes read ontologies": ("planlang/ontology", "import planlang.recipe"),
     "the language stands on the kernel and knows no recipe": ("planlang/kernel", "import planlang.language"),
     "the language does not know recipes": ("planlang/language", "import planlang.recipe"),
