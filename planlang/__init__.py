@@ -41,7 +41,8 @@ from planlang.kernel import (
     sleep,
     wait_for,
 )
-from planlang.language.bounds import budget, timeout, unwind_protect
+from planlang.language.bounds import timeout, unwind_protect
+from planlang.language.budgets import budget
 from planlang.language.goals import achieve
 from planlang.language.location import at_location
 from planlang.language.ordering import partial_order

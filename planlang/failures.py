@@ -401,17 +401,21 @@ class Timeout(PlanFailure):
 
 @dataclass(eq=False, repr=False)
 class BudgetExceeded(PlanFailure):
-    """The allowance of a plan is used up; ``spent`` says where it went: part of the plan -> seconds."""
+    """The allowance of a body is used up: where the time went, by action [s], and the attempts, by construct."""
 
     seconds: float | None = field(default=None, kw_only=True)
+    attempts: int | None = field(default=None, kw_only=True)
     spent: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+    used: Mapping[str, int] = field(default_factory=dict, kw_only=True)
 
     def describe(self) -> str:
-        """``the budget of S s is used up: PART S s, ...``."""
-        text = f"the budget of {self.seconds} s is used up"
-        if self.spent:
-            text += f": {', '.join(f'{part} {seconds:g} s' for part, seconds in self.spent.items())}"
-        return text
+        """``the budget of S s and N attempts is used up: ACTION S s, ..., CONSTRUCT N times, ...``."""
+        allowed = [] if self.seconds is None else [f"{self.seconds:g} s"]
+        allowed += [] if self.attempts is None else [f"{self.attempts} attempts"]
+        parts = [f"{part} {seconds:g} s" for part, seconds in self.spent.items()]
+        parts += [f"{construct} again {number} times" for construct, number in self.used.items()]
+        text = f"the budget of {' and '.join(allowed)} is used up"
+        return f"{text}: {', '.join(parts)}" if parts else text
 
 
 @dataclass(eq=False, repr=False)

@@ -1,25 +1,29 @@
-"""Constructs that bound or protect a body: timeout, budget, unwind_protect."""
+"""Constructs that bound or protect a body: timeout, unwind_protect."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from planlang.failures import BudgetExceeded, PlanFailure, Timeout
+from planlang.failures import PlanFailure, Timeout
 from planlang.kernel import All, Task, shield
 from planlang.kernel.park import here
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch, check
 
+if TYPE_CHECKING:
+    from planlang.kernel.timers import Timer
+
 V = TypeVar("V")
 
 
-class _Limited(All):
+class Limited(All):
     """One branch with a deadline, which stands still while the owner is held."""
 
     expired = False
+    timer: Timer | None = None
 
-    def __init__(self, kind: str, steps: int, body: Branch) -> None:
+    def __init__(self, kind: str, steps: int | None, body: Branch) -> None:
         super().__init__(kind)
         self.steps = steps
         self.body = body
@@ -27,9 +31,11 @@ class _Limited(All):
 
     def begin(self) -> None:
         self.start(self.body, name_of(self.body), 0)
-        self.timer = self.scheduler.deadline(self.owner, self.steps, self._expire)
+        if self.steps is not None:
+            self.timer = self.scheduler.deadline(self.owner, self.steps, self.expire)
 
-    def _expire(self) -> None:
+    def expire(self) -> None:
+        """The allowance is used up."""
         if not self.over:
             self.expired = True
             self.close()
@@ -42,7 +48,7 @@ class _Limited(All):
         try:
             return await super().execute()
         finally:
-            if hasattr(self, "timer"):
+            if self.timer is not None:
                 self.timer.drop()
 
     def failure(self) -> PlanFailure:
@@ -56,7 +62,7 @@ class _Limited(All):
         return self.result
 
 
-class _Timeout(_Limited):
+class _Timeout(Limited):
     def __init__(self, seconds: float, steps: int, body: Branch) -> None:
         super().__init__("timeout", steps, body)
         self.seconds = seconds
@@ -72,25 +78,6 @@ async def timeout(seconds: float, body: Callable[[], Awaitable[V]]) -> V:
     """
     check("timeout", (body,))
     result: V = await _Timeout(seconds, here()[0].steps(seconds), body).execute()
-    return result
-
-
-class _Budget(_Limited):
-    def __init__(self, seconds: float, steps: int, body: Branch) -> None:
-        super().__init__("budget", steps, body)
-        self.seconds = seconds
-
-    def failure(self) -> PlanFailure:
-        return BudgetExceeded(seconds=self.seconds)
-
-
-async def budget(body: Callable[[], Awaitable[V]], seconds: float) -> V:
-    """Run a body with one allowance of plan time for everything inside, recoveries included.
-
-    When it is used up the body is evaporated, and BudgetExceeded is raised.
-    """
-    check("budget", (body,))
-    result: V = await _Budget(seconds, here()[0].steps(seconds), body).execute()
     return result
 
 

@@ -22,6 +22,7 @@ from planlang.kernel import Fluent, Scope, Status, Task, WorldFluent, failure_of
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch, check
+from planlang.language.budgets import take_attempt
 from planlang.language.context import executive_for
 from planlang.language.performing import perform
 from planlang.language.place import Place, place
@@ -123,6 +124,8 @@ class _Visit:
                 self.place.again(failure)
                 self._failed.append(solution)
                 record("place failed", attempt=attempt, base=solution.base, failure=failure)
+                if attempt < attempts:
+                    await take_attempt("at_location")
         if last is None:
             raise ValueError(f"attempts is a number of places, at least 1, not {attempts}")
         raise self._escalated(last) from last

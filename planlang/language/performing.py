@@ -11,6 +11,7 @@ from planlang.failures import ActionUnresolvable, PlanFailure
 from planlang.kernel import PlanStructureError
 from planlang.kernel.primitives import inside, record
 from planlang.language.branches import check
+from planlang.language.budgets import spend
 from planlang.language.context import current, executive_for
 from planlang.language.place import place
 from planlang.language.resources import using
@@ -70,6 +71,13 @@ class _Perform(Restarting):
     def __init__(self, name: str, action: Action, module: ProcessModule, resources: tuple[str, ...]) -> None:
         super().__init__("perform", name, partial(_request, module, action, resources), module.name)
         self.action = action
+
+    async def execute(self) -> Any:
+        began = self.scheduler.now
+        try:
+            return await super().execute()
+        finally:
+            spend(self.base_name, self.scheduler.now - began)
 
     def details(self) -> dict[str, object]:
         return {"action": self.action}

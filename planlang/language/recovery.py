@@ -11,6 +11,7 @@ from planlang.failures import PlanFailure, matches
 from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
 from planlang.language.branches import check
+from planlang.language.budgets import take_attempt
 
 if TYPE_CHECKING:
     from planlang.kernel.timers import Timer
@@ -174,6 +175,7 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
             "it has to return RETRY, PROPAGATE or Return(value)"
         )
     record("recovery", recovery=number, decision="retry", used=entry.used, failure=failure)
+    await take_attempt("with_failure_handling")
     keywords.update(values)
     return None
 

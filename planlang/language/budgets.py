@@ -1,0 +1,78 @@
+"""budget: one allowance of time and attempts for everything inside, nested recoveries included."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from contextvars import ContextVar
+from typing import TypeVar
+
+from planlang.failures import BudgetExceeded, PlanFailure
+from planlang.kernel import checkpoint
+from planlang.kernel.park import here
+from planlang.language.bounds import Limited
+from planlang.language.branches import Branch, check
+
+V = TypeVar("V")
+
+
+class _Budget(Limited):
+    def __init__(self, seconds: float | None, attempts: int | None, body: Branch) -> None:
+        super().__init__("budget", None if seconds is None else here()[0].steps(seconds), body)
+        self.seconds = seconds
+        self.attempts = attempts
+        self.left = attempts
+        self.outer = _budget.get()
+        self.spent: dict[str, int] = {}
+        self.used: dict[str, int] = {}
+
+    def failure(self) -> PlanFailure:
+        rate = self.scheduler.rate
+        spent = {part: steps / rate for part, steps in self.spent.items() if steps}
+        return BudgetExceeded(seconds=self.seconds, attempts=self.attempts, spent=spent, used=dict(self.used))
+
+
+_budget: ContextVar[_Budget | None] = ContextVar("budget", default=None)
+
+
+async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None, attempts: int | None = None) -> V:
+    """Run a body with one allowance for everything inside: of plan time, and of attempts after the first ones.
+
+    Each retry by a recovery and each further place of a location scope takes an attempt from all budgets around it.
+    When one is used up its body is evaporated and BudgetExceeded raised, which says where the time went, by action,
+    and where the attempts went, by construct.
+    """
+    check("budget", (body,))
+    if attempts is not None and attempts < 0:
+        raise ValueError(f"attempts is a number of times, at least 0, not {attempts}")
+    scope = _Budget(seconds, attempts, body)
+    token = _budget.set(scope)
+    try:
+        result: V = await scope.execute()
+    finally:
+        _budget.reset(token)
+    return result
+
+
+def spend(part: str, steps: int) -> None:
+    """Note in the budgets around the running task where time went."""
+    around = _budget.get()
+    while around is not None:
+        around.spent[part] = around.spent.get(part, 0) + steps
+        around = around.outer
+
+
+async def take_attempt(construct: str) -> None:
+    """Take an attempt from the budgets around the running task; evaporates the task when none is left."""
+    around = _budget.get()
+    empty = False
+    while around is not None:
+        around.used[construct] = around.used.get(construct, 0) + 1
+        if around.left is not None:
+            if not around.left:
+                around.expire()
+                empty = True
+            else:
+                around.left -= 1
+        around = around.outer
+    if empty:
+        await checkpoint()

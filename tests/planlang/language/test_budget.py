@@ -1,0 +1,113 @@
+"""budget: one allowance of time and attempts for everything inside, and where it went."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import pytest
+
+from planlang import (
+    Action,
+    Recovery,
+    VirtualHost,
+    a_location,
+    action,
+    an_object,
+    at_location,
+    budget,
+    now,
+    perform,
+    run,
+    sleep,
+    unwind_protect,
+    with_failure_handling,
+)
+from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, ObjectNotFound
+
+
+def go(plan: Any, executive: Any = None) -> Any:
+    return run(plan, host=VirtualHost(), executive=executive)
+
+
+async def misses() -> None:
+    await sleep(1)
+    raise GraspMissed
+
+
+def test_a_body_within_its_budget_returns_its_result() -> None:
+    async def body() -> str:
+        await sleep(1)
+        return "done"
+
+    assert go(partial(budget, body, 2, 0)) == "done"
+    assert go(partial(budget, body)) == "done"
+
+
+def test_when_the_time_is_used_up_the_body_is_evaporated_with_its_cleanup() -> None:
+    async def plan() -> float:
+        with pytest.raises(BudgetExceeded, match="budget of 2 s is used up"):
+            await budget(partial(unwind_protect, partial(sleep, 10), partial(sleep, 1)), seconds=2)
+        return now()
+
+    assert go(plan) == 3.0
+
+
+def test_the_failure_says_where_the_time_went(executive: Any, module: Any) -> None:
+    async def works(wanted: Action) -> None:
+        await sleep(2)
+
+    executive.extra.append(module("arm", ("Reaching", "Lifting"), works))
+
+    async def body() -> None:
+        while True:
+            await perform(action("Reaching"))
+            await perform(action("Lifting"))
+            await sleep(1)
+
+    with pytest.raises(BudgetExceeded) as caught:
+        go(partial(budget, body, seconds=11), executive)
+    assert caught.value.spent == {"Reaching": 5.0, "Lifting": 4.0}
+    assert str(caught.value) == "the budget of 11 s is used up: Reaching 5 s, Lifting 4 s"
+
+
+def test_nested_recoveries_share_the_attempts() -> None:
+    runs: list[float] = []
+
+    async def body() -> None:
+        runs.append(now())
+        await misses()
+
+    inner = partial(with_failure_handling, body, Recovery(GraspMissed, attempts=2))
+    outer = partial(with_failure_handling, inner, Recovery(GraspMissed, attempts=9))
+    with pytest.raises(BudgetExceeded, match="4 attempts is used up: with_failure_handling again 5 times"):
+        go(partial(budget, outer, attempts=4))
+    assert len(runs) == 5
+
+
+def test_a_further_place_takes_an_attempt(executive: Any) -> None:
+    executive.places = [(float(x), 0.0, 0.0) for x in range(9)]
+
+    async def body() -> None:
+        raise ManipulationPoseUnreachable
+
+    scope = partial(at_location, a_location(in_reach_of=an_object("Cup")), body)
+    with pytest.raises(BudgetExceeded, match="at_location again 3 times"):
+        go(partial(budget, scope, attempts=2), executive)
+    assert executive.log == ["at 0", "at 1", "at 2"]
+
+
+def test_an_inner_budget_takes_from_the_outer_one_too() -> None:
+    inner = partial(budget, partial(with_failure_handling, misses, Recovery(GraspMissed, attempts=9)), attempts=3)
+    outer = partial(with_failure_handling, inner, Recovery(BudgetExceeded, attempts=9))
+    with pytest.raises(BudgetExceeded) as caught:
+        go(partial(budget, outer, attempts=6))
+    assert caught.value.attempts == 6
+
+
+def test_other_failures_pass_through() -> None:
+    async def body() -> None:
+        raise ObjectNotFound
+
+    with pytest.raises(ObjectNotFound):
+        go(partial(budget, body, 10))

@@ -1,0 +1,161 @@
+"""achieve, and the strategies that recoveries use."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import pytest
+
+from planlang import (
+    Action,
+    Fluent,
+    Recovery,
+    Trace,
+    VirtualHost,
+    achieve,
+    action,
+    an_object,
+    holding,
+    ignore,
+    look_and_repeat,
+    look_from_another_place,
+    par,
+    perform,
+    run,
+    sleep,
+    with_failure_handling,
+)
+from planlang.failures import (
+    GoalNotAchieved,
+    GraspMissed,
+    ObjectNotFound,
+    ObjectNowhereToBeFound,
+    PerceptionFailure,
+)
+
+BOTTLE = an_object("DrinkingBottle", "http://example.org/map#bottle1")
+
+
+def go(plan: Any, executive: Any = None, **options: Any) -> Any:
+    return run(plan, host=VirtualHost(), executive=executive, **options)
+
+
+def test_the_body_is_skipped_when_the_goal_holds_and_the_trace_says_so(executive: Any) -> None:
+    async def never() -> None:
+        pytest.fail("the goal holds")
+
+    executive.facts["holding(bottle1)"] = True
+    trace = Trace()
+    assert go(partial(achieve, holding(BOTTLE), never), executive, trace=trace) is None
+    assert [e["goal"] for e in trace.events if e["event"] == "skipped"] == ["holding(bottle1)"]
+
+
+def test_after_the_body_the_goal_must_hold(executive: Any) -> None:
+    async def grasps() -> str:
+        executive.facts["holding(bottle1)"] = True
+        return "grasped"
+
+    async def does_nothing() -> None: ...
+
+    assert go(partial(achieve, holding(BOTTLE), grasps), executive) == "grasped"
+    executive.facts.clear()
+    with pytest.raises(GoalNotAchieved, match=r"holding\(bottle1\)"):
+        go(partial(achieve, holding(BOTTLE), does_nothing), executive)
+
+
+def test_a_goal_may_come_true_a_while_after_the_body() -> None:
+    settled = Fluent(False, "settled")
+
+    async def body() -> str:
+        return "let go"
+
+    async def settles() -> None:
+        await sleep(1)
+        settled.set(True)
+
+    assert go(partial(par, partial(achieve, settled, body, within=2), settles))[0] == "let go"
+    settled.set(False)
+    with pytest.raises(GoalNotAchieved, match="settled"):
+        go(partial(par, partial(achieve, settled, body, within=0.5), settles))
+
+
+def test_a_goal_may_be_a_plain_function() -> None:
+    state = {"open": False}
+
+    async def opens() -> None:
+        state["open"] = True
+
+    go(partial(achieve, lambda: state["open"], opens))
+    assert state["open"]
+
+
+def test_a_world_fluent_as_goal_is_read_anew_not_as_sampled() -> None:
+    truth = [False]
+    door: Fluent[bool] = Fluent(read=lambda: truth[0], name="door open")
+
+    async def opens() -> None:
+        assert door.value is False
+        truth[0] = True
+
+    go(partial(achieve, door, opens))
+
+
+class Eyes:
+    """Sees the bottle from the places it is told."""
+
+    def __init__(self, executive: Any, seen_from: set[float]) -> None:
+        self.executive = executive
+        self.seen_from = seen_from
+
+    async def look(self, wanted: Action) -> None:
+        assert wanted.get("object_acted_on") == BOTTLE
+        self.executive.log.append(f"looks at {self.executive.base[0]:g}")
+        if self.executive.base[0] not in self.seen_from:
+            raise ObjectNotFound(what="bottle1")
+
+
+def eyes(executive: Any, module: Any, *seen_from: float) -> None:
+    looker = Eyes(executive, set(seen_from))
+    executive.extra.append(module("perception", ("LookingForSomething",), looker.look, (PerceptionFailure,), ("head",)))
+
+
+async def find() -> None:
+    await perform(action("LookingForSomething", object_acted_on=BOTTLE))
+
+
+def test_looking_from_another_place_goes_where_it_should_be_visible_and_repeats(executive: Any, module: Any) -> None:
+    eyes(executive, module, 1.0)
+    recovery = Recovery(ObjectNotFound, look_from_another_place(BOTTLE), attempts=3, otherwise=ObjectNowhereToBeFound)
+    go(partial(with_failure_handling, find, recovery), executive)
+    assert executive.log == ["looks at 0", "at 1", "looks at 1", "looks at 1"]
+    assert str(executive.asked[0]) == "visible_from(bottle1)"
+
+
+def test_not_finding_it_there_either_is_left_to_the_body(executive: Any, module: Any) -> None:
+    eyes(executive, module)
+    recovery = Recovery(ObjectNotFound, look_from_another_place(BOTTLE), attempts=2, otherwise=ObjectNowhereToBeFound)
+    with pytest.raises(ObjectNowhereToBeFound, match="bottle1"):
+        go(partial(with_failure_handling, find, recovery), executive)
+    assert [line for line in executive.log if line.startswith("looks")] == ["looks at 0"] + ["looks at 1"] * 4
+
+
+def test_looking_and_repeating_looks_from_here(executive: Any, module: Any) -> None:
+    eyes(executive, module, 0.0)
+    missed = [GraspMissed()]
+
+    async def grasp() -> str:
+        if missed:
+            raise missed.pop()
+        return "grasped"
+
+    plan = partial(with_failure_handling, grasp, Recovery(GraspMissed, look_and_repeat(BOTTLE)))
+    assert go(plan, executive) == "grasped"
+    assert executive.log == ["looks at 0"]
+
+
+def test_ignore_goes_on_with_none() -> None:
+    async def misses() -> None:
+        raise GraspMissed
+
+    assert go(partial(with_failure_handling, misses, Recovery(GraspMissed, ignore))) is None
