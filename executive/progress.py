@@ -53,7 +53,7 @@ def line_of(record: Record) -> str | None:
             return f"{depth}failed: {type(failure).__name__}: {failure}"
         case {"event": "started", "kind": "plan", "path": path}:
             return f"{depth}{path.rsplit('/', 1)[-1]}"
-        case {"event": "recovery", "decision": decision}:
+        case {"event": "recovery", "decision": decision} if decision != "none":
             return f"{depth}recovery: {decision}"
         case {"event": "belief", "change": change, "name": name}:
             return f"{depth}  belief: {name} {change}"

@@ -104,6 +104,7 @@ def run_plan_file(options: RunOptions) -> RunResult:
         stack.callback(truth.close)
         believed = PyBulletWorld(scene, robot.body())
         stack.callback(believed.close)
+        _check_start(believed)
         executive = RobotExecutive(_platform(robot, semantic_map, truth, believed, options.seed))
         bound = bound_parameters(plan, options.bindings or {}, semantic_map)
         return replace(_execute(plan, bound, executive, truth, options), diagnostics=tuple(found))
@@ -226,6 +227,19 @@ def _placed(scene: Scene, robot: Robot, options: RunOptions) -> Scene:
         advice = "say where with --start x,y,yaw"
         raise BadInput([error("X003", "there is no free place for the robot to start", help=advice)])
     return replace(scene, start=start)
+
+
+def _check_start(world: PyBulletWorld) -> None:
+    """Raise BadInput when the robot would stand in something, or off the map."""
+    x, y, yaw = world.scene.start
+    x_min, y_min, x_max, y_max = world.scene.bounds
+    place = f"the robot cannot start at {x:g},{y:g},{yaw:g}"
+    advice = f"--start x,y,yaw with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}"
+    if not (x_min < x < x_max and y_min < y < y_max):
+        raise BadInput([error("X007", f"{place}: that is off the map", help=advice)])
+    touched = sorted({contact.body for contact in world.contacts()})
+    if touched:
+        raise BadInput([error("X007", f"{place}: it would stand in {', '.join(touched)}", help=advice)])
 
 
 def _platform(

@@ -164,6 +164,7 @@ CODES: dict[str, str] = {
     "B010": "numbers about the robot are assumed",
     "B011": "a robot file names what the URDF does not have, or a position outside of its limits",
     "B012": "the URDF is another robot's",
+    "B013": "meshes of the URDF are not there or cannot be read; simple shapes stand in for them",
     # X: running
     "X001": "a plan cannot be imported",
     "X002": "a file defines no plan",
@@ -171,6 +172,7 @@ CODES: dict[str, str] = {
     "X004": "a plan has no such parameter",
     "X005": "what a parameter is set to is not in the map",
     "X006": "what a parameter is set to is of another class",
+    "X007": "the robot cannot start where it should",
     # C: command line
     "C001": "a file or folder that was named is not there or cannot be read",
     "C002": "the file is neither a recipe nor a plan",
