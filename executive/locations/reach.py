@@ -75,9 +75,10 @@ def reach_solutions(
     plans = islice(hand_plans(reach, base, arm, around), most_plans)
     to_base: Array = np.linalg.inv(base_matrix(base)).astype(np.float64)
     seeds = arm.seeds if seed is None else np.vstack([seed, arm.seeds])
-    found = False
+    found = possible = False
     touched: dict[str, int] = {}
     while chunk := list(islice(plans, CHUNK)):
+        possible = True
         near = [plan for plan in chunk if within_reach(to_base, plan.poses, arm)]
         if not near:
             continue
@@ -104,7 +105,7 @@ def reach_solutions(
     if touched and not found:
         rejections.collision(max(touched, key=lambda body: touched[body]))
     elif not found:
-        rejections.add("out of reach")
+        rejections.add("out of reach" if possible or reach.kind != "grasp" else "too wide for the gripper")
 
 
 def within_reach(to_base: Array, poses: Array, arm: ArmModel) -> bool:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from executive.locations.surroundings import Base
 from planlang.failures import LocationUnresolvable
 from planlang.protocols import Contact
 
@@ -16,6 +17,8 @@ class Rejections:
 
     counts: Counter[str] = field(default_factory=Counter)
     blocking: Counter[str] = field(default_factory=Counter)
+    crowded: list[Base] = field(default_factory=list)
+    """The most promising places without room for the base, when hardly any place has room."""
 
     def add(self, reason: str, number: int = 1) -> None:
         """Count ``number`` candidates rejected for a reason."""

@@ -21,6 +21,8 @@ HEADINGS = (0.0, 0.35, -0.35, 0.8, -0.8)
 """Heading of the base relative to the line to the target [rad]."""
 MOST_CANDIDATES = 240
 """Places that are looked at exactly before a resolution gives up."""
+CROWDED, MOST_CROWDED = 0.9, 48
+"""When more than this share of places has no room, obstacles of so many of them are named at the end."""
 RADII = np.array([0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0])
 """Distances from the target at which places are looked for, in lengths of the arm."""
 SIGHT_DISTANCES = (0.8, 1.1, 1.4, 1.8, 2.3)
@@ -43,12 +45,12 @@ class Resolver:
         """Places that satisfy a location, lazily, best first; raises LocationUnresolvable when there are no more."""
         around = self.around
         demand = base_demand(location, around)
-        rejections = Rejections()
         arms = self._arms(location)
         if not arms and demand.reaches:
             raise LocationUnresolvable("the robot has no arm that could reach there", designator=str(location))
         found: list[Base] = []
         for generous in (False, True):
+            rejections = Rejections()
             for base in self._candidates(demand, arms, rejections):
                 if any(math.dist(base[:2], other[:2]) <= APART for other in found):
                     continue
@@ -58,7 +60,15 @@ class Resolver:
                     yield solution
             if found:
                 break
+        else:
+            self._name_crowding(rejections)
         raise rejections.failure(location)
+
+    def _name_crowding(self, rejections: Rejections) -> None:
+        """Count which bodies take the room of the most promising places."""
+        for base in rejections.crowded:
+            if contacts := self.around.contacts(base):
+                rejections.blocking[first_body(contacts)] += 1
 
     def satisfies(self, location: Location, base: Base) -> Solution | None:
         """The solution at one given base, or None."""
@@ -69,10 +79,17 @@ class Resolver:
         demand = hand_demand(location, self.around)
         if len(demand) != 1:
             raise LocationUnresolvable("a hand location needs one reference", designator=str(location))
-        base, rejections = self.around.base(), Rejections()
-        known = self._reached.get((arm.name, base), {}).get(demand[0])
-        start = _seed(known, seed)
-        yield from reach_solutions(demand[0], base, arm, self.around, rejections, most_plans=4 * CHUNK, seed=start)
+        base = self.around.base()
+        known = self._reached.get((arm.name, _rounded(base)), {}).get(demand[0])
+        for start in (_seed(known, seed), None):
+            rejections, found = Rejections(), False
+            for solution in reach_solutions(
+                demand[0], base, arm, self.around, rejections, most_plans=4 * CHUNK, seed=start
+            ):
+                found = True
+                yield solution
+            if found:
+                break
         raise rejections.failure(location)
 
     def _arms(self, location: Location) -> Sequence[ArmModel]:
@@ -92,7 +109,11 @@ class Resolver:
         bases = np.concatenate([ring for ring, _ in sampled])
         score = np.concatenate([score for _, score in sampled])
         clearance = self.around.clearance(bases)
-        rejections.add("no room for the base", int((clearance < MARGIN).sum()))
+        crowded = np.flatnonzero(clearance < MARGIN)
+        rejections.add("no room for the base", len(crowded))
+        if len(crowded) > CROWDED * len(bases):
+            promising = crowded[np.argsort(-score[crowded], kind="stable")][:MOST_CROWDED]
+            rejections.crowded = [(float(x), float(y), float(yaw)) for x, y, yaw in bases[promising]]
         travel = np.hypot(bases[:, 0] - here[0], bases[:, 1] - here[1])
         score = score * (0.4 + np.minimum(clearance, 0.3)) * np.exp(-travel / 8.0)
         free = np.flatnonzero(clearance >= MARGIN)
@@ -184,7 +205,7 @@ class Resolver:
                     break
                 reached[reach] = solution
             else:
-                self._reached = {(arm.name, base): reached}
+                self._reached = {(arm.name, _rounded(base)): reached}
                 detail = {"arm": arm.name, "reaches": [solution.plan.label for solution in reached.values()]}
                 return Solution(base, around.revision(), detail)
         return None
@@ -195,6 +216,12 @@ def _in_front(around: Surroundings, name: str, base: Base) -> bool:
     local = block.to_local(np.array([[base[0], base[1]]]))[0]
     away = local[0] - block.half_x
     return bool(0.4 <= away <= 1.5 and abs(local[1]) <= away)
+
+
+def _rounded(base: Base) -> Base:
+    """The same for a place and for where the base stands after it went there."""
+    x, y, yaw = base
+    return round(x, 4), round(y, 4), round(math.remainder(yaw, 2 * math.pi), 4)
 
 
 def _seed(known: ReachSolution | None, seed: Array) -> Array:

@@ -1,0 +1,152 @@
+"""Amigo in rooms that tests furnish: a true world, a belief about it, and the executive between them."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import pytest
+
+from executive.arms import arm_models, gaze_of
+from executive.capabilities import Robot, bind_robot
+from executive.core import RobotExecutive
+from executive.knowledge import Belief, MapObject, SemanticMap
+from executive.locations import ArmModel, Resolver
+from executive.motion import Gaze
+from executive.platform import Platform
+from executive.surroundings import BelievedSurroundings
+from planlang import SimulationHost, Trace, run
+from planlang.designators import an_object
+from planlang.ontology import Ontology, expand, load, shorten
+from planlang.protocols import Pose
+from planlang.resources import bundled
+from sim import Body, PyBulletWorld, Scene
+
+PLACE = "http://example.org/place.owl#"
+BOUNDS = (-6.0, -6.0, 6.0, 6.0)
+
+CABINET = Body("cabinet", Pose((1.6, 0.0, 0.4)), (0.4, 0.8, 0.8), type="Cabinet-PieceOfFurniture")
+BOTTLE = Body("bottle", Pose((1.5, 0.0, 0.9)), (0.065, 0.065, 0.2), "cylinder", type="DrinkingBottle", movable=True)
+BED = Body("bed", Pose((-2.5, 0.0, 0.275), (0.0, 0.0, 1.0, 0.0)), (2.0, 0.92, 0.55), type="Bed-PieceOfFurniture")
+PATIENT = Body("patient", Pose((-2.7, 0.0, 0.925)), (1.5, 0.5, 0.75), "person", type="Patient")
+WARD = (CABINET, BOTTLE, BED, PATIENT)
+"""A bottle on a cabinet ahead of the robot, a patient in a bed behind it, nothing else far around."""
+
+RELEASING = frozenset({"OpeningAGripper", "HandingOverAnObject"})
+"""Action classes that let go of something."""
+
+THE_BOTTLE = an_object("DrinkingBottle", PLACE + "bottle")
+"""The designator of the bottle."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A true world, what the robot believes of it, and the executive."""
+
+    truth: PyBulletWorld
+    platform: Platform
+    executive: RobotExecutive
+
+    @property
+    def planning(self) -> PyBulletWorld:
+        """The world in which the robot plans."""
+        return self.platform.around.world
+
+    @property
+    def belief(self) -> Belief:
+        """What the robot believes."""
+        return self.platform.belief
+
+    @property
+    def resolver(self) -> Resolver:
+        """What turns locations into places."""
+        return self.platform.resolver
+
+    def run(self, plan: Callable[[], Awaitable[Any]], *, steps: int = 6000, trace: Trace | None = None) -> Any:
+        """Run a plan in the true world; its result."""
+        return run(plan, host=SimulationHost(self.truth), executive=self.executive, max_steps=steps, trace=trace)
+
+
+class MakeStage(Protocol):
+    """Furnishes a room."""
+
+    def __call__(
+        self,
+        *bodies: Body,
+        start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        truth: Sequence[Body] | None = None,
+    ) -> Stage:
+        """The map has ``bodies``; the truth has others of these names at other places, if it is given."""
+
+
+@pytest.fixture(scope="session")
+def amigo() -> Robot:
+    """The bundled robot."""
+    return bind_robot("amigo")
+
+
+@pytest.fixture(scope="session")
+def vocabulary() -> Ontology:
+    """The bundled classes and properties."""
+    return load(bundled("ontologies") / "environments" / "hospital_room.omn")
+
+
+@pytest.fixture(scope="session")
+def limbs(amigo: Robot) -> tuple[tuple[ArmModel, ...], Gaze | None]:
+    """Amigo's arms and neck; they do not depend on the room."""
+    world = PyBulletWorld(Scene(()), amigo.body())
+    models = arm_models(amigo, world)
+    world.close()
+    return models, gaze_of(amigo)
+
+
+@pytest.fixture(scope="session")
+def furnish(amigo: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]) -> Iterator[MakeStage]:
+    """Furnishes rooms that stay until the end of the session."""
+    yield from _furnisher(amigo, vocabulary, limbs)
+
+
+@pytest.fixture
+def make_stage(
+    amigo: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]
+) -> Iterator[MakeStage]:
+    """Furnishes rooms for one test."""
+    yield from _furnisher(amigo, vocabulary, limbs)
+
+
+def _furnisher(
+    robot: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]
+) -> Iterator[MakeStage]:
+    worlds: list[PyBulletWorld] = []
+
+    def make(
+        *bodies: Body, start: tuple[float, float, float] = (0.0, 0.0, 0.0), truth: Sequence[Body] | None = None
+    ) -> Stage:
+        real = PyBulletWorld(Scene(tuple(truth or bodies), BOUNDS, start), robot.body())
+        believed = PyBulletWorld(Scene(bodies, BOUNDS, start), robot.body())
+        worlds.extend((real, believed))
+        belief = Belief(SemanticMap(None, vocabulary, tuple(map(_thing, bodies)), ()), believed)
+        belief.sync(believed, real.configuration())
+        around = BelievedSurroundings(believed, robot, belief, limbs[0], limbs[1])
+        platform = Platform(
+            world=real,
+            robot=robot,
+            belief=belief,
+            around=around,
+            resolver=Resolver(around),
+            gaze=limbs[1],
+            ancestors=lambda cls: tuple(map(shorten, vocabulary.ancestors(expand(cls)))),
+            releasing=RELEASING,
+            rng=np.random.default_rng(0),
+        )
+        return Stage(real, platform, RobotExecutive(platform))
+
+    yield make
+    for world in worlds:
+        world.close()
+
+
+def _thing(body: Body) -> MapObject:
+    return MapObject(PLACE + body.name, body.name, (expand(body.type),), body.pose, body.size, body.size)

@@ -1,0 +1,205 @@
+"""Every place that is offered for the base keeps what its relations promise, judged by a physics client of its own."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import replace
+from itertools import islice, pairwise
+
+import numpy as np
+import pytest
+
+from planlang.designators import Location, a_device, a_location, a_person, an_object
+from planlang.failures import LocationUnresolvable
+from planlang.protocols import Array, Pose, Solution
+from sim import Body
+from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, THE_BOTTLE, WARD, MakeStage, Stage
+from tests.executive.locations.conftest import MakeJudge, hold_bottle, stand
+
+THE_PATIENT, THE_BED = a_person("Patient"), an_object("Bed-PieceOfFurniture")
+GRASPED, BEFORE = a_location(in_center_of=THE_BOTTLE), a_location(in_front_of=THE_BOTTLE)
+OVER_THE_BED = a_location(above=THE_BED)
+OFFERED = a_location(in_reach_of=THE_PATIENT)
+MANY = 8
+"""Places that are judged of each resolution."""
+
+
+def places(stage: Stage, location: Location, number: int = MANY) -> list[Solution]:
+    """The first places of a location, fewer if there are not so many."""
+    found: list[Solution] = []
+    with suppress(LocationUnresolvable):
+        found.extend(islice(stage.resolver.bases(location), number))
+    return found
+
+
+def assert_stands_free(stage: Stage, judge_of: MakeJudge, solutions: list[Solution]) -> None:
+    """At no place does the robot, in its present posture, touch anything."""
+    judge = judge_of(stage)
+    for solution in solutions:
+        judge.place(solution.base, stage.planning.configuration().joints)
+        assert not judge.touched(), f"at {solution.base} the robot touches {judge.touched()}"
+
+
+def assert_reaches(stage: Stage, judge_of: MakeJudge, solutions: list[Solution], hand: Location) -> list[Array]:
+    """From each place the arm that was chosen has a way to ``hand`` that is possible; the tip poses (k, 4, 4)."""
+    judge, poses = judge_of(stage), []
+    for solution in solutions:
+        stand(stage, solution.base)
+        arm = next(arm for arm in stage.platform.around.arms if arm.name == solution.detail["arm"])
+        way = next(stage.resolver.hands(hand, arm, stage.platform.arm_joints(arm)))
+        judge.assert_possible(way, solution.base, stage)
+        poses.append(way.plan.poses)
+    return poses
+
+
+@pytest.mark.parametrize(
+    "location",
+    [
+        a_location(in_reach_of=THE_BOTTLE),
+        a_location(in_reach_of=(THE_BOTTLE, BEFORE, GRASPED)),
+        a_location(in_reach_of=THE_PATIENT),
+        a_location(in_reach_of=THE_BED),
+        a_location(visible_from=THE_BOTTLE),
+        a_location(in_front_of=an_object("Cabinet-PieceOfFurniture")),
+    ],
+    ids=str,
+)
+def test_a_place_has_room_for_the_robot_and_the_next_is_elsewhere(
+    location: Location, ward: Stage, judge_of: MakeJudge
+) -> None:
+    found = places(ward, location, 20)
+    assert len(found) >= 5, f"only {len(found)} places in a room that is nearly empty"
+    assert_stands_free(ward, judge_of, found)
+    for before, after in pairwise(found):
+        assert math.dist(before.base[:2], after.base[:2]) > 0.05, "two places in succession are the same one"
+
+
+def test_from_a_place_in_reach_of_a_bottle_it_is_seen_and_grasped(ward: Stage, judge_of: MakeJudge) -> None:
+    found = places(ward, a_location(in_reach_of=(THE_BOTTLE, BEFORE, GRASPED)))
+    judge = judge_of(ward)
+    for solution in found:
+        joints = ward.planning.configuration().joints
+        assert judge.sees("bottle", solution.base, joints), f"the bottle cannot be seen from {solution.base}"
+    assert_reaches(ward, judge_of, found, GRASPED)
+    assert_reaches(ward, judge_of, found, BEFORE)
+
+
+def test_a_grasp_comes_from_8_cm_away_closes_around_the_centre_and_lifts(ward: Stage, judge_of: MakeJudge) -> None:
+    found = places(ward, a_location(in_reach_of=(THE_BOTTLE, GRASPED)))
+    centre = np.array(ward.belief.pose("bottle").position)
+    for before, grasp, lifted, away in assert_reaches(ward, judge_of, found, GRASPED):
+        assert np.linalg.norm(grasp[:3, 3] - centre) < 0.01, "the fingers close beside the bottle"
+        approach, closing = grasp[:3, 0], grasp[:3, 1]  # of Amigo's grip points
+        assert abs(closing[2]) < 1e-6, "the fingers close horizontally"
+        assert np.allclose(grasp[:3, 3] - before[:3, 3], 0.08 * approach)
+        assert np.allclose(lifted[:3, 3] - grasp[:3, 3], [0.0, 0.0, 0.05])
+        assert np.allclose(lifted[:3, 3] - away[:3, 3], 0.08 * approach)
+
+
+def test_over_a_bed_an_empty_hand_is_2_to_15_cm_over_its_top(ward: Stage, judge_of: MakeJudge) -> None:
+    found = places(ward, a_location(in_reach_of=OVER_THE_BED))
+    judge = judge_of(ward)
+    top = BED.pose.position[2] + BED.size[2] / 2
+    for solution in found:
+        stand(ward, solution.base)
+        arm = next(arm for arm in ward.platform.around.arms if arm.name == solution.detail["arm"])
+        way = next(ward.resolver.hands(OVER_THE_BED, arm, ward.platform.arm_joints(arm)))
+        judge.assert_possible(way, solution.base, ward)
+        judge.place(
+            solution.base,
+            {**ward.planning.configuration().joints, **dict(zip(arm.joints, way.joints[0], strict=True))},
+        )
+        assert 0.02 <= judge.lowest(arm.hand_links) - top <= 0.15
+        assert_over(BED, way.plan.poses[0][:2, 3], 0.0)
+
+
+def assert_over(body: Body, point: Array, radius: float) -> None:
+    """A disc lies inside the footprint of a body whose axes are those of the map."""
+    away = np.abs(point - np.array(body.pose.position[:2]))
+    assert (away + radius <= np.array(body.size[:2]) / 2 + 1e-9).all(), f"{point} is not over {body.name}"
+
+
+@pytest.mark.parametrize("arm", ["right", "left"])
+def test_over_a_bed_a_held_bottle_would_come_down_whole_on_it(
+    arm: str, make_stage: MakeStage, judge_of: MakeJudge
+) -> None:
+    stage = make_stage(CABINET, BOTTLE, BED)
+    hold_bottle(stage, arm, turned=0.4)
+    found = places(stage, a_location(in_reach_of=OVER_THE_BED))
+    assert {solution.detail["arm"] for solution in found} == {arm}, "only the arm that holds the bottle counts"
+    top, half = BED.pose.position[2] + BED.size[2] / 2, BOTTLE.size[2] / 2
+    offset = stage.belief.held["bottle"].offset.matrix()
+    for (tip,) in assert_reaches(stage, judge_of, found, OVER_THE_BED):
+        held = tip @ offset
+        assert held[2, 2] > 1 - 1e-6, "the bottle stands upright"
+        assert 0.02 <= held[2, 3] - half - top <= 0.15
+        assert_over(BED, held[:2, 3], BOTTLE.size[0] / 2)
+
+
+@pytest.mark.parametrize("arm", ["right", "left"])
+def test_in_reach_of_a_patient_what_is_held_comes_into_their_comfort_zone(
+    arm: str, ward: Stage, judge_of: MakeJudge
+) -> None:
+    hold_bottle(ward, arm)
+    found = places(ward, a_location(in_reach_of=(THE_PATIENT, OFFERED)))
+    assert_stands_free(ward, judge_of, found)
+    person = ward.truth.person("patient")
+    offset = ward.belief.held["bottle"].offset.matrix()
+    for (tip,) in assert_reaches(ward, judge_of, found, OFFERED):
+        held = (tip @ offset)[:3, 3]
+        arrows = [held - np.array(shoulder) for shoulder in person.shoulders]
+        assert any(
+            0.25 * person.arm_length <= np.linalg.norm(arrow) <= person.arm_length
+            and arrow @ person.facing >= 0.5 * np.linalg.norm(arrow)
+            for arrow in arrows
+        ), f"nobody would take something at {held}"
+
+
+def test_where_something_is_visible_from_the_camera_sees_it(make_stage: MakeStage, judge_of: MakeJudge) -> None:
+    wardrobe = Body("wardrobe", Pose.planar(0.6, 0.5, 0.3, 1.0), (0.5, 0.6, 2.0), type="Cupboard")
+    stage = make_stage(CABINET, BOTTLE, wardrobe, start=(-1.5, 0.0, 0.0))
+    judge = judge_of(stage)
+    found = places(stage, a_location(visible_from=THE_BOTTLE), 12)
+    assert len(found) == 12
+    for solution in found:
+        joints = stage.planning.configuration().joints
+        assert judge.sees("bottle", solution.base, joints), f"the bottle cannot be seen from {solution.base}"
+
+
+def test_in_front_of_furniture_is_on_the_side_of_its_x_axis(make_stage: MakeStage) -> None:
+    facing_y = Body("cabinet", Pose.planar(1.6, 0.0, math.pi / 2, 0.4), CABINET.size, type=CABINET.type)
+    stage = make_stage(facing_y)
+    for solution in places(stage, a_location(in_front_of=an_object("Cabinet-PieceOfFurniture"))):
+        x, y, _ = solution.base
+        assert 0.4 <= y - CABINET.size[0] / 2 <= 1.5
+        assert abs(x - 1.6) <= y - CABINET.size[0] / 2, "within 45 degrees of the front"
+
+
+def test_a_device_narrows_what_reaches(ward: Stage) -> None:
+    for side in ("left", "right"):
+        gripper = a_device("HolderGripper", f"http://example.org/amigo.owl#{side}Gripper")
+        found = places(ward, a_location(in_reach_of=THE_BOTTLE, using=gripper))
+        assert {solution.detail["arm"] for solution in found} == {side}
+
+
+def test_one_place_serves_all_relations_of_a_conjunction(make_stage: MakeStage, judge_of: MakeJudge) -> None:
+    beside = replace(CABINET, pose=Pose((-1.7, 0.9, 0.4)), size=(0.3, 0.3, 0.8))
+    bottle = replace(BOTTLE, pose=Pose((-1.7, 0.9, 0.9)))
+    stage = make_stage(beside, bottle, BED, PATIENT)
+    found = places(stage, a_location(in_reach_of=(GRASPED, OFFERED)), 3)
+    assert found
+    assert_reaches(stage, judge_of, found, GRASPED)
+    assert_reaches(stage, judge_of, found, OFFERED)
+
+
+def test_where_the_robot_stands_comes_first_if_it_will_do(ward: Stage) -> None:
+    good = places(ward, a_location(in_reach_of=THE_BOTTLE), 3)[2].base
+    stand(ward, good)
+    assert places(ward, a_location(in_reach_of=THE_BOTTLE), 1)[0].base == good
+
+
+def test_the_same_room_gives_the_same_places(make_stage: MakeStage) -> None:
+    location = a_location(in_reach_of=THE_BOTTLE)
+    first, second = (places(make_stage(*WARD), location) for _ in range(2))
+    assert first == second
