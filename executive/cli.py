@@ -179,6 +179,10 @@ def run_command(
             from executive.report.recording import missing
 
             problems += missing()
+        if gui:
+            from executive.display import no_display
+
+            problems += no_display()
         is_bundled = isinstance(found, RecipeFile) and found.is_bundled
         self_model = _named("robot", robot, "robots", "amigo", is_bundled, problems)
         environment_map = _named("environment", environment, "environments", "hospital_room", is_bundled, problems)

@@ -186,5 +186,6 @@ CODES: dict[str, str] = {
     "C010": "the plan was edited since it was compiled",
     "C011": "the recipe of a plan was not found",
     "C012": "recordings need a package that is not installed",
+    "C013": "there is no display for a window",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

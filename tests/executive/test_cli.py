@@ -6,6 +6,7 @@ import json
 import os
 import re
 import stat
+import sys
 from pathlib import Path
 
 import pytest
@@ -245,3 +246,11 @@ def test_a_missing_viewer_package_is_told_before_the_run(tmp_path: Path, monkeyp
     monkeypatch.setattr("executive.report.recording.find_spec", lambda name: None)
     result = invoke("run", "serve_a_drink", "--record", tmp_path / "run.rrd")
     assert (result.exit_code, codes(result)) == (2, ["C012"])
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere a display is taken for granted")
+@pytest.mark.parametrize("display", ["", ":4711"])
+def test_a_window_without_a_display_is_bad_input(display: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISPLAY", display)
+    result = invoke("run", "serve_a_drink", "--gui")
+    assert (result.exit_code, codes(result)) == (2, ["C013"])
