@@ -15,6 +15,12 @@ from planlang.resources import bundled
 if TYPE_CHECKING:
     from planlang.ontology.ontology import Ontology
 
+MOST_WARNINGS = 100
+"""Undefined superclasses of one file that are reported."""
+
+MOST_SUGGESTIONS = 20
+"""Among these, those for which a similar name is looked for."""
+
 _W3C = (OWL, RDF, RDFS, XSD)
 
 
@@ -31,21 +37,27 @@ def checked(ontology: Ontology, readings: Sequence[Reading]) -> Iterator[Diagnos
 
 
 def _undefined_superclasses(ontology: Ontology, triples: Sequence[Triple]) -> Iterator[Diagnostic]:
-    seen: set[str] = set()
+    first: dict[str, Triple] = {}
     for triple in triples:
         name = triple.object
-        if triple.predicate != SUBCLASS_OF or not isinstance(name, str) or name in seen or name.startswith(_W3C):
-            continue
-        seen.add(name)
-        if not ontology.defined(name):
-            advice = "import the file that defines it, or correct the name"
-            local = local_name(name)
-            namespace = name.removesuffix(local)
-            others = (other for other in ontology.class_names() if other.startswith(namespace))
-            similar = get_close_matches(local, [other.removeprefix(namespace) for other in others], n=1, cutoff=0.75)
-            if similar:
-                advice = f"did you mean {similar[0]}? {advice}"
-            yield warning("O041", f"nothing defines the superclass {local_name(name)} ({name})", triple.span, advice)
+        if triple.predicate == SUBCLASS_OF and isinstance(name, str) and not name.startswith(_W3C):
+            first.setdefault(name, triple)
+    undefined = [name for name in first if not ontology.defined(name)]
+    for place, name in enumerate(undefined[:MOST_WARNINGS]):
+        advice = "import the file that defines it, or correct the name"
+        similar = _similar(ontology, name) if place < MOST_SUGGESTIONS else None
+        if similar:
+            advice = f"did you mean {similar}? {advice}"
+        message = f"nothing defines the superclass {local_name(name)} ({name})"
+        yield warning("O041", message, first[name].span, advice)
+
+
+def _similar(ontology: Ontology, name: str) -> str | None:
+    """The local name of a declared class of the same namespace that is written almost like this one."""
+    local = local_name(name)
+    namespace = name.removesuffix(local)
+    others = [other.removeprefix(namespace) for other in ontology.class_names() if other.startswith(namespace)]
+    return next(iter(get_close_matches(local, others, n=1, cutoff=0.75)), None)
 
 
 def _individuals_as_classes(ontology: Ontology, triples: Sequence[Triple]) -> Iterator[Diagnostic]:

@@ -69,7 +69,7 @@ def restrictions_of(ontology: Ontology, cls: str | BNode) -> Iterator[Restrictio
         if form is None or not isinstance(triple.object, BNode):
             continue
         if triple.predicate == INTERSECTION_OF:
-            parts: Iterable[Term] = _opened(ontology, triple.object, set())
+            parts: Iterable[Term] = _opened(ontology, items(ontology, triple.object))
         else:
             parts = conjuncts(ontology, triple.object)
         for part in parts:
@@ -103,22 +103,23 @@ def _whole(term: Term) -> int | None:
 
 def conjuncts(ontology: Ontology, expression: Term) -> Iterator[Term]:
     """The members of an intersection, nested ones opened; of anything else the expression itself."""
-    yield from _conjuncts(ontology, expression, set())
+    yield from _opened(ontology, [expression])
 
 
-def _conjuncts(ontology: Ontology, expression: Term, seen: set[Term]) -> Iterator[Term]:
-    if isinstance(expression, BNode) and expression not in seen:
-        seen.add(expression)
-        members = next(ontology.triples(s=expression, p=INTERSECTION_OF), None)
-        if members is not None:
-            yield from _opened(ontology, members.object, seen)
-            return
-    yield expression
-
-
-def _opened(ontology: Ontology, cell: Term, seen: set[Term]) -> Iterator[Term]:
-    for item in items(ontology, cell):
-        yield from _conjuncts(ontology, item, seen)
+def _opened(ontology: Ontology, expressions: Iterable[Term]) -> Iterator[Term]:
+    """The expressions in their order, intersections among them opened, each once however they are nested."""
+    opened: set[Term] = set()
+    stack = [*expressions][::-1]
+    while stack:
+        expression = stack.pop()
+        if isinstance(expression, BNode) and expression not in opened:
+            members = next(ontology.triples(s=expression, p=INTERSECTION_OF), None)
+            if members is not None:
+                opened.add(expression)
+                stack += [*items(ontology, members.object)][::-1]
+                continue
+        if expression not in opened:
+            yield expression
 
 
 def items(ontology: Ontology, cell: Term) -> Iterator[Term]:
@@ -150,7 +151,7 @@ def _edges(ontology: Ontology, triple: Triple) -> Iterator[tuple[str, str]]:
             yield triple.object, triple.subject
         return
     if triple.predicate == INTERSECTION_OF:
-        members: Iterator[Term] = _opened(ontology, triple.object, set())
+        members: Iterator[Term] = _opened(ontology, items(ontology, triple.object))
     else:
         members = conjuncts(ontology, triple.object)
     for member in members:

@@ -56,29 +56,33 @@ class EntityTable:
                 raise BadInput([_too_much(match[1], self.limit, span)])
 
     def _measure(self, root: str) -> None:
-        """Compute the lengths of an entity and of those it refers to, without recursion."""
-        open_names: dict[str, None] = {}
-        stack = [root]
-        while stack:
-            name = stack[-1]
-            if name in self._lengths or name not in self._values:
-                self._lengths.setdefault(name, 0)
-                open_names.pop(stack.pop(), None)
-                continue
-            value, span = self._values[name]
-            references = _REFERENCE.findall(value)
-            missing = next((other for other in references if other not in self._lengths), None)
-            if missing is None:
-                length = len(value) + sum(self._lengths[other] for other in references)
-                if length > self.limit:
-                    raise BadInput([_too_much(name, self.limit, span)])
-                self._lengths[name] = length
-                continue
-            open_names[name] = None
-            if missing in open_names:
-                circle = [*list(open_names)[list(open_names).index(missing) :], missing]
-                raise BadInput([error("O008", f"an entity contains itself: {' in '.join(circle)}", span)])
-            stack.append(missing)
+        """Compute the lengths of an entity and of those it refers to, the innermost first, without recursion."""
+        if root in self._lengths:
+            return
+        open_names = {root: iter(self._references(root))}
+        while open_names:
+            name = next(reversed(open_names))
+            other = next((other for other in open_names[name] if other not in self._lengths), None)
+            if other is None:
+                del open_names[name]
+                self._close(name)
+            elif other in open_names:
+                names = list(open_names)
+                circle = " in ".join((*names[names.index(other) :], other))
+                raise BadInput([error("O008", f"an entity contains itself: {circle[:200]}", self._values[name][1])])
+            else:
+                open_names[other] = iter(self._references(other))
+
+    def _references(self, name: str) -> list[str]:
+        return _REFERENCE.findall(self._values[name][0]) if name in self._values else []
+
+    def _close(self, name: str) -> None:
+        """Note the length of an entity whose references are all known; nothing is the length of an undeclared one."""
+        value, span = self._values.get(name, ("", Span(self._file)))
+        length = len(value) + sum(self._lengths[other] for other in self._references(name))
+        if length > self.limit:
+            raise BadInput([_too_much(name, self.limit, span)])
+        self._lengths[name] = length
 
 
 def _too_much(name: str, limit: int, span: Span) -> Diagnostic:

@@ -28,6 +28,9 @@ TERMS: dict[str, frozenset[str]] = {RDFS: frozenset(_RDFS.split()), OWL: frozens
                                     RDF: frozenset(_RDF.split())}  # fmt: skip
 """Namespace -> local names of the terms that it has."""
 
+MOST_WARNINGS = 100
+"""Warnings about one file; further terms are repaired silently."""
+
 _SPELT = {OWL + "DataProperty": OWL + "DatatypeProperty", OWL + "Individual": OWL + "NamedIndividual"}
 _PREFIX = {RDFS: "rdfs", OWL: "owl", RDF: "rdf"}
 
@@ -38,57 +41,52 @@ def repair(triples: list[Triple]) -> tuple[list[Triple], list[Diagnostic]]:
     ``owl:subClassOf`` becomes ``rdfs:subClassOf`` and the like; a nameless node with owl:onProperty becomes a
     restriction.
     """
-    diagnostics: list[Diagnostic] = []
-    known: dict[str, str] = {}
-    reported: set[tuple[str, Span]] = set()
+    meant = _Meanings()
     repaired: list[Triple] = []
     for triple in triples:
-        predicate = _meant(triple.predicate, known)
+        predicate = meant.term(triple.predicate, triple.span)
         value: Term = triple.object
         if predicate == TYPE and isinstance(value, str):
-            value = _meant(value, known)
-        for written, read in ((triple.predicate, predicate), (triple.object, value)):
-            if isinstance(written, str) and isinstance(read, str) and (written, triple.span) not in reported:
-                found = _report(written, read, triple.span, is_term=written is triple.predicate or predicate == TYPE)
-                if found is not None:
-                    reported.add((written, triple.span))
-                    diagnostics.append(found)
+            value = meant.term(value, triple.span)
         changed = predicate is not triple.predicate or value is not triple.object
         repaired.append(Triple(triple.subject, predicate, value, triple.span) if changed else triple)
-    return _with_restrictions(repaired, diagnostics), diagnostics
+    return _with_restrictions(repaired, meant.diagnostics), meant.diagnostics
 
 
-def _meant(iri: str, known: dict[str, str]) -> str:
-    read = known.get(iri)
-    if read is None:
-        read = known[iri] = next((home + local for home, local in _homes(iri)), _SPELT.get(iri, iri))
-    return read
+class _Meanings:
+    """Looks up what terms mean, and reports those that are not what they say."""
+
+    def __init__(self) -> None:
+        self.diagnostics: list[Diagnostic] = []
+        self._known: dict[str, tuple[str, str, str | None] | None] = {}
+
+    def term(self, iri: str, span: Span) -> str:
+        """The term that is meant by an IRI: mostly itself."""
+        if iri not in self._known:
+            self._known[iri] = _correction(iri)
+        correction = self._known[iri]
+        if correction is None:
+            return iri
+        read, message, advice = correction
+        if len(self.diagnostics) < MOST_WARNINGS:
+            self.diagnostics.append(warning("O013" if read == iri else "O012", message, span, advice))
+        return iri if read == iri else read
 
 
-def _homes(iri: str) -> list[tuple[str, str]]:
-    """The namespaces of the three that have this term, if the one that it is written in has not."""
+def _correction(iri: str) -> tuple[str, str, str | None] | None:
+    """What a term is read as, why, and what to write; None if there is nothing to correct."""
     local = local_name(iri)
     namespace = iri.removesuffix(local)
-    if namespace not in TERMS or local in TERMS[namespace] or (namespace == RDF and local.startswith("_")):
-        return []
-    return [(home, local) for home, terms in TERMS.items() if local in terms]
-
-
-def _report(written: str, read: str, span: Span, *, is_term: bool) -> Diagnostic | None:
-    local = local_name(written)
-    namespace = written.removesuffix(local)
-    if not is_term or namespace not in TERMS:
+    if namespace not in TERMS or not local or local in TERMS[namespace] or (namespace == RDF and local[0] == "_"):
         return None
-    prefix = _PREFIX[namespace]
-    if read != written:
+    written = f"{_PREFIX[namespace]}:{local}"
+    read = next((home + local for home, terms in TERMS.items() if local in terms), _SPELT.get(iri))
+    if read is not None:
         name = local_name(read)
         right = f"{_PREFIX[read.removesuffix(name)]}:{name}"
-        return warning("O012", f"{prefix}:{local} is read as {right}", span, f"write {right}")
-    if local in TERMS[namespace] or not local or (namespace == RDF and local.startswith("_")):
-        return None
+        return read, f"{written} is read as {right}", f"write {right}"
     similar = get_close_matches(local, sorted(TERMS[namespace]), n=1)
-    advice = f"did you mean {prefix}:{similar[0]}?" if similar else None
-    return warning("O013", f"there is no {prefix}:{local}", span, advice)
+    return iri, f"there is no {written}", f"did you mean {_PREFIX[namespace]}:{similar[0]}?" if similar else None
 
 
 def _with_restrictions(triples: list[Triple], diagnostics: list[Diagnostic]) -> list[Triple]:

@@ -21,6 +21,10 @@ _PREFIX = re.compile(r"\sxmlns:([\w.-]+)\s*=\s*(?:\"([^\"'<]*)\"|'([^\"'<]*)')")
 _DOCTYPE = re.compile(r"<!DOCTYPE\s[^\[<>]*(\[?)")
 
 
+MOST_WARNINGS = 100
+"""Warnings about one file; further mistakes are undone silently."""
+
+
 @dataclass
 class Repaired:
     """A text with the same lines, and what was changed. Columns move only where entities were declared."""
@@ -53,6 +57,8 @@ def repair(text: str, file: str) -> Repaired:
 
 
 def _note(result: Repaired, file: str, offset: int, code: str, message: str, advice: str) -> None:
+    if len(result.diagnostics) >= MOST_WARNINGS:
+        return
     result.diagnostics.append(warning(code, message, position_of(result.text, offset, file), advice))
 
 

@@ -172,3 +172,36 @@ def test_any_elements_are_read_or_refused(pieces: list[str]) -> None:
         read_rdfxml((RDF + "".join(pieces) + "</rdf:RDF>").encode(), "t.owl", base="http://example.org/t")
     except BadInput as problem:
         assert problem.diagnostics  # noqa: PT017
+
+
+def test_a_chain_of_nameless_intersections_is_walked_however_long(tmp_path: Path) -> None:
+    steps = "".join(
+        f'<owl:Class rdf:nodeID="n{n}"><owl:intersectionOf rdf:parseType="Collection">'
+        f'<owl:Class rdf:nodeID="n{n + 1}"/><owl:Class rdf:about="#C{n}"/></owl:intersectionOf></owl:Class>'
+        for n in range(3000)
+    )
+    text = RDF + f'<owl:Class rdf:about="#A"><owl:equivalentClass rdf:nodeID="n0"/></owl:Class>{steps}</rdf:RDF>'
+    ontology = load(file(tmp_path, text), builtin=False)
+    assert len(ontology.ancestors("http://example.org/t#A")) == 3001
+
+
+def test_lists_and_intersections_that_contain_themselves_are_walked_once(tmp_path: Path) -> None:
+    text = (
+        RDF + '<owl:Class rdf:about="#A"><owl:equivalentClass rdf:nodeID="x"/></owl:Class>'
+        '<owl:Class rdf:nodeID="x"><owl:intersectionOf rdf:nodeID="l"/></owl:Class>'
+        '<rdf:List rdf:nodeID="l"><rdf:first rdf:nodeID="x"/><rdf:rest rdf:nodeID="m"/></rdf:List>'
+        '<rdf:List rdf:nodeID="m"><rdf:first rdf:resource="#B"/><rdf:rest rdf:nodeID="l"/></rdf:List></rdf:RDF>'
+    )
+    ontology = load(file(tmp_path, text), builtin=False)
+    assert ontology.ancestors("http://example.org/t#A") == ("http://example.org/t#A", "http://example.org/t#B")
+    assert ontology.restrictions("http://example.org/t#A") == ()
+
+
+def test_very_many_entities_and_mistakes_take_no_long_time(tmp_path: Path) -> None:
+    names = [f"e{n}" for n in range(5000)]
+    declared = "".join(f'<!ENTITY {name} "x">' for name in names)
+    doctype = f'<!DOCTYPE rdf:RDF [{declared}<!ENTITY all "{"".join(f"&{name};" for name in names)}">]>'
+    mistakes = "<!-x->" * 20_000 + '<owl:Class owl:subClassOf="x"/>' * 5000
+    found = load(file(tmp_path, f"{doctype}{RDF}{mistakes}</rdf:RDF>")).diagnostics
+    assert {d.code for d in found} == {"O006", "O012"}
+    assert len(found) == 200
