@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from keyword import kwlist
 
 from planlang.compiler.naming import snake_case
 from planlang.compiler.tree import ActionTerm, PlaceUse, Value
@@ -186,9 +187,11 @@ def _device(fillers: Iterable[Filler]) -> Thing | None:
     return next((filler for filler in fillers if isinstance(filler, Thing) and filler.kind is Kind.DEVICE), None)
 
 
-def _unclashed(key: str, taken: dict[str, tuple[Value, ...]]) -> str:
+def _unclashed(key: str, taken: Iterable[str]) -> str:
+    """A keyword argument of ``action`` for a property: no word of the language, nor one that ``action`` has itself."""
+    used = {*taken, "type", "name", *kwlist}
     number, name = 1, key
-    while name in taken:
+    while name in used:
         number += 1
         name = f"{key}_{number}"
     return name

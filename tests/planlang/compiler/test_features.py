@@ -305,6 +305,15 @@ def test_person_is_a_person_and_names_that_python_has_get_a_number(compiled: Any
     assert "async def print_2(*, patient: Person = PATIENT) -> None:" in plan.source
 
 
+def test_properties_named_like_words_of_python_get_a_number(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "Look"),
+        "DataProperty: class\nDataProperty: name",
+        step("Look", "k:LookingForSomething", 'class value "first"', 'name value "second"'),
+    )
+    assert 'action("LookingForSomething", class_2="first", name_2="second")' in plan.source
+
+
 def test_labels_cannot_break_out_of_docstrings(compiled: Any) -> None:
     evil = 'x\\"\\"\\"; import os #'
     plan = compiled(
