@@ -1,4 +1,4 @@
-"""Manchester syntax: names, the driver of the parser, and what it says about mistakes."""
+"""Manchester syntax: names, and the driver of the parser, which goes on behind mistakes."""
 
 from __future__ import annotations
 
@@ -10,43 +10,23 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from lark import Lark, Token, Transformer, UnexpectedInput, UnexpectedToken
-from lark.lexer import PatternStr
+from lark import Lark, Token, Transformer, UnexpectedInput
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.ontology.expressions import Statements
 from planlang.ontology.frames import Frames
 from planlang.ontology.rdfxml import Parsed
+from planlang.ontology.syntax_errors import FRAME_WORDS, explain, where
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary
-from planlang.ontology.xml_text import decode, offset_of, position_of
+from planlang.ontology.xml_text import decode, offset_of
 
 MOST_ERRORS = 20
 """Syntax errors reported of one file."""
 
-_FRAME_WORDS = (
-    "Class:", "ObjectProperty:", "DataProperty:", "AnnotationProperty:", "Datatype:", "Individual:",
-    "EquivalentClasses:", "DisjointClasses:", "EquivalentProperties:", "DisjointProperties:", "SameIndividual:",
-    "DifferentIndividuals:",
-)  # fmt: skip
-_FRAME_START = re.compile(rf"^[ \t]*(?:{'|'.join(_FRAME_WORDS)})(?=\s)", re.MULTILINE)
+_FRAME_START = re.compile(rf"^[ \t]*(?:{'|'.join(FRAME_WORDS)})(?=\s)", re.MULTILINE)
 _PREFIX = re.compile(r"^[ \t]*Prefix:\s*([^\s:<>]*):\s*<([^<>\s]*)>", re.MULTILINE)
 _ONTOLOGY = re.compile(r"^[ \t]*Ontology:\s*<([^<>\s]*)>", re.MULTILINE)
 _DECLARED = re.compile(r"^[ \t]*(DataProperty|Datatype):\s+(\S+)", re.MULTILINE)
-_SPOKEN = {
-    "NAME": "a name",
-    "FULL_IRI": "an <IRI>",
-    "NODE": "a node _:name",
-    "STRING": 'a "text"',
-    "NUMBER": "a number",
-    "BOOLEAN": "true or false",
-    "PREFIX": "a prefix with its colon",
-    "LANGUAGE": "a @language",
-    "CHARACTERISTIC": "Functional, Transitive or another characteristic",
-    "FACET": "a facet such as >=",
-    "$END": "the end of the file",
-}
-"""What the terminals of the grammar are called in messages; the others are words of the language."""
-_ORDER = {name: place for place, name in enumerate(_SPOKEN)}
 
 
 class _Relay(Transformer[Token, None]):
@@ -106,8 +86,8 @@ def _parse(text: str, file: str, frames: Frames, problems: list[Diagnostic]) -> 
             span = problem.diagnostics[0].span
             offset = len(text) if span is None else offset_of(text, span)
         except UnexpectedInput as problem:
-            offset = _where(problem, text)
-            problems.append(_explain(problem, parser, text, offset, file))
+            offset = where(problem, text)
+            problems.append(explain(problem, parser, text, offset, file))
         finally:
             relay.frames = None
     begun = len(text) - len(text.lstrip())
@@ -115,49 +95,6 @@ def _parse(text: str, file: str, frames: Frames, problems: list[Diagnostic]) -> 
     if following is None or len(problems) >= MOST_ERRORS:
         return None
     return re.sub(r"[^\n]", " ", text[: following.start()]) + text[following.start() :]
-
-
-def _where(problem: UnexpectedInput, text: str) -> int:
-    """Offset of the first character that does not fit; the end of the last word if there should be more."""
-    if isinstance(problem, UnexpectedToken) and problem.token.type == "$END":
-        return len(re.sub(r"(?:\s|^[ \t]*#[^\n]*$)+\Z", "", text, flags=re.MULTILINE))
-    return problem.pos_in_stream if problem.pos_in_stream is not None else len(text)
-
-
-def _explain(problem: UnexpectedInput, parser: Lark, text: str, offset: int, file: str) -> Diagnostic:
-    span = position_of(text, offset, file)
-    word = re.compile(r'"|\S+').match(text, offset)
-    at_end = isinstance(problem, UnexpectedToken) and problem.token.type == "$END"
-    found = "the end of the file" if at_end or word is None else word[0][:40]
-    accepted = (
-        getattr(problem, "accepts", None)
-        or getattr(problem, "allowed", None)
-        or getattr(problem, "expected", None)
-        or ()
-    )
-    literal, spoken = [], []
-    for name in sorted(accepted, key=lambda name: (_ORDER.get(name, len(_ORDER)), name)):
-        pattern = parser.get_terminal(name).pattern if name != "$END" else None
-        if isinstance(pattern, PatternStr):
-            literal.append(pattern.value)
-        else:
-            spoken.append(_SPOKEN.get(name, name.lower()))
-    if set(_FRAME_WORDS) <= set(literal):
-        literal = [word for word in literal if word not in _FRAME_WORDS]
-        spoken.append("the next frame")
-    expected = ", ".join(spoken + [word for word in literal if word.isalpha()])
-    message = f"unexpected {found}"
-    if found == '"':
-        message = "a text is not closed, or its quotation marks are unexpected here"
-    similar = get_close_matches(found, (*literal, *_FRAME_WORDS), n=1, cutoff=0.75)
-    sections = [word for word in literal if word.endswith(":")]
-    if sections:
-        expected += (", or " if expected else "") + "one of " + " ".join(sections)
-    punctuation = [repr(word) for word in literal if not word.isalpha() and not word.endswith(":")]
-    if punctuation:
-        expected = f"{', '.join(punctuation)}, {expected}" if expected else ", ".join(punctuation)
-    advice = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
-    return error("O020", message, span, f"{advice}expected: {expected}")
 
 
 class _Names:

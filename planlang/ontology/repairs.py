@@ -70,7 +70,7 @@ class _Meanings:
         read, message, advice = correction
         if len(self.diagnostics) < MOST_WARNINGS:
             self.diagnostics.append(warning("O013" if read == iri else "O012", message, span, advice))
-        return iri if read == iri else read
+        return read
 
 
 def _correction(iri: str) -> tuple[str, str, str | None] | None:

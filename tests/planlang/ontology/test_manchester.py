@@ -232,3 +232,16 @@ def test_a_syntax_error_says_where_it_is_and_what_was_expected(
 def test_cardinalities_are_whole_numbers() -> None:
     with pytest.raises(BadInput, match="whole number"):
         read("Class: A SubClassOf: p min 1.5\n")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_line_ends_and_encodings_do_not_matter(encoding: str, end: str) -> None:
+    content = (HEAD + "Class: Möbel\n    SubClassOf: B\n").replace("\n", end).encode(encoding)
+    triples = read_manchester(content, "t.omn", base="http://example.org/base").triples
+    assert [(t.span.line, t.span.column) for t in triples[1:]] == [(5, 8), (6, 17)]
+
+
+def test_comments_may_stand_anywhere_and_are_no_part_of_iris_or_texts() -> None:
+    text = '# first\nClass: A # second\n    # third\n    Annotations: rdfs:comment "# no comment" # fourth\n# fifth'
+    assert about(read(text), "A")[1] == ("comment", Literal("# no comment"))
