@@ -280,6 +280,9 @@ class _Handler:
             subject = self._resolve(base, value)
         elif (value := given.get(RDF + "nodeID")) is not None:
             subject = self._named_node(value)
+        elif (value := given.get(RDF + "resource")) is not None:
+            self.warn("O010", "rdf:resource of a thing is read as rdf:about", span, "write rdf:about")
+            subject = self._resolve(base, value)
         else:
             subject = self._fresh()
         if name != RDF + "Description":
@@ -311,6 +314,9 @@ class _Handler:
         self.frames.append(frame)
         parse_type = given.pop(RDF + "parseType", None)
         datatype = given.pop(RDF + "datatype", None)
+        if RDF + "about" in given and RDF + "resource" not in given:
+            self.warn("O010", "rdf:about of a property is read as rdf:resource", span, "write rdf:resource")
+            given[RDF + "resource"] = given[RDF + "about"]
         if parse_type == "Collection":
             frame.kind = "collection"
         elif parse_type == "Resource":

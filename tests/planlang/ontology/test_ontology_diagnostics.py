@@ -85,6 +85,13 @@ def test_all_syntax_errors_of_a_file_are_reported_in_one_run(tmp_path: Path) -> 
     ]
 
 
+def test_rdf_about_and_rdf_resource_may_be_exchanged() -> None:
+    thing = load(FOLDER / "O010_resource_of_a_thing.owl")
+    assert thing.is_class("http://example.org/t.owl#A")
+    ontology = load(FOLDER / "O010_about_of_a_property.owl")
+    assert ontology.is_a("http://example.org/t.owl#A", "Door")
+
+
 def test_warnings_do_not_stop_a_file() -> None:
     found = diagnostics_of(FOLDER / "O012_wrong_namespace.owl")
     assert not has_errors(found)

@@ -88,6 +88,7 @@ DOCUMENT = """<rdf:RDF xmlns="http://example.org/t#" xmlns:rdf="http://www.w3.or
     [
         '<e:A rdf:about="#a"/>',
         '<e:A rdf:about=""/>',
+        '<e:A xmlns:xml="http://www.w3.org/XML/1998/namespace" rdf:about="#a"/>',
         '<e:A rdf:ID="a" e:p="text"/>',
         '<e:A rdf:about="a/b"/>',
         '<e:A rdf:about="http://other.org/x"/>',
