@@ -22,6 +22,9 @@ SUPPORT_DEPTH = 0.02
 PARTED = 0.003
 """A held object has parted from what it touched when it is farther from it than this [m]."""
 
+GROUND = 0.001
+"""What does not rise above this is floor [m]."""
+
 Ignored = Collection[str | tuple[str, str]]
 
 
@@ -83,6 +86,8 @@ class Contacts:
             if piece.body in query.ignore or (part, piece.body) in query.ignore:
                 continue
             if piece.part.limb and number in self._hands:
+                continue
+            if number in self.robot.grounded and self.bodies.upper[index, 2] < GROUND:
                 continue
             if piece.body in self.held and not query.grip and number in self.held[piece.body].hand:
                 continue

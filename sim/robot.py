@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planlang.diagnostics import BadInput, Span, error
 from planlang.protocols import Array, Configuration, Pose
 from sim.engine import bullet, quiet
 from sim.geometry import rotation, rotations
 from sim.scene import RobotBody
+from sim.self_contact import TOLERANCE as TOLERANCE
+from sim.self_contact import watched_pairs
+from sim.urdf import loadable, read_description
 
-TOLERANCE = 0.0005
-"""Penetrations not deeper than this are touching, not contact [m]."""
-
-_SAMPLES = 120
-_ALWAYS = 0.95
-_COINCIDENT = 0.03
-_pairs_of: dict[str, tuple[tuple[int, int], ...]] = {}
 Index = NDArray[np.intp]
 
 
@@ -33,36 +28,63 @@ class Robot:
 
     def __init__(self, client: int, body: RobotBody) -> None:
         self.client, self.body = client, body
-        with quiet():
-            # true cylinders, not polyhedra: faster and as wide as they are
-            flags = bullet.URDF_USE_IMPLICIT_CYLINDER
-            self.uid: int = bullet.loadURDF(str(body.urdf), useFixedBase=True, flags=flags, physicsClientId=client)
+        self.description = read_description(body.urdf)
+        self.uid = self._load()
         self._read_joints()
         self._read_links()
         self.shown: dict[str, float] = {}
         self.base = (0.0, 0.0, 0.0)
         self.show(Configuration(self.base, {name: min(max(0.0, lo), hi) for name, (lo, hi) in self.limits.items()}))
         self._measure()
-        self._moved = {name: self._below(index) for name, index in self.joints.items()}
-        self.self_pairs = self._free_pairs()
+        self._moved = {name: self._moved_with(name) for name in self.joints}
+        self.grounded = frozenset(range(len(self.solid))).difference(
+            *(self._below(index) for index in self.joints.values() if index not in self.fixed)
+        )
+        """Numbers of the solid links that no joint lifts: the floor is no obstacle to them."""
         self.show(Configuration(self.base, {**self.shown, **self._known(body.posture)}))
+        self.self_pairs = watched_pairs(self)
+
+    def _load(self) -> int:
+        """The body in the client; raises BadInput if PyBullet refuses the URDF."""
+        with loadable(self.description) as path, quiet():
+            # what is kept of a file would be taken for another one of the same name
+            bullet.setPhysicsEngineParameter(enableFileCaching=0, physicsClientId=self.client)
+            # true cylinders, not polyhedra: faster and as wide as they are
+            flags = bullet.URDF_USE_IMPLICIT_CYLINDER
+            try:
+                return int(bullet.loadURDF(str(path), useFixedBase=True, flags=flags, physicsClientId=self.client))
+            except bullet.error as problem:
+                message = f"the simulator cannot load this URDF: {problem}"
+                raise BadInput([error("B009", message, Span(str(self.body.urdf)))]) from None
 
     def _read_joints(self) -> None:
         self.joints: dict[str, int] = {}
         self.limits: dict[str, tuple[float, float]] = {}
         self.links: dict[str, int] = {_text(bullet.getBodyInfo(self.uid, physicsClientId=self.client)[0]): -1}
         self.parent: dict[int, int] = {-1: -2}
-        self._fixed: set[int] = set()
+        self.fixed: set[int] = set()
         for index in range(bullet.getNumJoints(self.uid, physicsClientId=self.client)):
             info = bullet.getJointInfo(self.uid, index, physicsClientId=self.client)
             self.links[_text(info[12])], self.parent[index] = index, info[16]
             if info[2] not in (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC):
-                self._fixed.add(index)
+                self.fixed.add(index)
                 continue
             lower, upper = float(info[8]), float(info[9])
             self.joints[_text(info[1])] = index
             self.limits[_text(info[1])] = (lower, upper) if lower < upper else (-float("inf"), float("inf"))
         self.link_names = {index: name for name, index in self.links.items()}
+        self._read_used()
+
+    def _read_used(self) -> None:
+        """Joints that follow others, and those that never move because nothing uses them (wheels)."""
+        self.followers = {
+            name: tuple(one for one in followers if one.joint in self.joints)
+            for name, followers in self.description.followers.items()
+            if name in self.joints
+        }
+        used = set(self.joints if self.body.moving is None else self.body.moving)
+        used |= {one.joint for name in sorted(used) for one in self.followers.get(name, ())}
+        self.fixed |= {index for name, index in self.joints.items() if name not in used}
 
     def _read_links(self) -> None:
         inertial = bullet.getDynamicsInfo(self.uid, -1, physicsClientId=self.client)
@@ -95,6 +117,8 @@ class Robot:
         if changed:
             if any(name not in self.joints for name, _ in changed):
                 self._known(dict(changed))
+            if self.followers:
+                changed += [pair for name, value in changed for pair in self._following(name, value)]
             bullet.resetJointStatesMultiDof(
                 self.uid,
                 [self.joints[name] for name, _ in changed],
@@ -109,6 +133,10 @@ class Robot:
             bullet.resetBasePositionAndOrientation(
                 self.uid, pose.position, pose.orientation, physicsClientId=self.client
             )
+
+    def _following(self, name: str, value: float) -> list[tuple[str, float]]:
+        """Where the joints are that mimic a joint."""
+        return [(one.joint, one.multiplier * value + one.offset) for one in self.followers.get(name, ())]
 
     def link_pose(self, link: str) -> Pose:
         """Pose of a link frame in the map; ``KeyError`` for an unknown link."""
@@ -148,14 +176,19 @@ class Robot:
         half = np.einsum("nij,nj->ni", np.abs(axes @ self._axes), self._half)
         return center - half, center + half
 
-    def _ancestors(self, index: int) -> list[int]:
+    def ancestors(self, index: int) -> list[int]:
+        """A link and those it hangs from, by index."""
         chain = [index]
         while chain[-1] != -1:
             chain.append(self.parent[chain[-1]])
         return chain
 
     def _below(self, index: int) -> frozenset[int]:
-        return frozenset(k for k, link in enumerate(self.solid) if index in self._ancestors(link))
+        return frozenset(k for k, link in enumerate(self.solid) if index in self.ancestors(link))
+
+    def _moved_with(self, name: str) -> frozenset[int]:
+        names = (name, *(one.joint for one in self.followers.get(name, ())))
+        return frozenset[int]().union(*(self._below(self.joints[joint]) for joint in names))
 
     def moved_by(self, name: str) -> frozenset[int]:
         """Numbers of the solid links that a joint, or "x", "y", "yaw" of the base, moves."""
@@ -208,54 +241,6 @@ class Robot:
         away = (corners - np.asarray(pose.position)) @ rotation(pose)
         across = away - np.outer(away @ np.asarray(axis), axis)
         return float(np.linalg.norm(across, axis=1).max())
-
-    def _free_pairs(self) -> tuple[tuple[int, int], ...]:
-        """Pairs of solid links to watch, computed once per URDF and set of allowed pairs."""
-        text = self.body.urdf.read_bytes() + repr(sorted(tuple(sorted(pair)) for pair in self.body.allowed)).encode()
-        key = hashlib.sha256(text).hexdigest()
-        if key not in _pairs_of:
-            _pairs_of[key] = self._find_pairs()
-        return _pairs_of[key]
-
-    def _find_pairs(self) -> tuple[tuple[int, int], ...]:
-        allowed = {frozenset(pair) for pair in self.body.allowed}
-        names = self.solid_names
-        pairs = [
-            (a, b)
-            for a in range(len(names))
-            for b in range(a + 1, len(names))
-            if frozenset((names[a], names[b])) not in allowed and not self._adjacent(self.solid[a], self.solid[b])
-        ]
-        counts = dict.fromkeys(pairs, 0)
-        generator = np.random.default_rng(0)
-        spans = {n: (max(lo, -np.pi), min(hi, np.pi)) for n, (lo, hi) in self.limits.items()}
-        with self._kept():
-            for _ in range(_SAMPLES):
-                joints = {name: float(generator.uniform(*span)) for name, span in spans.items()}
-                self.show(Configuration(self.base, joints))
-                for pair in self.near_pairs(pairs):
-                    counts[pair] += self.depth_between(*pair) > TOLERANCE
-        return tuple(pair for pair in pairs if counts[pair] < _ALWAYS * _SAMPLES)
-
-    @contextlib.contextmanager
-    def _kept(self) -> Iterator[None]:
-        before = self.configuration()
-        yield
-        self.show(before)
-
-    def _adjacent(self, a: int, b: int) -> bool:
-        """Rigidly connected, or joined by one joint or by several whose frames coincide (a shoulder, a wrist)."""
-        up_a, up_b = self._ancestors(a), self._ancestors(b)
-        between = [i for i in up_a if i not in up_b] + [i for i in up_b if i not in up_a]
-        moving = [index for index in between if index not in self._fixed]
-        if len(moving) <= 1:
-            return True
-        if a not in up_b and b not in up_a:
-            return False
-        frames = np.array(
-            [bullet.getLinkState(self.uid, i, physicsClientId=self.client)[4] for i in moving], dtype=float
-        )
-        return bool(np.all(np.linalg.norm(frames - frames[0], axis=1) < _COINCIDENT))
 
     def near_pairs(self, pairs: list[tuple[int, int]] | tuple[tuple[int, int], ...]) -> list[tuple[int, int]]:
         """Those pairs whose boxes overlap."""

@@ -109,3 +109,5 @@ class RobotBody:
     """Pairs of links that may touch, beyond those that the simulator finds itself."""
     posture: Mapping[str, float] = field(default_factory=dict)
     """Joints at the beginning; those not named are at zero, or at the limit nearest to it."""
+    moving: Collection[str] | None = None
+    """Joints that are commanded; the others never move, except those that mimic them. None: all may."""

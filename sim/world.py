@@ -37,7 +37,7 @@ class PyBulletWorld:
     ) -> None:
         """``rate``: steps per second. ``seed`` is kept for records: nothing in here is random.
 
-        Raises ``RuntimeError`` without a display for ``gui``, ``pybullet.error`` for a URDF that cannot be loaded.
+        Raises ``RuntimeError`` without a display for ``gui``, ``BadInput`` for a URDF that cannot be loaded.
         """
         self.scene, self.rate, self.seed, self.steps = scene, rate, seed, 0
         self._client = connect(gui=gui)

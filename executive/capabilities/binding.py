@@ -24,6 +24,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, 
 from planlang.ontology import Ontology, load
 from planlang.resources import bundled
 from sim import CameraModel
+from sim.urdf import read_description
 
 
 def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders: Iterable[Path] = ()) -> Robot:
@@ -92,6 +93,7 @@ def _matching(model: SelfModel) -> RobotFile | None:
 
 
 def _mechanism(urdf: Path) -> Mechanism:
+    read_description(urdf)
     try:
         return Mechanism(urdf)
     except BadRobotDescription as problem:
@@ -100,7 +102,7 @@ def _mechanism(urdf: Path) -> Mechanism:
 
 def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Robot:
     mechanism = _mechanism(urdf)
-    found: list[Diagnostic] = []
+    found = list(read_description(urdf).diagnostics)
     if numbers is not None:
         found += _check(numbers, mechanism)
         if has_errors(found):

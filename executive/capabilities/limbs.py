@@ -17,6 +17,8 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.protocols import Array
 
+FINGER = 0.05
+"""Length of a finger that does not end at the tip frame [m]."""
 _TOOL = re.compile(r"tool|tcp|grip_?point|grasp", re.IGNORECASE)
 
 
@@ -201,7 +203,9 @@ class Limbs:
             joint = self.mechanism.joints[name]
             link = joint.child
             reach = np.array([0.0, 0.0, 0.0, 1.0])
-            reach[:3] = 0.05 * _ahead(self.mechanism.frame(link), line)
+            finger = self.mechanism.frame(link)
+            length = max(float(line[:3, 0] @ (line[:3, 3] - finger[:3, 3])), FINGER)
+            reach[:3] = length * _ahead(finger, line)
             sides = []
             for value in (joint.lower, joint.upper):
                 point = np.linalg.inv(line) @ self.mechanism.frame(link, value, of=name) @ reach

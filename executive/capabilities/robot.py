@@ -139,7 +139,7 @@ class Robot:
         hands = {arm.hand_link: arm.gripper.finger_links for arm in self.arms if arm.gripper}
         start = self.postures.get(posture or "carrying", {}) if posture is None else self.postures[posture]
         fingers = tuple(pair for links in hands.values() for pair in combinations(links, 2))
-        return RobotBody(self.urdf, camera, hands, (*self.allowed_contacts, *fingers), start)
+        return RobotBody(self.urdf, camera, hands, (*self.allowed_contacts, *fingers), start, tuple(self.limits))
 
     def posture(self, name: str) -> Mapping[str, float] | None:
         """Joint positions of a named posture; None if the robot knows none of that name."""
