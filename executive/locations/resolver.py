@@ -117,7 +117,9 @@ class Resolver:
         travel = np.hypot(bases[:, 0] - here[0], bases[:, 1] - here[1])
         score = score * (0.4 + np.minimum(clearance, 0.3)) * np.exp(-travel / 8.0)
         free = np.flatnonzero(clearance >= MARGIN)
-        order = free[np.argsort(-score[free], kind="stable")]
+        order = free[
+            np.argsort(-score[free].round(9), kind="stable")
+        ]  # equals stay in order wherever the map's origin is
         sector = np.floor((bases[order, 2] + 4 * math.pi) / (2 * math.pi / SECTORS)).astype(int) % SECTORS
         rank = np.zeros(len(order), int)
         for value in np.unique(sector):
@@ -188,7 +190,7 @@ class Resolver:
             if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in around.looked_in_vain(name)):
                 rejections.add("looked from there in vain")
                 return None
-        looked_at = (*demand.seen, *(r.body for r in demand.reaches if r.kind == "grasp"))
+        looked_at = (*demand.seen, *(r.body for r in demand.reaches if r.kind in ("grasp", "offer")))
         if not all(around.sees(base, name) for name in looked_at):
             rejections.add("not visible")
             return None
@@ -215,7 +217,7 @@ def _in_front(around: Surroundings, name: str, base: Base) -> bool:
     block = around.block(name)
     local = block.to_local(np.array([[base[0], base[1]]]))[0]
     away = local[0] - block.half_x
-    return bool(0.4 <= away <= 1.5 and abs(local[1]) <= away)
+    return bool(0.4 <= away <= 1.5 and abs(local[1]) <= away + 1e-3)  # places come to a tenth of a millimetre
 
 
 def _rounded(base: Base) -> Base:

@@ -1,0 +1,155 @@
+"""Rooms that are infeasible for one known reason: the failure names it, and the bodies that are in the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
+from planlang.failures import LocationUnresolvable, ObjectUnresolvable
+from planlang.protocols import Pose
+from sim import Body
+from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, THE_BOTTLE, MakeStage, Stage
+
+TO_GRASP = a_location(in_reach_of=THE_BOTTLE)
+TO_SEE = a_location(visible_from=THE_BOTTLE)
+Refused = Callable[..., LocationUnresolvable]
+
+
+def box(name: str, x: float, y: float, size: tuple[float, float, float], low: float = 0.0, yaw: float = 0.0) -> Body:
+    """A piece of furniture whose lowest point is ``low``."""
+    return Body(name, Pose.planar(x, y, yaw, low + size[2] / 2), size, type="Cupboard")
+
+
+@pytest.fixture
+def refused(make_stage: MakeStage) -> Refused:
+    """The failure that a location ends with in a room of these bodies, which it must."""
+
+    def resolve(location: Location, *bodies: Body) -> LocationUnresolvable:
+        with pytest.raises(LocationUnresolvable) as caught:
+            next(make_stage(*bodies).resolver.bases(location))
+        return caught.value
+
+    return resolve
+
+
+def test_a_bottle_on_a_high_pillar_is_out_of_reach(refused: Refused) -> None:
+    pillar = box("pillar", 1.6, 0.0, (0.07, 0.07, 1.75))
+    failure = refused(TO_GRASP, pillar, replace(BOTTLE, pose=Pose((1.6, 0.0, 1.85))))
+    assert set(failure.counts) <= {"out of reach", "not visible", "no room for the base", "in collision"}
+    assert failure.counts["out of reach"] > 0
+    assert set(failure.blocking) <= {"pillar"}
+
+
+def test_a_bottle_wider_than_the_open_fingers_is_too_wide_for_the_gripper(refused: Refused) -> None:
+    failure = refused(TO_GRASP, CABINET, replace(BOTTLE, size=(0.118, 0.118, 0.2)))
+    assert failure.counts["too wide for the gripper"] > 0
+    assert "out of reach" not in failure.counts
+
+
+def test_posts_around_a_cabinet_leave_no_room_and_are_named(refused: Refused) -> None:
+    posts = [
+        box(f"post{k}", 1.6 + 0.9 * math.cos(k * math.pi / 6), 0.9 * math.sin(k * math.pi / 6), (0.4, 0.4, 0.6))
+        for k in range(12)
+    ]
+    failure = refused(TO_GRASP, CABINET, BOTTLE, *posts)
+    assert next(iter(failure.counts)) == "no room for the base", "the most frequent reason comes first"
+    assert sum(name.startswith("post") for name in failure.blocking) >= 10
+    assert set(failure.blocking) <= {"cabinet", *(post.name for post in posts)}
+
+
+def test_the_middle_of_a_wide_table_is_out_of_the_bases_way(refused: Refused) -> None:
+    table = box("table", 1.6, 0.0, (2.4, 2.4, 0.8))
+    failure = refused(TO_GRASP, table, replace(BOTTLE, pose=Pose((1.6, 0.0, 0.9))))
+    assert set(failure.blocking) == {"table"}
+
+
+def test_a_bottle_between_screens_cannot_be_seen(refused: Refused) -> None:
+    screens = [
+        box("ahead", 1.3, 0.0, (0.02, 0.42, 0.5), 0.8),
+        box("behind", 1.7, 0.0, (0.02, 0.42, 0.5), 0.8),
+        box("left", 1.5, 0.2, (0.38, 0.02, 0.5), 0.8),
+        box("right", 1.5, -0.2, (0.38, 0.02, 0.5), 0.8),
+    ]
+    failure = refused(TO_SEE, CABINET, BOTTLE, *screens)
+    assert set(failure.counts) <= {"not visible", "no room for the base"}
+    assert failure.counts["not visible"] > 100
+
+
+def test_a_bottle_in_a_box_would_have_its_sides_touched_by_the_hand(make_stage: MakeStage) -> None:
+    sides = [
+        box("left", 1.5, 0.075, (0.2, 0.02, 0.3), 0.8),
+        box("right", 1.5, -0.075, (0.2, 0.02, 0.3), 0.8),
+        box("behind", 1.61, 0.0, (0.02, 0.2, 0.3), 0.8),
+        box("roof", 1.5, 0.0, (0.24, 0.2, 0.02), 1.1),
+    ]
+    stage = make_stage(CABINET, BOTTLE, *sides, start=(0.827, 0.0, -0.35))
+    arm = stage.platform.around.arms_of(a_device("LeftGripper"))[0]
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(stage.resolver.hands(a_location(in_center_of=THE_BOTTLE), arm, stage.platform.arm_joints(arm)))
+    assert set(caught.value.counts) == {"in collision"}
+    assert set(caught.value.blocking) <= {"left", "right", "roof", "behind"}
+
+
+def test_the_message_tells_the_counts_and_the_bodies(refused: Refused) -> None:
+    table = box("table", 1.6, 0.0, (2.4, 2.4, 0.8))
+    failure = refused(TO_GRASP, table, replace(BOTTLE, pose=Pose((1.6, 0.0, 0.9))))
+    text = str(failure)
+    assert text.startswith("no place found: in_reach_of(bottle): ")
+    assert f"{failure.counts['no room for the base']} no room for the base" in text
+    assert f"(in the way: table {failure.blocking['table']})" in text
+
+
+def test_each_place_is_counted_once(refused: Refused) -> None:
+    """Two arms, 24 bearings, 8 distances and 5 headings are 1920 places, and where the robot stands is one more."""
+    table = box("table", 1.6, 0.0, (2.4, 2.4, 0.8))
+    failure = refused(TO_GRASP, table, replace(BOTTLE, pose=Pose((1.6, 0.0, 0.9))))
+    assert failure.counts["no room for the base"] == 1920
+
+
+@pytest.mark.parametrize(
+    ("location", "said"),
+    [
+        (a_location(above=an_object("Bed-PieceOfFurniture")), "in_reach_of, visible_from, in_front_of"),
+        (a_location(next_to=THE_BOTTLE), "in_reach_of, visible_from, in_front_of"),
+        (a_location(in_reach_of=a_location(visible_from=THE_BOTTLE)), "in_reach_of, above, in_front_of, in_center_of"),
+        (a_location(in_reach_of=a_location(on=THE_BOTTLE)), "in_reach_of, above, in_front_of, in_center_of"),
+    ],
+    ids=str,
+)
+def test_a_relation_that_means_nothing_is_refused_with_those_that_do(
+    location: Location, said: str, refused: Refused
+) -> None:
+    assert f"what does: {said}" in str(refused(location, CABINET, BOTTLE, BED))
+
+
+def test_an_object_that_is_not_in_the_map_is_no_matter_of_places(make_stage: MakeStage) -> None:
+    with pytest.raises(ObjectUnresolvable, match="there are cabinet"):
+        next(make_stage(CABINET).resolver.bases(TO_GRASP))
+
+
+def test_a_hand_location_has_one_reference(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, BOTTLE, BED, PATIENT)
+    arm = stage.platform.around.arms[0]
+    both = a_location(in_center_of=THE_BOTTLE, above=an_object("Bed-PieceOfFurniture"))
+    for location in (both, a_posture("carrying")):
+        with pytest.raises(LocationUnresolvable, match="needs one reference"):
+            next(stage.resolver.hands(location, arm, stage.platform.arm_joints(arm)))
+
+
+def test_a_patient_behind_a_wall_of_furniture_is_out_of_reach(refused: Refused) -> None:
+    bed = replace(BED, size=(2.6, 3.4, 0.55))
+    failure = refused(a_location(in_reach_of=a_person("Patient")), bed, PATIENT)
+    assert failure.counts
+    assert set(failure.blocking) <= {"bed", "patient"}
+
+
+def test_when_all_places_were_given_the_last_word_is_a_failure(make_stage: MakeStage) -> None:
+    stage: Stage = make_stage(CABINET, BOTTLE)
+    solutions = []
+    with pytest.raises(LocationUnresolvable) as caught:
+        solutions.extend(stage.resolver.bases(TO_SEE))
+    assert caught.value.designator == "visible_from(bottle)"
