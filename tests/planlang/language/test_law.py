@@ -3,6 +3,9 @@
 Random trees of constructs are run under several schedules and compared with a model that knows no tasks: it computes
 from durations alone when a tree ends, and how. A moment is (step, 0, 0), or (step, 1, -depth) for what a deadline sets
 off: deadlines strike when a step is at rest, the most deeply nested first.
+
+One part of a tree may be a tagged task that is suspended for a while, and evaporated. What is done to it happens at
+other steps, modulo 4, than what the tree does by itself, so that no schedule can make a difference.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
+from operator import itemgetter
 from typing import Any
 
 from hypothesis import given, settings
@@ -19,6 +23,7 @@ from hypothesis import strategies as st
 from planlang import (
     PlanFailure,
     VirtualHost,
+    evaporate,
     now,
     par,
     partial_order,
@@ -26,12 +31,16 @@ from planlang import (
     run,
     seq,
     sleep,
+    suspend,
+    tag,
+    task,
     timeout,
     try_all,
     try_in_order,
     unwind_protect,
+    wake_up,
 )
-from planlang.failures import CompositeFailure, Timeout
+from planlang.failures import BranchEvaporated, CompositeFailure, Timeout
 
 RATE = 240
 Moment = tuple[int, int, int]
@@ -57,7 +66,17 @@ class Inner:
     steps: int = 0
 
 
-Tree = Leaf | Inner
+@dataclass(frozen=True)
+class Tagged:
+    """A tagged part of a tree: held from one moment to another, and evaporated from outside at a third."""
+
+    child: Tree
+    held: int
+    woken: int
+    gone: int
+
+
+Tree = Leaf | Inner | Tagged
 
 
 # -- the tree as a plan
@@ -70,6 +89,8 @@ class Bug(Exception):
 def plan_of(tree: Tree) -> Callable[[], Awaitable[Any]]:
     if isinstance(tree, Leaf):
         return partial(unwind_protect, partial(work, tree), partial(sleep, tree.cleanup / RATE), within=10**6)
+    if isinstance(tree, Tagged):
+        return partial(tag, "part", plan_of(tree.child))
     children = [plan_of(child) for child in tree.children]
     if tree.kind == "timeout":
         return partial(timeout, tree.steps / RATE, children[0])
@@ -93,11 +114,15 @@ async def work(leaf: Leaf) -> str:
 def outcome_of(tree: Tree, schedule: int | None) -> tuple[int, Any]:
     end: list[int] = []
 
-    async def top() -> Any:
+    async def measured() -> Any:
         try:
             return await plan_of(tree)()
         finally:
             end.append(round(now() * RATE))
+
+    async def top() -> Any:
+        part = tagged(tree)
+        return await pursue(measured, partial(disturb, part)) if part is not None else await measured()
 
     try:
         how = ("value", run(top, host=VirtualHost(RATE), schedule=schedule))
@@ -108,9 +133,30 @@ def outcome_of(tree: Tree, schedule: int | None) -> tuple[int, Any]:
     return end[0], how
 
 
+async def disturb(part: Tagged) -> None:
+    handle = task("part")
+    for moment, deed in sorted(
+        [(part.held, suspend), (part.woken, wake_up), (part.gone, evaporate)], key=itemgetter(0)
+    ):
+        await sleep(moment / RATE - now())
+        deed(handle)
+    await sleep(10**9)
+
+
+def tagged(tree: Tree) -> Tagged | None:
+    """The tagged part of a tree, if there is one."""
+    if isinstance(tree, Leaf):
+        return None
+    if isinstance(tree, Tagged):
+        return tree
+    return next((found for child in tree.children if (found := tagged(child)) is not None), None)
+
+
 def told(failure: PlanFailure) -> Any:
     if isinstance(failure, CompositeFailure):
         return [told(member) for member in failure.failures]
+    if isinstance(failure, BranchEvaporated):
+        return "gone"
     return "timeout" if isinstance(failure, Timeout) else str(failure)
 
 
@@ -119,50 +165,117 @@ def told(failure: PlanFailure) -> Any:
 EVAPORATED = ("evaporated", None)
 
 
-def after(moment: Moment, steps: int) -> Moment:
-    return (moment[0] + steps, 0, 0) if steps else moment
+@dataclass(frozen=True)
+class Clock:
+    """The time of a part of the tree: it stands still from one moment to another."""
+
+    held: int
+    woken: int
+
+    def resume(self, moment: Moment) -> Moment:
+        """When something goes on that could go on at ``moment``."""
+        return (self.woken, 0, 0) if self.held < moment[0] < self.woken else moment
+
+    def after(self, moment: Moment, steps: int) -> Moment:
+        """When something ends that takes ``steps``."""
+        if not steps:
+            return moment
+        crossed = moment[0] < self.held < moment[0] + steps
+        return (moment[0] + steps + (self.woken - self.held if crossed else 0), 0, 0)
+
+    def work(self, start: Moment, end: Moment) -> int:
+        """Steps between two moments in which time did not stand still."""
+        paused = max(0, min(end[0], self.woken) - max(start[0], self.held))
+        return end[0] - start[0] - paused
 
 
-def model(tree: Tree, start: Moment, cut: Moment, depth: int) -> tuple[Moment, Any]:
+RUNNING = Clock(10**9, 10**9)
+
+
+def model(tree: Tree, start: Moment, cut: Moment, depth: int, clock: Clock) -> tuple[Moment, Any]:
     """When the tree is dead, and its outcome, if it begins at ``start`` and is evaporated at ``cut``."""
     if isinstance(tree, Leaf):
-        done = after(start, tree.steps)
-        if done <= cut:
-            how = {"succeeds": ("value", tree.name), "fails": ("failure", tree.name), "errs": ("error", None)}
-            return after(done, tree.cleanup), how[tree.how]
-        return after(max(start, cut), tree.cleanup), EVAPORATED
+        return leaf(tree, start, cut, clock)
+    if isinstance(tree, Tagged):
+        return part(tree, start, cut, depth)
     if tree.kind in ("seq", "try_in_order"):
-        return in_order(tree, start, cut, depth)
+        return in_order(tree, start, cut, depth, clock)
     if start > cut:
         return start, EVAPORATED
-    return side_by_side(tree, start, cut, depth)
+    return (chain if tree.kind == "chain" else side_by_side)(tree, start, cut, depth, clock)
 
 
-def in_order(tree: Inner, start: Moment, cut: Moment, depth: int) -> tuple[Moment, Any]:
+def leaf(tree: Leaf, start: Moment, cut: Moment, clock: Clock) -> tuple[Moment, Any]:
+    done = clock.after(start, tree.steps)
+    if done > cut:
+        return RUNNING.after(max(start, cut), tree.cleanup), EVAPORATED
+    end = clock.after(done, tree.cleanup)
+    if end > cut:  # evaporated during its cleanup, which from then on is not held
+        end = RUNNING.after(cut, tree.cleanup - clock.work(done, cut))
+    how = {"succeeds": ("value", tree.name), "fails": ("failure", tree.name), "errs": ("error", None)}
+    return end, how[tree.how]
+
+
+def in_order(tree: Inner, start: Moment, cut: Moment, depth: int, clock: Clock) -> tuple[Moment, Any]:
     results: list[Any] = []
     goes_on = "value" if tree.kind == "seq" else "failure"
     moment = start
     for child in tree.children:
-        moment, how = model(child, moment, cut, depth)
+        moment, how = model(child, moment, cut, depth, clock)
         if how[0] != goes_on:
             return moment, how
         results.append(how[1])
     return moment, (goes_on, results)
 
 
-def side_by_side(tree: Inner, start: Moment, cut: Moment, depth: int) -> tuple[Moment, Any]:
-    if tree.kind == "chain":
-        return chain(tree, start, cut, depth)
-    alone = [model(child, start, NEVER, depth + 1) for child in tree.children]
-    decided, how = decision(tree, start, alone, depth)
-    ends = [model(child, start, min(decided, cut), depth + 1) for child in tree.children]
-    end = max(end for end, _ in ends)
+def side_by_side(tree: Inner, start: Moment, cut: Moment, depth: int, clock: Clock) -> tuple[Moment, Any]:
+    alone = [model(child, start, NEVER, depth + 1, clock) for child in tree.children]
+    decided, how = decision(tree, start, alone, depth, clock)
+    ends = [model(child, start, min(decided, cut), depth + 1, clock) for child in tree.children]
     if any(one == ("error", None) for _, one in ends):
-        return end, ("error", None)
-    return end, (how if decided <= cut and end <= cut else EVAPORATED)
+        how = ("error", None)
+    elif decided > cut:
+        how = EVAPORATED
+    return joined(max(end for end, _ in ends), how, cut, clock)
 
 
-def decision(tree: Inner, start: Moment, alone: list[tuple[Moment, Any]], depth: int) -> tuple[Moment, Any]:
+def joined(end: Moment, how: Any, cut: Moment, clock: Clock) -> tuple[Moment, Any]:
+    """When the owner of branches that are dead at ``end`` goes on, and with what."""
+    if end > cut or clock.resume(end) > cut:
+        return max(end, cut), (how if how[0] == "error" else EVAPORATED)
+    return (clock.resume(end) if how != EVAPORATED else end), how
+
+
+def chain(tree: Inner, start: Moment, cut: Moment, depth: int, clock: Clock) -> tuple[Moment, Any]:
+    results: dict[str, Any] = {}
+    moment = start
+    for number, child in enumerate(tree.children):
+        moment, how = model(child, moment, cut, depth + 1, clock)
+        if moment > cut or how[0] != "value":
+            return joined(moment, how, cut, clock)
+        results[str(number)] = how[1]
+    return joined(moment, ("value", results), cut, clock)
+
+
+def part(tree: Tagged, start: Moment, cut: Moment, depth: int) -> tuple[Moment, Any]:
+    gone = (tree.gone, 0, 0)
+    if start > cut:
+        return start, EVAPORATED
+    if gone < start:
+        return start, ("failure", "gone")
+    last = min(cut, gone)
+    clock = Clock(tree.held, tree.woken)
+    end, how = last, EVAPORATED
+    if clock.resume(start) <= last:  # else it was created held, and never began
+        end, how = model(tree.child, clock.resume(start), last, depth + 1, clock)
+    if how == EVAPORATED and gone < cut:
+        how = ("failure", "gone")
+    return joined(end, how, cut, RUNNING)
+
+
+def decision(
+    tree: Inner, start: Moment, alone: list[tuple[Moment, Any]], depth: int, clock: Clock
+) -> tuple[Moment, Any]:
     """When the outcome is fixed, and the outcome, if nothing comes from outside."""
     errors = [end for end, how in alone if how[0] == "error"]
     failures = [end for end, how in alone if how[0] == "failure"]
@@ -173,7 +286,7 @@ def decision(tree: Inner, start: Moment, alone: list[tuple[Moment, Any]], depth:
         return next(how for end, how in alone if how[0] == kind and end == moment)
 
     if tree.kind == "timeout":
-        deadline = (start[0] + tree.steps, 1, -depth)
+        deadline = (clock.after(start, tree.steps)[0], 1, -depth)
         return (last, alone[0][1]) if last <= deadline else (deadline, ("failure", "timeout"))
     if tree.kind == "par":
         moment = min([*errors, *failures], default=last)
@@ -191,41 +304,40 @@ def decision(tree: Inner, start: Moment, alone: list[tuple[Moment, Any]], depth:
     return moment, ("failure", [how[1] for _, how in alone])
 
 
-def chain(tree: Inner, start: Moment, cut: Moment, depth: int) -> tuple[Moment, Any]:
-    results: dict[str, Any] = {}
-    moment = start
-    for number, child in enumerate(tree.children):
-        if moment > cut:
-            return moment, EVAPORATED
-        moment, how = model(child, moment, cut, depth + 1)
-        if how[0] == "error":
-            return moment, how
-        if moment > cut or how == EVAPORATED:
-            return moment, EVAPORATED
-        if how[0] == "failure":
-            return moment, how
-        results[str(number)] = how[1]
-    return moment, ("value", results)
-
-
 # -- the facts
+
+
+def fourfold(number: int) -> int:
+    return 4 * number
 
 
 def leaves() -> st.SearchStrategy[Tree]:
     return st.builds(
         lambda name, steps, how, cleanup: Leaf(f"leaf{name}", steps, how, cleanup),
         st.integers(0, 99),
-        st.integers(0, 4),
+        st.integers(0, 4).map(fourfold),
         st.sampled_from(["succeeds", "succeeds", "succeeds", "fails", "fails", "errs"]),
-        st.sampled_from([0, 0, 1, 3]),
+        st.sampled_from([0, 0, 4, 12]),
     )
 
 
 def grown(children: st.SearchStrategy[Tree]) -> st.SearchStrategy[Tree]:
     kinds = st.sampled_from(["par", "pursue", "try_all", "seq", "try_in_order", "chain"])
     several = st.builds(Inner, kinds, st.lists(children, min_size=1, max_size=4).map(tuple))
-    bounded = st.builds(lambda child, steps: Inner("timeout", (child,), steps), children, st.integers(1, 5))
+    bounded = st.builds(
+        lambda child, steps: Inner("timeout", (child,), steps), children, st.integers(1, 5).map(fourfold)
+    )
     return st.one_of(several, several, bounded)
+
+
+def tag_one(tree: Tree, choose: st.DataObject, held: int, pause: int, gone: int) -> Tree:
+    """The tree with one part of it tagged."""
+    if isinstance(tree, Inner) and choose.draw(st.booleans()):
+        chosen = choose.draw(st.integers(0, len(tree.children) - 1))
+        children = list(tree.children)
+        children[chosen] = tag_one(children[chosen], choose, held, pause, gone)
+        return Inner(tree.kind, tuple(children), tree.steps)
+    return Tagged(tree, held, held + pause, gone)
 
 
 trees = st.recursive(leaves(), grown, max_leaves=14)
@@ -234,7 +346,7 @@ trees = st.recursive(leaves(), grown, max_leaves=14)
 @settings(max_examples=400, deadline=None)
 @given(trees)
 def test_the_outcome_of_a_tree_is_what_the_model_computes(tree: Tree) -> None:
-    end, how = model(tree, (0, 0, 0), NEVER, 0)
+    end, how = model(tree, (0, 0, 0), NEVER, 0, RUNNING)
     assert outcome_of(tree, None) == (end[0], how)
 
 
@@ -246,3 +358,20 @@ def test_branches_that_share_nothing_have_the_same_outcome_under_every_schedule(
     first_come = outcome_of(tree, None)
     for schedule in schedules:
         assert outcome_of(tree, schedule) == first_come
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    trees,
+    st.data(),
+    st.integers(0, 8).map(lambda n: 4 * n + 1),
+    st.integers(0, 8).map(lambda n: 4 * n + 1),
+    st.one_of(st.just(10**6 + 3), st.integers(0, 15).map(lambda n: 4 * n + 3)),
+    st.one_of(st.none(), st.integers(0, 99)),
+)
+def test_suspending_and_evaporating_a_part_of_a_tree_has_the_outcome_that_the_model_computes(
+    tree: Tree, choose: st.DataObject, held: int, pause: int, gone: int, schedule: int | None
+) -> None:
+    whole = tag_one(tree, choose, held, pause, gone)
+    end, how = model(whole, (0, 0, 0), NEVER, 1, RUNNING)
+    assert outcome_of(whole, schedule) == (end[0], how)
