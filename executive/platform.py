@@ -263,9 +263,11 @@ class Platform:
         self.belief.not_seen(name, self.base())
 
     def must_look(self, what: Object) -> bool:
-        """Whether a thing to be manipulated has not been seen since the base last moved."""
+        """Whether a thing to grasp, or a person to give to, has not been seen since the base last moved."""
         name = self.around.bind(what)
-        return self.around.is_graspable(name) and name not in self.belief.held and not self.belief.seen_from_here(name)
+        if name in self.belief.held or self.belief.seen_from_here(name):
+            return False
+        return self.around.is_graspable(name) or self.around.is_person(name)
 
     def base_moved(self) -> None:
         """Tell the belief that things have to be looked at again."""
