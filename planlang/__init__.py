@@ -17,7 +17,7 @@ from planlang.designators import (
     an_object,
     holding,
 )
-from planlang.failures import PlanFailure, explain
+from planlang.failures import PlanFailure
 from planlang.kernel import (
     CleanupOverrun,
     DeadlockError,
@@ -43,6 +43,7 @@ from planlang.kernel import (
 )
 from planlang.language.bounds import timeout, unwind_protect
 from planlang.language.budgets import budget
+from planlang.language.explaining import explain
 from planlang.language.goals import achieve
 from planlang.language.location import at_location
 from planlang.language.ordering import partial_order

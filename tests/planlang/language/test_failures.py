@@ -1,0 +1,111 @@
+"""Failures: one root, typed fields, messages built from them, chains of causes and their explanation."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+from functools import partial
+from typing import Any
+
+import pytest
+
+from planlang import PlanFailure, VirtualHost, explain, failures, par, run, sleep
+from planlang.failures import (
+    CompositeFailure,
+    GraspMissed,
+    LocationUnresolvable,
+    ManipulationFailure,
+    NavigationPoseUnreachable,
+    ObjectUnfetchable,
+    ObjectUnreachable,
+)
+
+CLASSES = [kind for _, kind in inspect.getmembers(failures, inspect.isclass) if issubclass(kind, PlanFailure)]
+
+
+@pytest.mark.parametrize("kind", CLASSES, ids=lambda kind: kind.__name__)
+def test_every_failure_can_be_raised_without_details_and_says_something(kind: type[PlanFailure]) -> None:
+    assert str(kind())
+    assert str(kind("in other words")) == "in other words"
+    assert kind.__doc__
+
+
+def test_the_message_is_built_from_the_fields() -> None:
+    assert str(NavigationPoseUnreachable(target=(1.0, 2.5, 0.0), blocked_by="bed1")) == (
+        "no path for the base: target (1, 2.5, 0), blocked by bed1"
+    )
+    unresolvable = LocationUnresolvable(
+        designator="in_reach_of(bottle1)",
+        counts={"out of reach": 200, "in collision": 96},
+        blocking={"bed1": 90, "cabinet1": 6},
+    )
+    assert str(unresolvable) == (
+        "no place found: in_reach_of(bottle1): 296 candidates: 200 out of reach, 96 in collision "
+        "(in the way: bed1 90, cabinet1 6)"
+    )
+
+
+def test_fields_are_typed_and_named_and_inherited() -> None:
+    failure = GraspMissed(arm="left", what="cup")
+    assert isinstance(failure, ManipulationFailure)
+    assert (failure.arm, failure.what, failure.blocked_by) == ("left", "cup", None)
+    with pytest.raises(TypeError):
+        GraspMissed(colour="red")  # type: ignore[call-arg]
+
+
+def test_a_failure_caused_by_another_takes_over_the_fields_they_share() -> None:
+    raised = ObjectUnfetchable.caused_by(GraspMissed(arm="left", what="cup"))
+    assert raised.what == "cup"
+    assert [type(link).__name__ for link in raised.chain()] == ["ObjectUnfetchable", "GraspMissed"]
+
+
+def test_failures_are_compared_by_identity_and_can_be_pickled() -> None:
+    failure = GraspMissed(arm="left")
+    assert failure != GraspMissed(arm="left")
+    copy = pickle.loads(pickle.dumps(failure))
+    assert (type(copy), copy.arm, str(copy)) == (GraspMissed, "left", str(failure))
+
+
+def test_an_explanation_shows_chain_places_siblings_and_members() -> None:
+    async def misses(arm: str) -> None:
+        raise GraspMissed(arm=arm)
+
+    async def serve() -> None:
+        try:
+            await par(left=partial(misses, "left"), right=partial(misses, "right"), slow=partial(sleep, 1))
+        except GraspMissed as missed:
+            raise ObjectUnreachable(what="cup") from missed
+
+    with pytest.raises(ObjectUnreachable) as caught:
+        run(serve, host=VirtualHost())
+    lines = explain(caught.value).splitlines()
+    assert lines[0] == "ObjectUnreachable: the object cannot be reached: what cup"
+    assert lines[1].startswith("  in serve (test_failures.py:")
+    assert lines[2] == "  because of GraspMissed: the gripper closed on nothing: arm left"
+    assert lines[3].startswith("    in serve/par/left (test_failures.py:")
+    assert lines[4] == "    at the same time, right: GraspMissed: the gripper closed on nothing: arm right"
+
+
+def test_an_explanation_of_a_composite_failure_lists_its_branches() -> None:
+    both = CompositeFailure(failures=(GraspMissed(), PlanFailure("odd")), names=("grasp", "other"))
+    assert explain(both).splitlines()[1:] == [
+        "  branch grasp: GraspMissed: the gripper closed on nothing",
+        "  branch other: PlanFailure: odd",
+    ]
+
+
+def test_a_chain_that_leads_back_to_itself_ends() -> None:
+    one, other = PlanFailure("one"), PlanFailure("other")
+    one.__cause__, other.__cause__ = other, one
+    assert list(one.chain()) == [one, other]
+
+
+def test_where_carries_the_revision_of_the_belief(executive: Any) -> None:
+    async def fails() -> None:
+        executive.belief = 7
+        raise PlanFailure("no")
+
+    with pytest.raises(PlanFailure) as caught:
+        run(fails, host=VirtualHost(), executive=executive)
+    assert caught.value.where is not None
+    assert caught.value.where.revision == 7
