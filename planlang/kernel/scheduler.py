@@ -61,6 +61,10 @@ def _call(task: Task) -> object:
     return coroutine.send(None)
 
 
+def _unfinished(generators: list[AsyncGenerator[Any, Any]]) -> list[AsyncGenerator[Any, Any]]:
+    return [generator for generator in generators if getattr(generator, "ag_frame", None) is not None]
+
+
 def _keep(generator: AsyncGenerator[Any, Any]) -> None:
     """Generators are closed by the task that iterated them; nothing is left to the collector."""
 
@@ -360,8 +364,8 @@ class Scheduler:
         return task.context.run(_call, task)
 
     def _returned(self, task: Task, value: Any) -> None:
-        if task.generators:
-            self._close_first(task, value, None)
+        if task.generators and (left := _unfinished(task.generators)):
+            self._close_first(task, left, value, None)
         elif task.thrown:
             self.finish(task, Status.EVAPORATED)
         else:
@@ -369,8 +373,8 @@ class Scheduler:
             self.finish(task, Status.SUCCEEDED)
 
     def _raised(self, task: Task, error: BaseException) -> None:
-        if task.generators:
-            self._close_first(task, None, error)
+        if task.generators and (left := _unfinished(task.generators)):
+            self._close_first(task, left, None, error)
             return
         if isinstance(error, Evaporated) and task.thrown:
             pass
@@ -412,12 +416,13 @@ class Scheduler:
     def _adopt(self, generator: AsyncGenerator[Any, Any]) -> None:
         task = self.current
         if task is not None:
-            known = [one for one in task.generators or () if getattr(one, "ag_frame", None) is not None]
-            task.generators = [*known, generator]
+            task.generators = [*_unfinished(task.generators or []), generator]
 
-    def _close_first(self, task: Task, value: Any, error: BaseException | None) -> None:
+    def _close_first(
+        self, task: Task, generators: list[AsyncGenerator[Any, Any]], value: Any, error: BaseException | None
+    ) -> None:
         """Close the async generators that the task left open, shielded, before it counts as dead."""
-        generators, task.generators = task.generators or [], None
+        task.generators = None
         task.node = task
         task.coroutine = close_generators(task, generators, value, error)
         task.shields += 1
