@@ -16,6 +16,7 @@ import numpy as np
 
 from executive.arms import arm_models, gaze_of
 from executive.capabilities import Robot, bind_robot, missing_capabilities
+from executive.carrying import with_carrying
 from executive.console import DONE, FAILED, INTERRUPTED, MISSING_CAPABILITY
 from executive.core import RobotExecutive
 from executive.knowledge import Belief, SemanticMap, default_start, read_map, scene_of
@@ -215,7 +216,7 @@ def _map(options: RunOptions, found: list[Diagnostic]) -> SemanticMap:
 
 def _robot(options: RunOptions, found: list[Diagnostic]) -> Robot:
     assert options.robot is not None
-    robot = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
+    robot = with_carrying(bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies))
     found.extend(robot.diagnostics)
     return robot
 

@@ -28,7 +28,7 @@ def watched_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     """Pairs of solid links that must not touch, computed once per URDF and robot's body.
 
     Left out are pairs that may touch, that are rigidly connected or joined by one joint, that touch nearly always, and
-    those that touch in the posture which the robot shows: there the model is wrong, not the robot.
+    those that touch in the posture that is said to begin with: there the model is wrong, not the robot.
     """
     body = robot.body
     allowed = sorted(tuple(sorted(pair)) for pair in body.allowed)
@@ -49,8 +49,9 @@ def _find_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
         for b in range(a + 1, len(names))
         if frozenset((names[a], names[b])) not in allowed and not _adjacent(robot, robot.solid[a], robot.solid[b])
     ]
-    touching = {pair for pair in robot.near_pairs(pairs) if robot.depth_between(*pair) > TOLERANCE}
-    pairs = [pair for pair in pairs if pair not in touching]
+    if robot.body.posture:
+        touching = {pair for pair in robot.near_pairs(pairs) if robot.depth_between(*pair) > TOLERANCE}
+        pairs = [pair for pair in pairs if pair not in touching]
     counts = dict.fromkeys(pairs, 0)
     generator = np.random.default_rng(0)
     spans = {

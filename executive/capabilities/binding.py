@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import numpy as np
+
 from executive.capabilities.components import components_of, inherent_components
 from executive.capabilities.limbs import Limbs, renamed, with_camera_neck
 from executive.capabilities.mechanism import Mechanism
@@ -69,7 +71,7 @@ def _bundled_file(name: str) -> Path:
 def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
     if urdf is not None:
         beside = urdf.with_suffix(".toml")
-        return _bind(model, read_robot_file(beside) if beside.is_file() else None, urdf)
+        return _bind(model, read_robot_file(beside) if beside.is_file() else _numbers_for(urdf), urdf)
     numbers = _matching(model)
     if numbers is None:
         span = model.span or Span(str(model.ontology.documents[0].path))
@@ -90,6 +92,31 @@ def _matching(model: SelfModel) -> RobotFile | None:
         if whole and (best is None or common > best[0]):
             best = (common, numbers)
     return best[1] if best else None
+
+
+def _numbers_for(urdf: Path) -> RobotFile | None:
+    """The numbers of the bundled robot whose arms are those of a URDF: same joints, same lengths."""
+    mechanism = _mechanism(urdf)
+    for name in robots():
+        numbers = read_robot_file(_bundled_file(name))
+        bundled_one = _mechanism(numbers.urdf)
+        if has_errors(_check(numbers, mechanism)) or not numbers.arms:
+            continue
+        if all(_same_arm(mechanism, bundled_one, arm.tip) for arm in numbers.arms):
+            return numbers
+    return None
+
+
+def _same_arm(one: Mechanism, other: Mechanism, tip: str) -> bool:
+    """Whether two URDFs agree in the joints that move a link, and in where they are relative to each other."""
+    movers = one.movers(tip)
+    if not movers or movers != other.movers(tip):
+        return False
+    mine, others = (
+        [np.linalg.inv(robot.frame(tip)) @ robot.frame(robot.joints[mover].child) for mover in movers]
+        for robot in (one, other)
+    )
+    return bool(np.allclose(mine, others, atol=0.002))
 
 
 def _mechanism(urdf: Path) -> Mechanism:
@@ -121,8 +148,13 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
     if has_errors(found):
         raise BadInput(found)
     if numbers is None:
-        help = f"a robot file {urdf.stem}.toml beside the URDF says them"
+        help = f"a robot file {urdf.stem}.toml beside the URDF says them in [base], [joints.*] and [postures.*]"
         found.append(note("B010", "speeds, postures and the size of the base are assumed", None, help))
+    elif model is not None and numbers.path.parent != urdf.parent and numbers.urdf.resolve() != urdf.resolve():
+        help = f"a robot file {urdf.stem}.toml beside the URDF says others"
+        found.append(
+            note("B010", f"speeds, postures and hands are those of the bundled robot {numbers.name}", None, help)
+        )
     if model is not None:
         components, capabilities = components_of(model)
     else:

@@ -183,7 +183,13 @@ class Limbs:
     def _axes(self, tip: str, hand: str, name: str) -> tuple[Axis, Axis]:
         """Approach and closing axes of a tip about which nothing is said."""
         message = f"the {name} arm's hand is taken to move along x and to close along y of {tip}"
-        self.found.append(note("B010", message, help="a robot file (TOML) beside the URDF says more"))
+        self.found.append(
+            note(
+                "B010",
+                message,
+                help=f"a robot file (TOML) beside the URDF says more: approach and closing in [arms.{name}]",
+            )
+        )
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
     def _finger_names(self, hand: str, tip: str, model: SelfModel) -> tuple[str, ...]:
@@ -216,7 +222,9 @@ class Limbs:
             followers = [j.child for j in self.mechanism.joints.values() if j.mimic and j.mimic.joint == name]
             links += [link, *(child for child in followers if "finger" in child.lower())]
             room += (max(sides) - min(sides)) * (2 if len(followers) else 1)
-        self.found.append(note("B010", f"{', '.join(joints)}: opened and closed are taken from the URDF's limits"))
+        help = "a robot file (TOML) beside the URDF says more: opened, closed, max_opening in [arms.*.gripper]"
+        message = f"{', '.join(joints)}: opened and closed are taken from the URDF's limits"
+        self.found.append(note("B010", message, help=help))
         return GripperNumbers(opened, closed, tuple(links), max(0.9 * room, 0.01))
 
 
