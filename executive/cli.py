@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from executive.console import BAD_INPUT, Answer, answer, say
+from executive.console import BAD_INPUT, Answer, answer, say, show
 from executive.inputs import PlanFile, RecipeFile, find, names, read
 from executive.outputs import check_outputs, write_plan
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
@@ -209,13 +209,14 @@ def run_command(
             record=record,
             force=force,
             progress=(lambda line: None) if json else say,
+            announce=(lambda found: None) if json else show,
         )
-        return _ran(run_plan_file(options))
+        return _ran(run_plan_file(options), told=not json)
 
     answer("run", work, as_json=json)
 
 
-def _ran(result: RunResult) -> Answer:
+def _ran(result: RunResult, *, told: bool) -> Answer:
     lines = [result.outcome, *result.final_state]
     data: dict[str, Any] = {
         "outcome": result.outcome,
@@ -223,7 +224,8 @@ def _ran(result: RunResult) -> Answer:
         "final_state": list(result.final_state),
         "plan_seconds": result.seconds,
     }
-    return Answer(result.exit_code, tuple(result.diagnostics), "\n".join(line for line in lines if line), data)
+    text = "\n".join(line for line in lines if line)
+    return Answer(result.exit_code, () if told else result.diagnostics, text, data)
 
 
 def _recipe(name: str) -> RecipeFile:

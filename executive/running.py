@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import traceback
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -63,6 +63,8 @@ class RunOptions:
     record: Path | None = None
     force: bool = False
     progress: Callable[[str], None] = lambda line: None
+    announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
+    """Told what was repaired and assumed, once, before the plan runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +93,8 @@ def run_plan_file(options: RunOptions) -> RunResult:
         plan = main_plan(module, options.task)
         semantic_map = _map(options, found)
         robot = _robot(options, found)
+        scene = scene_of(semantic_map, found)
+        options.announce(found)
         if not options.force:
             missing = missing_capabilities(semantic_map.ontology, action_classes(module), robot)
             if missing:
@@ -100,7 +104,7 @@ def run_plan_file(options: RunOptions) -> RunResult:
                     diagnostics=tuple(found),
                     failure=("MissingCapability",),
                 )
-        scene = _placed(scene_of(semantic_map, found), robot, options)
+        scene = _placed(scene, robot, options)
         truth = PyBulletWorld(perturb(scene, options.seed), robot.body(), gui=options.gui, seed=options.seed)
         stack.callback(truth.close)
         believed = PyBulletWorld(scene, robot.body())
