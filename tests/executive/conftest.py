@@ -20,7 +20,7 @@ from executive.surroundings import BelievedSurroundings
 from planlang import SimulationHost, Trace, run
 from planlang.designators import an_object
 from planlang.ontology import Ontology, expand, load, shorten
-from planlang.protocols import Pose
+from planlang.protocols import Configuration, Pose
 from planlang.resources import bundled
 from sim import Body, PyBulletWorld, Scene
 
@@ -114,6 +114,30 @@ def make_stage(
 ) -> Iterator[MakeStage]:
     """Furnishes rooms for one test."""
     yield from _furnisher(amigo, vocabulary, limbs)
+
+
+@pytest.fixture
+def ward(make_stage: MakeStage) -> Stage:
+    """A bottle on a cabinet ahead of the robot, a patient in a bed behind it."""
+    return make_stage(*WARD)
+
+
+def stand(stage: Stage, base: tuple[float, float, float]) -> None:
+    """Put the robot somewhere, in truth and in belief."""
+    now = stage.truth.configuration()
+    stage.truth.set_configuration(Configuration(base, now.joints))
+    stage.platform.sync()
+
+
+def hold_bottle(stage: Stage, arm: str = "right", turned: float = 0.0) -> None:
+    """Put the bottle into a hand, upright with the hand in the carrying posture, and let the belief know."""
+    tip = stage.platform.robot.arm(arm).tip
+    there = stage.truth.link_pose(tip)
+    stage.truth.set_pose("bottle", Pose.planar(there.position[0], there.position[1], turned, there.position[2]))
+    stage.truth.attach(tip, "bottle")
+    offset = there.inverse() @ stage.truth.pose("bottle")
+    stage.belief.grasped("bottle", arm, tip, offset)
+    stage.platform.sync()
 
 
 def _furnisher(

@@ -11,9 +11,9 @@ import pytest
 
 from executive.capabilities import Robot
 from executive.locations import ReachSolution
-from planlang.protocols import Array, Configuration, Pose
+from planlang.protocols import Array
 from sim import PyBulletWorld
-from tests.executive.conftest import WARD, MakeStage, Stage
+from tests.executive.conftest import Stage
 
 TOUCHING = 0.001
 """Penetrations up to this depth are judged as touching [m]."""
@@ -187,27 +187,3 @@ def judge_of(amigo: Robot) -> Iterator[MakeJudge]:
     yield make
     for one in made:
         one.close()
-
-
-@pytest.fixture
-def ward(make_stage: MakeStage) -> Stage:
-    """A bottle on a cabinet ahead of the robot, a patient in a bed behind it."""
-    return make_stage(*WARD)
-
-
-def stand(stage: Stage, base: tuple[float, float, float]) -> None:
-    """Put the robot somewhere, in truth and in belief."""
-    now = stage.truth.configuration()
-    stage.truth.set_configuration(Configuration(base, now.joints))
-    stage.platform.sync()
-
-
-def hold_bottle(stage: Stage, arm: str = "right", turned: float = 0.0) -> None:
-    """Put the bottle into a hand, upright with the hand in the carrying posture, and let the belief know."""
-    tip = stage.platform.robot.arm(arm).tip
-    there = stage.truth.link_pose(tip)
-    stage.truth.set_pose("bottle", Pose.planar(there.position[0], there.position[1], turned, there.position[2]))
-    stage.truth.attach(tip, "bottle")
-    offset = there.inverse() @ stage.truth.pose("bottle")
-    stage.belief.grasped("bottle", arm, tip, offset)
-    stage.platform.sync()

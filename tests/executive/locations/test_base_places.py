@@ -14,8 +14,19 @@ from planlang.designators import Location, a_device, a_location, a_person, an_ob
 from planlang.failures import LocationUnresolvable
 from planlang.protocols import Array, Pose, Solution
 from sim import Body
-from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, THE_BOTTLE, WARD, MakeStage, Stage
-from tests.executive.locations.conftest import MakeJudge, hold_bottle, stand
+from tests.executive.conftest import (
+    BED,
+    BOTTLE,
+    CABINET,
+    PATIENT,
+    THE_BOTTLE,
+    WARD,
+    MakeStage,
+    Stage,
+    hold_bottle,
+    stand,
+)
+from tests.executive.locations.conftest import MakeJudge
 
 THE_PATIENT, THE_BED = a_person("Patient"), an_object("Bed-PieceOfFurniture")
 GRASPED, BEFORE = a_location(in_center_of=THE_BOTTLE), a_location(in_front_of=THE_BOTTLE)

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from planlang.designators import Location, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable
 from planlang.protocols import Configuration, Detection, Pose
-from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage
-from tests.executive.locations.conftest import hold_bottle, stand
+from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage, hold_bottle, stand
 
 LOCATIONS = (
     a_location(in_reach_of=(THE_BOTTLE, a_location(in_center_of=THE_BOTTLE))),
