@@ -155,18 +155,18 @@ class Contacts:
                 held.touched &= self.touching(name, PARTED)
 
     def between(self, fingers: Collection[str], reach: float = 0.01) -> str | None:
-        """The body that two or more finger links have between them, each not farther than ``reach`` [m] from it."""
+        """The body that two or more finger links, of all that are given, have between them within ``reach`` [m]."""
         numbers = [self.robot.number[link] for link in fingers if link in self.robot.number]
         if len(numbers) < 2:
             return None
         lower, upper = self.robot.boxes()
-        near = self.bodies.near(lower[numbers] - reach, upper[numbers] + reach).all(axis=0)
+        near = self.bodies.near(lower[numbers] - reach, upper[numbers] + reach).sum(axis=0) >= 2
         names = dict.fromkeys(self.bodies.pieces[index].body for index in np.nonzero(near)[0].tolist())
         best: tuple[float, str] | None = None
         for name in names:
             normals = [self._normal(number, name, reach) for number in numbers]
             sides = [normal for normal in normals if normal is not None]
-            if len(sides) < len(numbers):
+            if len(sides) < 2:
                 continue
             opposed = min(float(a @ b) for k, a in enumerate(sides) for b in sides[k + 1 :])
             if opposed < -0.5 and (best is None or opposed < best[0]):

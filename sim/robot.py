@@ -14,7 +14,7 @@ from sim.geometry import rotation, rotations
 from sim.scene import RobotBody
 from sim.self_contact import TOLERANCE as TOLERANCE
 from sim.self_contact import watched_pairs
-from sim.urdf import loadable, read_description
+from sim.urdf import Follower, loadable, read_description
 
 Index = NDArray[np.intp]
 
@@ -23,7 +23,8 @@ class Robot:
     """A URDF in a client, its base frame placed in the plane.
 
     ``show`` puts it into a configuration; every other method speaks of the configuration shown last. Links with
-    collision shapes are "solid" and numbered 0..n-1 in the order of the URDF.
+    collision shapes are "solid" and numbered 0..n-1 in the order of the URDF. Joints that mimic another are no joints
+    here: they move with it.
     """
 
     def __init__(self, client: int, body: RobotBody) -> None:
@@ -38,7 +39,7 @@ class Robot:
         self._measure()
         self._moved = {name: self._moved_with(name) for name in self.joints}
         self.grounded = frozenset(range(len(self.solid))).difference(
-            *(self._below(index) for index in self.joints.values() if index not in self.fixed)
+            *(self._below(index) for index in range(len(self.link_names) - 1) if index not in self.fixed)
         )
         """Numbers of the solid links that no joint lifts: the floor is no obstacle to them."""
         self.show(Configuration(self.base, {**self.shown, **self._known(body.posture)}))
@@ -76,15 +77,20 @@ class Robot:
         self._read_used()
 
     def _read_used(self) -> None:
-        """Joints that follow others, and those that never move because nothing uses them (wheels)."""
-        self.followers = {
-            name: tuple(one for one in followers if one.joint in self.joints)
-            for name, followers in self.description.followers.items()
-            if name in self.joints
-        }
-        used = set(self.joints if self.body.moving is None else self.body.moving)
-        used |= {one.joint for name in sorted(used) for one in self.followers.get(name, ())}
-        self.fixed |= {index for name, index in self.joints.items() if name not in used}
+        """Take out joints that follow others; note those that never move because nothing uses them (wheels)."""
+        moving = self.joints if self.body.moving is None else self.body.moving
+        self.fixed |= {index for name, index in self.joints.items() if name not in moving}
+        self._followers: dict[str, tuple[tuple[int, Follower], ...]] = {}
+        """Joint -> indices of those that mimic it, and how."""
+        every = dict(self.joints)
+        for name, followers in self.description.followers.items():
+            if name not in every:
+                continue
+            self._followers[name] = tuple((every[one.joint], one) for one in followers if one.joint in every)
+            for index, one in self._followers[name]:
+                del self.joints[one.joint], self.limits[one.joint]
+                if name in moving:
+                    self.fixed.discard(index)
 
     def _read_links(self) -> None:
         inertial = bullet.getDynamicsInfo(self.uid, -1, physicsClientId=self.client)
@@ -117,12 +123,13 @@ class Robot:
         if changed:
             if any(name not in self.joints for name, _ in changed):
                 self._known(dict(changed))
-            if self.followers:
-                changed += [pair for name, value in changed for pair in self._following(name, value)]
+            moved = [(self.joints[name], value) for name, value in changed]
+            if self._followers:
+                moved += [follow for name, value in changed for follow in self._following(name, value)]
             bullet.resetJointStatesMultiDof(
                 self.uid,
-                [self.joints[name] for name, _ in changed],
-                [[value] for _, value in changed],
+                [index for index, _ in moved],
+                [[value] for _, value in moved],
                 physicsClientId=self.client,
             )
             self.shown.update(changed)
@@ -134,9 +141,9 @@ class Robot:
                 self.uid, pose.position, pose.orientation, physicsClientId=self.client
             )
 
-    def _following(self, name: str, value: float) -> list[tuple[str, float]]:
-        """Where the joints are that mimic a joint."""
-        return [(one.joint, one.multiplier * value + one.offset) for one in self.followers.get(name, ())]
+    def _following(self, name: str, value: float) -> list[tuple[int, float]]:
+        """Where the joints are that mimic a joint, by index."""
+        return [(index, one.multiplier * value + one.offset) for index, one in self._followers.get(name, ())]
 
     def link_pose(self, link: str) -> Pose:
         """Pose of a link frame in the map; ``KeyError`` for an unknown link."""
@@ -187,8 +194,8 @@ class Robot:
         return frozenset(k for k, link in enumerate(self.solid) if index in self.ancestors(link))
 
     def _moved_with(self, name: str) -> frozenset[int]:
-        names = (name, *(one.joint for one in self.followers.get(name, ())))
-        return frozenset[int]().union(*(self._below(self.joints[joint]) for joint in names))
+        indices = (self.joints[name], *(index for index, _ in self._followers.get(name, ())))
+        return frozenset[int]().union(*map(self._below, indices))
 
     def moved_by(self, name: str) -> frozenset[int]:
         """Numbers of the solid links that a joint, or "x", "y", "yaw" of the base, moves."""

@@ -219,6 +219,9 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
         for side, positions in (("opened", arm.gripper.opened), ("closed", arm.gripper.closed)) if arm.gripper else ():
             for moved, position in positions.items():
                 joint(moved, f"arms.{arm.name}.gripper.{side}", position, follows=True)
+        if arm.gripper and not any(map(mechanism.actuated, arm.gripper.opened)):
+            key = f"arms.{arm.name}.gripper.opened"
+            found.append(error("B011", f"{key}: none of these joints moves by itself", numbers.span(key)))
         for finger in arm.gripper.fingers if arm.gripper else ():
             link(finger, f"arms.{arm.name}.gripper.fingers")
     if numbers.camera is not None:

@@ -172,10 +172,10 @@ class Limbs:
         approach, closing = (numbers.approach, numbers.closing) if numbers else self._axes(tip, hand, name)
         bound = None
         if gripper is not None:
-            names = tuple(gripper.opened)
+            names = tuple(name for name in gripper.opened if self.mechanism.actuated(name))
             fingers = gripper.fingers or tuple(self.mechanism.joints[joint].child for joint in names)
             called = local_name(gripper_iri) if gripper_iri else f"{name}_gripper"
-            opened, closed = gripper.opened, gripper.closed
+            opened, closed = ({name: side[name] for name in names} for side in (gripper.opened, gripper.closed))
             bound = Gripper(called, gripper_iri, names, opened, closed, fingers, gripper.max_opening)
             hand = self.mechanism.joints[names[0]].parent if numbers is None else numbers.hand
         return Arm(name, iri, side, joints, base, tip, hand, approach, closing, bound)
