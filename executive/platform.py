@@ -211,7 +211,7 @@ class Platform:
         """The fingers have closed on a body: it moves with the hand from now on."""
         link = self.robot.arm(arm.name).tip
         self.world.attach(link, name)
-        offset = self.world.link_pose(link).inverse() @ self.world.pose(name)
+        offset = self.world.link_pose(link).inverse() @ self.belief.pose(name)
         self.belief.grasped(name, arm.name, link, offset)
         self._begun.pop(arm.name, None)
         self.sync()
