@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from planlang import Trace
+from planlang.kernel.hosts import Steps
 
 Record = Mapping[str, Any]
 
@@ -15,6 +16,8 @@ class ToldTrace(Trace):
     """A trace that tells each record to listeners as well; written to a file when there is a path."""
 
     listeners: tuple[Callable[[Record], None], ...] = ()
+    problem: BaseException | None = None
+    """What a listener raised first. It is told no more, and :meth:`heed` raises this where the plan can be ended."""
 
     @classmethod
     def to(
@@ -29,7 +32,29 @@ class ToldTrace(Trace):
         """Write one record and tell it."""
         super().write(step, event, **details)
         for listener in self.listeners:
-            listener({"step": step, "event": event, **details})
+            try:
+                listener({"step": step, "event": event, **details})
+            except BaseException as problem:  # records are written amid the scheduler's work, where nothing may raise
+                self.problem = self.problem or problem
+                self.listeners = tuple(other for other in self.listeners if other is not listener)
+
+    def heed(self) -> None:
+        """Raise what a listener has raised, once."""
+        if self.problem is not None:
+            problem, self.problem = self.problem, None
+            raise problem
+
+
+class HeedingWorld:
+    """A world whose next step raises what a listener of the trace has raised."""
+
+    def __init__(self, world: Steps, trace: ToldTrace) -> None:
+        self.world, self.trace, self.rate = world, trace, world.rate
+
+    def step(self) -> None:
+        """Advance by one step."""
+        self.trace.heed()
+        self.world.step()
 
 
 def progress_lines(rate: int, say: Callable[[str], None]) -> Callable[[Record], None]:

@@ -24,7 +24,7 @@ from executive.locations import Resolver
 from executive.outputs import replace as write_complete
 from executive.plan_files import action_classes, bound_parameters, compiled_plan, import_plan, line_in, main_plan
 from executive.platform import Platform
-from executive.progress import ToldTrace, line_of, progress_lines
+from executive.progress import HeedingWorld, ToldTrace, line_of, progress_lines
 from executive.surroundings import BelievedSurroundings
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
@@ -124,7 +124,7 @@ def _execute(
 ) -> RunResult:
     listeners = [progress_lines(truth.rate, options.progress)]
     recording = None
-    host: SimulationHost = SimulationHost(truth)
+    world: PyBulletWorld | _Filmed = truth
     if options.record is not None:
         from executive.report.recording import Recording
         from executive.report.shapes import drawn_in
@@ -132,7 +132,7 @@ def _execute(
         recording = Recording(truth.rate, drawn_in(truth, executive.platform.robot.urdf), title=plan.name)
         film = recording
         listeners.append(lambda record: film.event(record["step"], line_of(record) or "") if line_of(record) else None)
-        host = SimulationHost(_Filmed(truth, recording))
+        world = _Filmed(truth, recording)
     header = {"versions": _versions(), "robot": executive.platform.robot.name, "map": executive.platform.belief.map.iri}
     trace = ToldTrace.to(options.trace, header, tuple(listeners))
     code, outcome = DONE, "done"
@@ -140,13 +140,14 @@ def _execute(
     try:
         run(
             _budgeted(plan, bound),
-            host=host,
+            host=SimulationHost(HeedingWorld(world, trace)),
             executive=executive,
             seed=options.seed,
             schedule=options.schedule,
             trace=trace,
             max_steps=int(2 * BUDGET * truth.rate),
         )
+        trace.heed()
     except PlanFailure as failure:
         code, outcome = FAILED, explain(failure)
         chain = tuple(type(link).__name__ for link in failure.chain())

@@ -1,0 +1,343 @@
+"""The whole way inside one process: what run_plan_file answers, leaves behind, and refuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executive.knowledge import read_map, scene_of
+from executive.running import RunOptions, RunResult, run_plan_file
+from planlang.diagnostics import BadInput
+from planlang.ontology import load
+from planlang.resources import bundled
+from sim import PyBulletWorld
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+RECIPE = bundled("recipes") / "serve_a_drink.omn"
+ROOM = bundled("ontologies") / "environments" / "hospital_room.omn"
+AMIGO = bundled("ontologies") / "robots" / "amigo.omn"
+BUNDLED = RunOptions(recipe=RECIPE, robot=AMIGO, environment=ROOM)
+MAP = ROOM.read_text(encoding="utf-8")
+ROOM_IRI = "http://planlang.org/kb/hospital_room.owl#"
+
+Served = Callable[..., RunResult]
+
+
+def records_of(trace: Path) -> list[dict[str, Any]]:
+    """The lines of a trace; each must be a JSON object with a step and an event."""
+    records = [json.loads(line) for line in trace.read_text(encoding="utf-8").splitlines()]
+    assert trace.read_bytes().endswith(b"\n"), "the last line is whole"
+    assert all(isinstance(record["step"], int) and isinstance(record["event"], str) for record in records)
+    return records
+
+
+def assert_complete(records: list[dict[str, Any]]) -> None:
+    """A header first, steps in order, everything that started has ended."""
+    assert records[0]["event"] == "header"
+    assert all(before["step"] <= after["step"] for before, after in pairwise(records))
+    started = Counter(record["path"] for record in records if record["event"] == "started")
+    ended = Counter(record["path"] for record in records if record["event"] == "ended")
+    assert started == ended, f"left open: {sorted(started - ended)}"
+
+
+def changed_map(folder: Path, *changes: tuple[str, str]) -> Path:
+    """The bundled room with parts of its text replaced, each of which must be there."""
+    text = MAP
+    for old, new in changes:
+        assert old in text, f"{old!r} is not in the bundled room"
+        text = text.replace(old, new)
+    path = folder / "map.omn"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunResult, Path, list[str]]:
+    """The bundled recipe, run once: its result, its folder with run.jsonl and scene.png, its lines of progress."""
+    folder, lines = tmp_path_factory.mktemp("served"), []
+    options = replace(BUNDLED, seed=3, trace=folder / "run.jsonl", picture=folder / "scene.png", progress=lines.append)
+    return run_plan_file(options), folder, lines
+
+
+def test_the_bundled_recipe_ends_with_the_bottle_in_the_patients_hand(
+    served: tuple[RunResult, Path, list[str]],
+) -> None:
+    result, _, _ = served
+    assert (result.exit_code, result.outcome, result.failure) == (0, "done", ())
+    assert result.final_state == ("bottle1: held by patient1",)
+    assert 10 < result.seconds < 120
+
+
+def test_the_trace_is_complete_and_its_header_says_what_was_run(served: tuple[RunResult, Path, list[str]]) -> None:
+    records = records_of(served[1] / "run.jsonl")
+    assert_complete(records)
+    header = records[0]
+    assert (header["plan"], header["robot"], header["seed"], header["rate"]) == ("serve_a_drink", "amigo", 3, 30)
+    assert {"planlang", "pybullet", "casadi", "ruckig", "numpy"} <= set(header["versions"])
+
+
+def test_the_trace_tells_what_was_learnt_and_held(served: tuple[RunResult, Path, list[str]]) -> None:
+    changes = [r["change"] for r in records_of(served[1] / "run.jsonl") if r["event"] == "belief"]
+    assert [change for change in changes if change in ("grasped", "released")] == ["grasped", "released"]
+    assert "seen" in changes, "with seed 3 the bottle is elsewhere than in the map"
+
+
+def test_progress_tells_people_what_is_done_in_order(served: tuple[RunResult, Path, list[str]]) -> None:
+    text = "\n".join(served[2])
+    order = ["LookingForSomething", "ClosingAGripper", "bottle1 grasped", "HandingOverAnObject", "bottle1 released"]
+    places = [text.index(word) for word in order]
+    assert places == sorted(places)
+    assert all(re.match(r" *\d+\.\d\d s  ", line) for line in served[2])
+
+
+def test_the_picture_of_the_end_is_left(served: tuple[RunResult, Path, list[str]]) -> None:
+    assert (served[1] / "scene.png").read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in served[1].iterdir()) == ["run.jsonl", "scene.png"]
+
+
+def test_the_same_run_in_the_same_process_gives_the_same_trace(
+    served: tuple[RunResult, Path, list[str]], tmp_path: Path
+) -> None:
+    again = run_plan_file(replace(BUNDLED, seed=3, trace=tmp_path / "run.jsonl"))
+    assert again == served[0]
+    assert (tmp_path / "run.jsonl").read_bytes() == (served[1] / "run.jsonl").read_bytes()
+
+
+def test_one_seed_gives_one_trace_in_processes_that_order_hashes_differently(
+    served: tuple[RunResult, Path, list[str]], tmp_path: Path
+) -> None:
+    running = []
+    for hash_seed in ("1", "99"):
+        trace = tmp_path / f"{hash_seed}.jsonl"
+        environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONHASHSEED": hash_seed}
+        command = [sys.executable, "-m", "executive", "run", "serve_a_drink", "--seed", "3", "--trace", str(trace)]
+        running.append(subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+    assert [process.wait() for process in running] == [0, 0]
+    expected = (served[1] / "run.jsonl").read_bytes()
+    for hash_seed in ("1", "99"):
+        assert (tmp_path / f"{hash_seed}.jsonl").read_bytes() == expected
+
+
+# Real input
+
+
+def of_corpus(corpus: Path, environment: str) -> RunOptions:
+    """The real recipe with the real robot in a real map."""
+    return RunOptions(
+        recipe=corpus / "recipes" / "serve_drink@knowrob_hydro_2014-11.owl",
+        robot=corpus / "robots" / "amigo@hydro.owl",
+        environment=corpus / "environments" / environment,
+    )
+
+
+def test_the_real_recipe_puts_the_bottle_on_the_bed_in_the_real_room(corpus: Path, tmp_path: Path) -> None:
+    options = replace(of_corpus(corpus, "map_hospital_room@re_stack.owl.in"), trace=tmp_path / "run.jsonl")
+    result = run_plan_file(options)
+    assert (result.exit_code, result.final_state) == (0, ("bottle1: at rest on bed1",))
+    records = records_of(tmp_path / "run.jsonl")
+    assert_complete(records)
+    released = next(r for r in records if r["event"] == "belief" and r["change"] == "released")
+    assert released["to"] is None, "nobody is there to take it"
+
+
+def test_a_bottle_inside_a_closed_cabinet_ends_in_a_failure_that_names_the_cabinet(
+    corpus: Path, tmp_path: Path
+) -> None:
+    options = replace(of_corpus(corpus, "ias_hospital_room@re_stack.owl.in"), trace=tmp_path / "run.jsonl")
+    result = run_plan_file(options)
+    assert result.exit_code == 1
+    assert result.failure == ("ObjectUnreachable", "LocationUnresolvable")
+    assert re.search(r"in the way: cabinet1 \d+", result.outcome)
+    assert_complete(records_of(tmp_path / "run.jsonl"))
+
+
+def test_a_room_with_a_can_of_cola_only_serves_that_one(corpus: Path) -> None:
+    result = run_plan_file(of_corpus(corpus, "ias_hospital_room_with_objects@re_stack.owl.in"))
+    assert result.exit_code in (0, 1)
+    assert result.failure or result.final_state[0].endswith("at rest on bed1")
+
+
+def test_a_kitchen_without_a_bottle_says_so_and_lists_what_there_is(corpus: Path) -> None:
+    result = run_plan_file(of_corpus(corpus, "ias_semantic_map@hydro.owl"))
+    assert (result.exit_code, result.failure) == (1, ("ObjectUnresolvable",))
+    assert "bottle1 (DrinkingBottle) is not in the map; there are" in result.outcome
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "map_hospital_room@re_stack.owl.in",
+        "ias_hospital_room@re_stack.owl.in",
+        "ias_hospital_room_with_objects@re_stack.owl.in",
+        "ias_semantic_map@hydro.owl",
+    ],
+)
+def test_every_real_room_is_drawn(name: str, corpus: Path) -> None:
+    world = PyBulletWorld(scene_of(read_map(load(corpus / "environments" / name))))
+    picture = world.render(120, 90)
+    world.close()
+    assert picture.shape == (90, 120, 3)
+    assert picture.std() > 5, "the picture shows something"
+
+
+# What the user says
+
+
+@pytest.mark.parametrize("value", ["bottle1", ROOM_IRI + "bottle1"])
+def test_a_parameter_is_set_by_name_or_by_iri(value: str) -> None:
+    result = run_plan_file(replace(BUNDLED, bindings={"bottle": value}))
+    assert result.final_state == ("bottle1: held by patient1",)
+
+
+def test_a_parameter_set_to_another_bottle_serves_that_one(tmp_path: Path) -> None:
+    start, end = MAP.index("Individual: bottle1"), MAP.index("Individual: cabinet2")
+    seen_start = MAP.index("Individual: perception_bottle1")
+    seen_end = MAP.index("Individual: perception_cabinet2")
+    second = (MAP[start:end] + MAP[seen_start:seen_end]).replace("bottle1", "bottle2")
+    path = tmp_path / "map.omn"
+    path.write_text(MAP + "\n" + second.replace("m13 -0.8", "m13 -0.55"), encoding="utf-8")
+    result = run_plan_file(replace(BUNDLED, environment=path, bindings={"bottle": "bottle2"}))
+    assert (result.exit_code, result.outcome) == (0, "done")
+    assert result.final_state == ("bottle2: held by patient1",)
+
+
+def test_all_wrong_bindings_are_told_at_once_with_what_would_be_right() -> None:
+    bindings = {"glass": "bottle1", "bottle": "bed1", "patient": "patient7"}
+    with pytest.raises(BadInput) as caught:
+        run_plan_file(replace(BUNDLED, bindings=bindings))
+    found = {diagnostic.code: diagnostic for diagnostic in caught.value.diagnostics}
+    assert set(found) == {"X004", "X005", "X006"}
+    assert "bottle, patient" in (found["X004"].help or "")
+    assert "patient1" in (found["X005"].help or "")
+    assert "Bed-PieceOfFurniture" in found["X006"].message
+
+
+@pytest.mark.parametrize(
+    ("start", "said"),
+    [
+        ((-2.6, -0.8, 0.0), "stand in bottle1, cabinet1"),
+        ((1.95, 0.6, 0.0), "stand in bed1, patient1"),
+        ((40.0, 0.0, 0.0), "off the map"),
+        ((-3.0, 0.0, 0.0), "off the map"),
+        ((2.9, -2.0, 0.0), "stand in room1"),
+    ],
+)
+def test_a_start_where_the_robot_cannot_stand_is_refused_with_the_reason(
+    start: tuple[float, float, float], said: str
+) -> None:
+    with pytest.raises(BadInput) as caught:
+        run_plan_file(replace(BUNDLED, start=start))
+    (diagnostic,) = caught.value.diagnostics
+    assert diagnostic.code == "X007"
+    assert said in diagnostic.message
+    assert "x in -3..3, y in -2.5..2.5" in (diagnostic.help or "")
+
+
+def test_a_room_without_free_floor_has_no_place_to_start(tmp_path: Path) -> None:
+    path = changed_map(tmp_path, ("knowrob:depthOfObject 0.45,", "knowrob:depthOfObject 12.0,"))
+    path.write_text(
+        path.read_text(encoding="utf-8").replace("knowrob:widthOfObject 0.45,", "knowrob:widthOfObject 12.0,"),
+        encoding="utf-8",
+    )
+    with pytest.raises(BadInput) as caught:
+        run_plan_file(replace(BUNDLED, environment=path))
+    assert [diagnostic.code for diagnostic in caught.value.diagnostics] == ["X003"]
+    assert "--start" in (caught.value.diagnostics[0].help or "")
+
+
+# Maps that do not fit
+
+
+def test_a_map_without_a_bottle_fails_with_what_there_is(tmp_path: Path) -> None:
+    frames = MAP.split("\n\n")
+    path = tmp_path / "map.omn"
+    path.write_text("\n\n".join(f for f in frames if "bottle1" not in f.split("\n")[0]), encoding="utf-8")
+    result = run_plan_file(replace(BUNDLED, environment=path))
+    assert (result.exit_code, result.failure) == (1, ("ObjectUnresolvable",))
+    assert "patient1" in result.outcome, "it lists what there is"
+
+
+def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:
+    path = changed_map(tmp_path, ("knowrob:m03 -2.72", "knowrob:m03 -8.0"))
+    result = run_plan_file(replace(BUNDLED, environment=path))
+    assert (result.exit_code, result.failure) == (1, ("ObjectUnreachable", "LocationUnresolvable"))
+    assert "bottle1" in result.outcome
+
+
+def test_a_bottle_on_top_of_a_tower_cannot_be_reached(tmp_path: Path) -> None:
+    path = changed_map(tmp_path, ("knowrob:m23 0.9,", "knowrob:m23 2.3,"))
+    result = run_plan_file(replace(BUNDLED, environment=path))
+    assert (result.exit_code, result.failure[0]) == (1, "ObjectUnreachable")
+
+
+# Ending early
+
+
+class _After:
+    """Raises KeyboardInterrupt at the n-th call."""
+
+    def __init__(self, number: int) -> None:
+        self.left = number
+
+    def __call__(self, *ignored: object) -> None:
+        self.left -= 1
+        if self.left == 0:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("step", [1, 60, 250, 330, 425, 700])
+def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trace(
+    step: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interrupt, move = _After(step), PyBulletWorld.step
+
+    def stepping(world: PyBulletWorld) -> None:
+        interrupt()
+        move(world)
+
+    monkeypatch.setattr(PyBulletWorld, "step", stepping)
+    result = run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl", picture=tmp_path / "scene.png"))
+    assert (result.exit_code, result.outcome) == (130, "interrupted")
+    assert result.final_state[0].startswith("bottle1: ")
+    records = records_of(tmp_path / "run.jsonl")
+    assert_complete(records)
+    assert (tmp_path / "scene.png").is_file()
+
+
+@pytest.mark.parametrize("line", [1, 2, 5, 9])
+def test_an_interrupt_while_progress_is_told_ends_the_run_with_a_complete_trace(line: int, tmp_path: Path) -> None:
+    result = run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl", progress=_After(line)))
+    assert (result.exit_code, result.outcome) == (130, "interrupted")
+    assert_complete(records_of(tmp_path / "run.jsonl"))
+
+
+def test_a_reader_of_progress_who_hangs_up_ends_the_run_with_a_complete_trace(tmp_path: Path) -> None:
+    def hang_up(line: str) -> None:
+        raise BrokenPipeError
+
+    with pytest.raises(BrokenPipeError):
+        run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl", progress=hang_up))
+    assert_complete(records_of(tmp_path / "run.jsonl"))
+
+
+def test_a_robot_without_grippers_is_told_what_it_lacks_before_anything_moves(tmp_path: Path) -> None:
+    urdf, robot = tmp_path / "handless.urdf", tmp_path / "handless.omn"
+    shape = (AMIGO.parent / "amigo.urdf").read_text(encoding="utf-8")
+    urdf.write_text(re.sub(r'(<joint name="finger[^"]*" type=")revolute"', r'\1fixed"', shape), encoding="utf-8")
+    frames = AMIGO.read_text(encoding="utf-8").split("\n\n")
+    robot.write_text("\n\n".join(f for f in frames if not re.match(r"Individual: \w+_gripper\b", f)), encoding="utf-8")
+    result = run_plan_file(replace(BUNDLED, robot=robot, urdf=urdf, trace=tmp_path / "run.jsonl"))
+    assert (result.exit_code, result.failure) == (3, ("MissingCapability",))
+    assert "GripperMotionCapability" in result.outcome
+    assert not (tmp_path / "run.jsonl").exists()
