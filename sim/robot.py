@@ -157,20 +157,23 @@ class Robot:
 
     def _frames(self) -> Array:
         """(n, 7) positions and quaternions of the frames of the solid links."""
-        states = bullet.getLinkStates(
-            self.uid, self._moving_solid, computeForwardKinematics=True, physicsClientId=self.client
-        )
-        rows = [state[4] + state[5] for state in states]
+        rows = []
+        if self._moving_solid:
+            states = bullet.getLinkStates(
+                self.uid, self._moving_solid, computeForwardKinematics=True, physicsClientId=self.client
+            )
+            rows = [state[4] + state[5] for state in states]
         if len(self._moving_solid) < len(self.solid):
             pose = Pose.planar(*self.base)
             rows.insert(0, pose.position + pose.orientation)
-        return np.array(rows)
+        return np.array(rows, dtype=float).reshape(-1, 7)
 
     def _measure(self) -> None:
         """A box around each solid link, in its frame: the map-aligned one at this configuration, taken along."""
         frames = self._frames()
         axes = rotations(frames[:, 3:])
-        corners = np.array([bullet.getAABB(self.uid, index, physicsClientId=self.client) for index in self.solid])
+        around = [bullet.getAABB(self.uid, index, physicsClientId=self.client) for index in self.solid]
+        corners = np.array(around, dtype=float).reshape(-1, 2, 3)
         self._axes = np.swapaxes(axes, 1, 2)
         self._center = np.einsum("nij,nj->ni", self._axes, corners.mean(axis=1) - frames[:, :3])
         self._half = (corners[:, 1] - corners[:, 0]) / 2

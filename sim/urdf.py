@@ -184,8 +184,8 @@ def _told(absent: Sequence[tuple[str, int]], bare: Sequence[str], path: Path) ->
     count = f"{len(names)} meshes are" if len(names) != 1 else "a mesh is"
     message = f"{count} not there or cannot be read; simple shapes stand in for them: {_some(names)}"
     if bare:
-        links = f"{len(bare)} links" if len(bare) != 1 else "a link"
-        message += f"; {links} without a usable inertia touch nothing: {_some(bare)}"
+        links = f"{len(bare)} links have" if len(bare) != 1 else "a link has"
+        message += f"; {links} no usable inertia either, so no shape: {_some(bare)}"
     advice = "put the packages that hold them beside the URDF, as OBJ, DAE or binary STL"
     return warning("B013", message, Span(str(path), absent[0][1]), advice)
 

@@ -50,7 +50,11 @@ class PyBulletWorld:
         self._robot: Robot | None = None
         self._now = Configuration(scene.start, {})
         if robot is not None:
-            self._robot = Robot(self._client, robot)
+            try:
+                self._robot = Robot(self._client, robot)
+            except BaseException:
+                self.close()
+                raise
             self._now = Configuration(scene.start, dict(self._robot.shown))
             self._contacts = Contacts(self._robot, self._bodies, self._held)
         self._rays = Rays(self._client, self._bodies, self._robot)
