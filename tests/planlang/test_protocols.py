@@ -1,0 +1,123 @@
+"""Poses obey the laws of rigid motions; what crosses the borders between the layers are values."""
+
+import math
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executive.core import RobotExecutive
+from executive.process_modules.arm import Reaching
+from executive.process_modules.gripper import GripperModule
+from executive.process_modules.handover import Handover
+from executive.process_modules.head import Head
+from executive.process_modules.navigation import Navigation
+from executive.process_modules.perception import Perception
+from planlang.failures import LowLevelFailure, PlanFailure
+from planlang.protocols import Configuration, Contact, Detection, Executive, Motion, Pose, ProcessModule, World
+from sim import PyBulletWorld
+
+length = st.floats(-10.0, 10.0)
+quaternions = (
+    st.tuples(*[st.floats(-1.0, 1.0)] * 4)
+    .filter(lambda q: math.hypot(*q) > 1e-2)
+    .map(lambda q: tuple(value / math.hypot(*q) for value in q))
+)
+poses = st.builds(Pose, st.tuples(length, length, length), quaternions)
+IDENTITY = Pose((0.0, 0.0, 0.0))
+
+
+def same(one: Pose, other: Pose) -> bool:
+    """Equal up to rounding and the sign of the quaternion."""
+    return bool(np.allclose(one.matrix(), other.matrix(), atol=1e-9))
+
+
+@given(poses)
+def test_a_pose_undone_is_no_motion(pose: Pose) -> None:
+    assert same(pose @ pose.inverse(), IDENTITY)
+    assert same(pose.inverse() @ pose, IDENTITY)
+    assert same(pose @ IDENTITY, pose)
+
+
+@given(poses, poses, poses)
+def test_poses_compose_in_any_grouping(a: Pose, b: Pose, c: Pose) -> None:
+    assert same((a @ b) @ c, a @ (b @ c))
+
+
+@given(poses, poses)
+def test_the_inverse_of_a_chain_is_the_chain_of_inverses_backwards(a: Pose, b: Pose) -> None:
+    assert same((a @ b).inverse(), b.inverse() @ a.inverse())
+
+
+@given(poses)
+def test_the_matrix_of_a_pose_is_a_rotation_and_a_translation(pose: Pose) -> None:
+    matrix = pose.matrix()
+    assert np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1.0)
+    assert matrix[:3, 3] == pytest.approx(pose.position)
+    assert matrix[3] == pytest.approx([0.0, 0.0, 0.0, 1.0])
+
+
+@given(length, length, st.floats(-math.pi + 1e-6, math.pi))
+def test_a_planar_pose_has_the_heading_it_was_made_with(x: float, y: float, yaw: float) -> None:
+    pose = Pose.planar(x, y, yaw, 0.5)
+    assert pose.yaw == pytest.approx(yaw, abs=1e-9)
+    assert pose.position == (x, y, 0.5)
+    assert pose.matrix()[:3, 0] == pytest.approx([math.cos(yaw), math.sin(yaw), 0.0], abs=1e-9)
+
+
+@given(poses, poses, poses)
+def test_distance_does_not_depend_on_the_frame(a: Pose, b: Pose, frame: Pose) -> None:
+    assert (frame @ a).distance(frame @ b) == pytest.approx(a.distance(b), abs=1e-9)
+
+
+@given(poses)
+def test_a_pose_made_from_numpy_is_of_plain_floats_that_json_can_write(pose: Pose) -> None:
+    again = Pose.from_matrix(pose.matrix())
+    assert {type(value) for value in (*again.position, *again.orientation)} == {float}
+
+
+@pytest.mark.parametrize(
+    ("value", "field"),
+    [
+        (Pose((0.0, 0.0, 0.0)), "position"),
+        (Configuration((0.0, 0.0, 0.0), {}), "base"),
+        (Contact("hand", "bed", 0.01), "depth"),
+        (Motion("done"), "state"),
+        (Detection("bottle", Pose((0.0, 0.0, 0.0)), 1.0), "visible"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_what_crosses_a_border_cannot_be_changed(value: object, field: str) -> None:
+    with pytest.raises(FrozenInstanceError):
+        setattr(value, field, None)
+
+
+def public(protocol: type) -> set[str]:
+    """Names that a protocol asks for."""
+    return {name for name in (*vars(protocol), *protocol.__annotations__) if not name.startswith("_")}
+
+
+@pytest.mark.parametrize(("protocol", "kind"), [(World, PyBulletWorld), (Executive, RobotExecutive)])
+def test_the_simulator_and_the_executive_have_all_that_their_protocols_ask_for(protocol: type, kind: type) -> None:
+    given_at_creation = {"rate", "modules"}
+    assert public(protocol) - given_at_creation <= set(dir(kind))
+
+
+MODULES = (Navigation, Reaching, GripperModule, Head, Perception, Handover)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_a_process_module_says_what_it_performs_and_how_it_may_fail(module: type) -> None:
+    assert public(ProcessModule) <= set(dir(module))
+    assert module.__dict__["actions"]
+    assert all(issubclass(failure, PlanFailure) for failure in module.__dict__["failures"])
+    assert any(issubclass(failure, LowLevelFailure) for failure in module.__dict__["failures"])
+
+
+def test_no_two_modules_perform_the_same_class_or_share_a_name() -> None:
+    performed = [cls for module in MODULES for cls in module.__dict__["actions"]]
+    assert len(performed) == len(set(performed))
+    assert len({module.__dict__["name"] for module in MODULES}) == len(MODULES)
