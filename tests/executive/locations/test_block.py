@@ -1,0 +1,123 @@
+"""Upright prisms around bodies, and hand poses about them, against brute force."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executive.locations import Block, HandFrame, Held
+from executive.locations.hand import above_plans, extent, grasp_plans, upright_rotations
+from planlang.protocols import Array, Pose
+
+angle, length, size = st.floats(-math.pi, math.pi), st.floats(-3.0, 3.0), st.floats(0.02, 2.0)
+blocks = st.builds(
+    lambda x, y, yaw, a, b, c: Block.of(Pose.planar(x, y, yaw, c / 2), (a, b, c)),
+    length,
+    length,
+    angle,
+    size,
+    size,
+    size,
+)
+quaternions = (
+    st.tuples(*[st.floats(-1.0, 1.0)] * 4)
+    .filter(lambda q: math.hypot(*q) > 0.1)
+    .map(lambda q: tuple(value / math.hypot(*q) for value in q))
+)
+FRAME = HandFrame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+
+def corners(pose: Pose, size: tuple[float, float, float]) -> Array:
+    """The eight corners (8, 3) of a box in the map."""
+    local = np.array(list(product(*((-extent / 2, extent / 2) for extent in size))))
+    return local @ pose.matrix()[:3, :3].T + np.array(pose.position)
+
+
+@given(length, length, quaternions, st.tuples(size, size, size))
+def test_a_block_encloses_its_box_however_it_is_turned(
+    x: float, y: float, turn: tuple[float, float, float, float], extents: tuple[float, float, float]
+) -> None:
+    pose = Pose((x, y, 1.0), turn)
+    block, points = Block.of(pose, extents), corners(pose, extents)
+    assert points[:, 2].min() == pytest.approx(block.low, abs=1e-9)
+    assert points[:, 2].max() == pytest.approx(block.high, abs=1e-9)
+    inside = np.abs(block.to_local(points[:, :2])) - np.array([block.half_x, block.half_y])
+    assert inside.max() <= 1e-9
+
+
+@given(length, length, angle, st.tuples(size, size, size))
+def test_the_block_of_an_upright_box_is_the_box(
+    x: float, y: float, yaw: float, extents: tuple[float, float, float]
+) -> None:
+    block = Block.of(Pose.planar(x, y, yaw, 1.0), extents)
+    assert (2 * block.half_x, 2 * block.half_y, block.high - block.low) == pytest.approx(extents)
+    assert math.remainder(block.yaw - yaw, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(blocks, st.lists(st.tuples(length, length), min_size=1, max_size=5))
+def test_map_and_local_coordinates_undo_each_other(block: Block, points: list[tuple[float, float]]) -> None:
+    there = np.array(points)
+    assert np.allclose(block.to_map(block.to_local(there)), there, atol=1e-9)
+
+
+@given(blocks, length, length)
+def test_the_distance_is_that_of_the_nearest_point_of_the_rectangle(block: Block, x: float, y: float) -> None:
+    point = np.array([[x, y]])
+    nearest = block.nearest(point, 0.0)
+    assert block.distance(point)[0] == pytest.approx(float(np.linalg.norm(point - nearest)), abs=1e-9)
+    assert block.distance(nearest)[0] == pytest.approx(0.0, abs=1e-9)
+
+
+@given(blocks, st.floats(0.05, 0.5), st.floats(0.0, 0.3))
+def test_a_grid_lies_inside_the_inset_rectangle_and_has_its_centre_at_least(
+    block: Block, spacing: float, inset: float
+) -> None:
+    grid = np.abs(block.to_local(block.grid(spacing, inset)))
+    bound = np.maximum(np.array([block.half_x, block.half_y]) - inset, 0.0)
+    assert (grid <= bound + 1e-9).all()
+    assert len(grid) % 2 == 1
+
+
+@given(blocks, angle)
+def test_the_extent_of_a_block_is_the_width_of_its_shadow(block: Block, heading: float) -> None:
+    direction = np.array([math.cos(heading), math.sin(heading), 0.0])
+    box = Pose.planar(block.x, block.y, block.yaw, 0.0)
+    along = corners(box, (2 * block.half_x, 2 * block.half_y, 0.0)) @ direction
+    assert extent(block, direction) == pytest.approx(float(np.ptp(along)), abs=1e-9)
+
+
+def test_a_bottle_is_as_wide_from_everywhere() -> None:
+    bottle = Block.of(Pose.planar(0.0, 0.0, 0.3, 0.1), (0.07, 0.07, 0.2), cylinder=True)
+    for heading in np.linspace(0.0, math.pi, 7):
+        assert extent(bottle, np.array([math.cos(heading), math.sin(heading), 0.0])) == pytest.approx(0.07)
+
+
+@given(blocks, length, length)
+def test_fingers_never_close_across_more_than_they_open(block: Block, x: float, y: float) -> None:
+    for plan in grasp_plans("box", block, np.array([x, y, 1.0]), FRAME, 0.11):
+        closing = plan.poses[1][:3, 1]
+        assert extent(block, closing) <= 0.11
+        assert plan.poses[1][:3, 3] == pytest.approx(block.centre)
+
+
+@given(angle, quaternions)
+def test_what_is_held_stays_upright_in_every_pose_that_is_tried(
+    bearing: float, turn: tuple[float, float, float, float]
+) -> None:
+    held = Pose((0.0, 0.0, 0.0), turn)
+    for yaw, rotation in upright_rotations(bearing, FRAME, held):
+        assert np.linalg.det(rotation) == pytest.approx(1.0)
+        assert (rotation @ held.matrix()[:3, :3])[2, 2] == pytest.approx(1.0), f"tilted at yaw {yaw}"
+
+
+@given(blocks, length, length, st.tuples(size, size, size).map(lambda s: tuple(v / 10 for v in s)), angle)
+def test_poses_above_keep_what_is_held_between_2_and_15_cm_over_the_top(
+    block: Block, x: float, y: float, extents: tuple[float, float, float], turn: float
+) -> None:
+    held = Held("cup", Pose.planar(0.02, -0.01, turn, 0.03), extents)
+    for plan in above_plans("box", block, np.array([x, y, 1.0]), FRAME, held, 0.05):
+        lowest = corners(Pose.from_matrix(plan.poses[0]) @ held.pose, extents)[:, 2].min()
+        assert 0.02 <= lowest - block.high <= 0.15

@@ -1,0 +1,74 @@
+"""Traces that others listen to: everybody is told everything, and nobody can break the run."""
+
+import pytest
+
+from executive.progress import HeedingWorld, ToldTrace, line_of, progress_lines
+from planlang.designators import action, an_object
+from planlang.failures import ObjectNotFound
+
+
+class Clock:
+    """A world of which only the steps matter."""
+
+    rate = 30
+    steps = 0
+
+    def step(self) -> None:
+        self.steps += 1
+
+
+def test_listeners_are_told_each_record_in_order() -> None:
+    told: list[object] = []
+    trace = ToldTrace.to(None, {}, (told.append, lambda record: told.append(record["event"])))
+    trace.write(7, "belief", change="seen", name="bottle1")
+    assert told == [{"step": 7, "event": "belief", "change": "seen", "name": "bottle1"}, "belief"]
+
+
+def test_what_a_listener_raises_is_raised_once_by_the_next_step_of_the_world() -> None:
+    told: list[int] = []
+
+    def fail(record: object) -> None:
+        raise BrokenPipeError
+
+    trace = ToldTrace.to(None, {}, (fail, lambda record: told.append(record["step"])))
+    clock = Clock()
+    world = HeedingWorld(clock, trace)
+    for step in (1, 2):
+        trace.write(step, "event")
+    with pytest.raises(BrokenPipeError):
+        world.step()
+    assert clock.steps == 0
+    world.step()
+    assert clock.steps == 1
+    assert told == [1, 2], "the others are still told"
+
+
+@pytest.mark.parametrize(
+    ("record", "line"),
+    [
+        (
+            {"event": "started", "kind": "perform", "path": "p/perform", "action": action("Reaching")},
+            "  Reaching()",
+        ),
+        ({"event": "started", "kind": "branch", "path": "p"}, None),
+        ({"event": "started", "kind": "plan", "path": "p/serve_a_drink"}, "serve_a_drink"),
+        (
+            {"event": "ended", "kind": "perform", "path": "p", "failure": ObjectNotFound(what="bottle1")},
+            "failed: ObjectNotFound: object not found: what bottle1",
+        ),
+        ({"event": "ended", "kind": "perform", "path": "p", "status": "succeeded"}, None),
+        ({"event": "recovery", "path": "p", "decision": "retry"}, "recovery: retry"),
+        ({"event": "belief", "change": "seen", "name": "bottle1"}, "  belief: bottle1 seen"),
+    ],
+)
+def test_people_are_told_what_begins_fails_and_is_learnt(record: dict[str, object], line: str | None) -> None:
+    assert line_of(record) == line
+
+
+def test_lines_begin_with_the_plan_time_in_seconds() -> None:
+    said: list[str] = []
+    tell = progress_lines(30, said.append)
+    what = an_object("DrinkingBottle", "http://example.org/#bottle1")
+    tell({"step": 45, "event": "started", "kind": "perform", "path": "p", "action": action("X", object_acted_on=what)})
+    tell({"step": 46, "event": "acquired", "path": "p"})
+    assert said == ["   1.50 s  X(object_acted_on=bottle1)"]
