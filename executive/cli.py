@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from executive.console import BAD_INPUT, Answer, answer, say, show
+from executive.graph_files import check_graph, write_graph
 from executive.inputs import PlanFile, RecipeFile, find, names, read
 from executive.outputs import check_outputs, write_plan
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
@@ -60,11 +61,15 @@ def planlang(
         raise typer.Exit
 
 
-@app.command("compile", epilog="Example: planlang compile serve_a_drink -o serve_a_drink.py")
+@app.command("compile", epilog="Example: planlang compile serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg")
 def compile_command(
     recipe: RecipeArgument,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan here, not to stdout.")
+    ] = None,
+    graph: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw the order of the steps, too: a .svg, .html, .dot or .mmd (Mermaid)."),
     ] = None,
     task: Task = None,
     ontologies: Ontologies = None,
@@ -79,12 +84,16 @@ def compile_command(
 
     def work() -> Answer:
         file = _recipe(recipe)
-        _refuse(check_outputs({"--output": output}, {"the recipe": file.path}))
+        problems = check_outputs({"--output": output, "--graph": graph}, {"the recipe": file.path})
+        _refuse([*problems, *check_graph(graph)])
         plan = _compile(file, task=task, ontologies=ontologies, allow_abstract=allow_abstract, scopes=scopes)
         notes: list[Diagnostic] = []
         if output is not None:
             notes = write_plan(output, plan.source, force=force)
+        if graph is not None:
+            write_graph(graph, plan)
         data: dict[str, Any] = {"task": plan.task, "functions": list(plan.functions)}
+        data |= {"graph": str(graph)} if graph is not None else {}
         data |= {"plan": str(output)} if output is not None else {"source": plan.source}
         text = plan.source if output is None else f"{output}: {plan.task}"
         return Answer(diagnostics=(*plan.diagnostics, *notes), text=text, data=data)

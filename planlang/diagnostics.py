@@ -187,5 +187,6 @@ CODES: dict[str, str] = {
     "C011": "the recipe of a plan was not found",
     "C012": "recordings need a package that is not installed",
     "C013": "there is no display for a window",
+    "C014": "the suffix of a graph's file names no format",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -12,7 +12,7 @@ from planlang.compiler.lowering import Lowering
 from planlang.compiler.recoveries import check_recoveries
 from planlang.diagnostics import BadInput, Diagnostic, has_errors
 from planlang.ontology import Ontology, load
-from planlang.recipe import read_recipe
+from planlang.recipe import RecipeSet, read_recipe
 from planlang.recipe.actions import Actions
 
 
@@ -20,12 +20,15 @@ from planlang.recipe.actions import Actions
 class CompiledPlan:
     """A plan's source and what there is to say about its recipe: warnings and notes, no errors.
 
-    ``functions`` are the names of the plan functions in the source, that of the task last.
+    ``functions`` are the names of the plan functions in the source, that of the task last. ``recipes`` is what the
+    plan was made from, ``added`` for a recipe (IRI) the orders of steps (IRIs) that its location scopes add.
     """
 
     source: str
     task: str
     functions: tuple[str, ...]
+    recipes: RecipeSet
+    added: Mapping[str, tuple[tuple[str, str], ...]]
     diagnostics: tuple[Diagnostic, ...] = ()
 
 
@@ -59,7 +62,8 @@ def compile_ontology(
     lowering = Lowering(ontology, reading.recipes, actions, scopes=scopes)
     tree = lowering.tree()
     source, functions = emit(tree, reading.recipes, _version())
-    return CompiledPlan(source, reading.recipes.main.name, functions, (*diagnostics, *lowering.diagnostics))
+    found = (*diagnostics, *lowering.diagnostics)
+    return CompiledPlan(source, reading.recipes.main.name, functions, reading.recipes, lowering.added, found)
 
 
 def _version() -> str:

@@ -45,6 +45,7 @@ class Lowering:
         self._recoveries = Recoveries(actions)
         self._bases: list[tuple[PlaceUse, list[HandUse]]] = []
         self.diagnostics: list[Diagnostic] = []
+        self.added: dict[str, tuple[tuple[str, str], ...]] = {}
 
     def tree(self) -> PlanTree:
         """The plan tree of the whole set."""
@@ -71,6 +72,7 @@ class Lowering:
 
     def _function(self, recipe: Recipe) -> Function:
         found = self.scoping(recipe)
+        self.added[recipe.iri] = found.added
         self.diagnostics += [_added(recipe, before, after) for before, after in found.added]
         nodes = [self._unit(recipe, unit) for unit in found.units]
         names = [_name(recipe, unit) for unit in found.units]

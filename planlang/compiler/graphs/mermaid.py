@@ -1,0 +1,51 @@
+"""The graph as a flowchart of Mermaid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from planlang.compiler.graphs.model import Box, Group, Order, TaskGraph
+from planlang.compiler.graphs.text import LONGEST_LINE, for_mermaid, shown
+
+_LINKS = {Order.STATED: "-->", Order.ADDED: "-.->"}
+
+
+def mermaid(graph: TaskGraph) -> str:
+    """The graph as a flowchart: nested recipes are subgraphs, implied orders are left out, lines stand in the labels.
+
+    Tooltips need a script in Mermaid, so that there are none.
+    """
+    title = f"{for_mermaid(graph.title)}<br/>{for_mermaid(graph.subtitle)}"
+    lines = ["flowchart TD", f'    subgraph {graph.group.key}["{title}"]']
+    lines += _group(graph.group, "        ")
+    lines += ["    end", "    classDef abstract stroke-dasharray: 4 3"]
+    unperformed = [box.key for group in graph.groups() for box in group.boxes if box.is_abstract]
+    if unperformed:
+        lines.append(f"    class {','.join(unperformed)} abstract")
+    return "\n".join([*lines, ""])
+
+
+def _group(group: Group, indent: str) -> Iterator[str]:
+    for box in group.boxes:
+        yield from _box(box, indent)
+    for arrow in group.of(*_LINKS):
+        yield f"{indent}{arrow.before} {_LINKS[arrow.order]} {arrow.after}"
+
+
+def _box(box: Box, indent: str) -> Iterator[str]:
+    lines = [box.name, box.action, *box.lines]
+    if box.line is not None:
+        lines.append(f"line {box.line}")
+    label = "<br/>".join(for_mermaid(shown(line, LONGEST_LINE)) for line in lines)
+    if not box.groups:
+        yield f'{indent}{box.key}["{label}"]'
+        return
+    yield f'{indent}subgraph {box.key}["{label}"]'
+    if len(box.groups) == 1:
+        yield from _group(box.groups[0], indent + "    ")
+    else:
+        for group in box.groups:
+            yield f'{indent}    subgraph {group.key}["one way: {for_mermaid(shown(group.name, LONGEST_LINE))}"]'
+            yield from _group(group, indent + "        ")
+            yield f"{indent}    end"
+    yield f"{indent}end"

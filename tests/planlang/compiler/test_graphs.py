@@ -1,0 +1,204 @@
+"""Drawings of tasks: what they show, in each format, and that names chosen by strangers stay names."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from itertools import pairwise
+from xml.etree import ElementTree
+
+import pytest
+
+from planlang.compiler import compile_recipe
+from planlang.compiler.graphs import FORMATS, Order, TaskGraph, dot, mermaid, page, svg, task_graph
+from planlang.compiler.graphs.arrangement import arranged
+from planlang.compiler.graphs.model import MOST_IMPLIED
+from planlang.diagnostics import Span
+from planlang.recipe import Kind, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
+from planlang.resources import bundled
+
+BASE = "http://planlang.org/test#"
+SVG = "{http://www.w3.org/2000/svg}"
+HOSTILE = [
+    '"]; } digraph { x -> y [label="',
+    "</title></svg><script>alert(1)</script>",
+    "a]] end\nsubgraph x %%{init: {}}%% `**b**` #quot; &lt; &#60;",
+    "--><!-- ]]> \\",
+    "back\\slash\\\\n \\",
+    "\N{RIGHT-TO-LEFT OVERRIDE}gnp.exe\0\x1b[31m\ud800\ufffe",
+    "onload='x' \" onclick=\"x",
+    "あ" * 300,
+]
+
+
+@pytest.fixture(scope="module")
+def drink() -> TaskGraph:
+    plan = compile_recipe(bundled("recipes") / "serve_a_drink.omn")
+    return task_graph(plan.recipes, plan.added)
+
+
+def recipe(names: str, *pairs: str, callee: dict[str, str] | None = None, task: str = "Task") -> Recipe:
+    """Steps a, b, ... of one letter each, ordered by pairs of letters."""
+    steps = tuple(
+        Step(BASE + name, "Reaching", (), (BASE + callee[name],) if callee and name in callee else (), "primitive")
+        for name in names
+    )
+    orderings = tuple(Ordering(BASE + a, BASE + b, f"{BASE}{a}Before{b}", span=Span("x.omn", 7)) for a, b in pairs)
+    return Recipe(BASE + task, "PurposefulAction", steps, orderings)
+
+
+def graph(*recipes: Recipe, added: tuple[str, ...] = ()) -> TaskGraph:
+    found = RecipeSet(recipes[0].iri, {one.iri: one for one in recipes}, Source("x.omn", "0" * 64))
+    return task_graph(found, {recipes[0].iri: [(BASE + a, BASE + b) for a, b in added]})
+
+
+def pairs(drawn: TaskGraph, order: Order) -> set[str]:
+    names = {box.key: box.name for group in drawn.groups() for box in group.boxes}
+    return {names[arrow.before] + names[arrow.after] for group in drawn.groups() for arrow in group.of(order)}
+
+
+def hostile_graph(text: str) -> TaskGraph:
+    place = Place(BASE + text, (("in_reach_of", Thing(Kind.OBJECT, "Cup", BASE + text)),), text)
+    fillers = (Parameter(text, place), Parameter("objectActedOn", text), Parameter("toLocation", place))
+    inner = Recipe(BASE + "Inner" + text, text, (Step(BASE + "i" + text, text, fillers, (), "p", text),))
+    steps = (
+        Step(BASE + "a" + text, text, fillers, (), "p", text, Span(text, 3)),
+        Step(BASE + "b" + text, text, fillers, (inner.iri,), None, text, Span(text, 4)),
+    )
+    orderings = (Ordering(steps[0].iri, steps[1].iri, BASE + text, span=Span(text, 5)),)
+    outer = Recipe(BASE + text, text, steps, orderings, fillers, text)
+    return task_graph(RecipeSet(outer.iri, {outer.iri: outer, inner.iri: inner}, Source(text, "0" * 64)))
+
+
+def test_orders_that_follow_from_others_are_implied() -> None:
+    drawn = graph(recipe("abc", "ab", "bc", "ac"))
+    assert pairs(drawn, Order.STATED) == {"ab", "bc"}
+    assert pairs(drawn, Order.IMPLIED) == {"ac"}
+    assert "a before c: aBeforec (x.omn line 7); follows from the others" in page(drawn)
+
+
+def test_orders_that_a_scope_adds_are_told_apart_and_explained() -> None:
+    drawn = graph(recipe("abc", "ab"), added=("bc",))
+    assert pairs(drawn, Order.ADDED) == {"bc"}
+    assert pairs(drawn, Order.IMPLIED) == {"ac"}
+    assert "dashed: added by the compiler" in svg(drawn)
+    assert "dashed: added by the compiler" not in svg(graph(recipe("abc", "ab", "bc")))
+
+
+def test_a_recipe_that_two_steps_call_is_drawn_once() -> None:
+    drawn = graph(recipe("ab", "ab", callee={"a": "In", "b": "In"}), recipe("xy", "xy", task="In"))
+    first, second = drawn.group.boxes
+    assert [box.name for box in first.groups[0].boxes] == ["x", "y"]
+    assert second.groups == ()
+    assert second.lines == ("as drawn elsewhere: In",)
+
+
+def test_too_many_implied_orders_are_left_out() -> None:
+    steps = "".join(map(chr, range(0x4E00, 0x4E00 + 150)))
+    drawn = graph(recipe(steps, *(a + b for a, b in pairwise(steps)), steps[0] + steps[5]))
+    assert MOST_IMPLIED < 150 * 149 / 2
+    assert pairs(drawn, Order.IMPLIED) == {steps[0] + steps[5]}
+
+
+def test_the_drink_is_five_boxes_of_which_one_holds_six(drink: TaskGraph) -> None:
+    assert [len(group.boxes) for group in drink.groups()] == [5, 6]
+    root = ElementTree.fromstring(svg(drink))
+    steps = [g for g in root.iter(f"{SVG}g") if "step" in g.get("class", "").split()]
+    assert len(steps) == 11
+    texts = ["".join(text.itertext()) for text in root.iter(f"{SVG}text")]
+    assert "toLocation: approachPose (inFrontOf-Generally bottle1)" in texts
+    titles = ["".join(title.itertext()) for title in root.iter(f"{SVG}title")]
+    step = r"ReachToHandoverPose\noffer the bottle to the patient\nReaching\ntoLocation: .+\nserve_a_drink.omn line \d+"
+    order = r"GraspBottle before MoveBaseToHandoverPose: GraspBeforeCarrying \(serve_a_drink.omn line \d+\)"
+    assert any(re.fullmatch(step, title) for title in titles)
+    assert any(re.fullmatch(order, title) for title in titles)
+
+
+def test_inner_boxes_lie_inside_of_their_recipe_and_no_two_others_overlap(drink: TaskGraph) -> None:
+    found = arranged(drink.group)
+    where = {placed.box.key: placed for placed in found.boxes}
+    for group in drink.groups():
+        for box in group.boxes:
+            outer = where[box.key]
+            for inner in (where[one.key] for below in box.groups for one in below.boxes):
+                assert outer.x < inner.x
+                assert inner.x + inner.width < outer.x + outer.width
+                assert outer.y + 60 < inner.y, "the recipe's own text has room above"
+                assert inner.y + inner.height < outer.y + outer.height
+
+
+def test_implied_orders_are_hidden_in_the_page_until_asked_for_and_absent_in_a_picture(drink: TaskGraph) -> None:
+    assert "all 16 implied orderings" in page(drink)
+    assert page(drink).count('class="order implied"') == 16
+    assert ".implied { display: none; }" in page(drink)
+    assert "implied { display" not in svg(drink)
+    assert 'class="order implied"' not in svg(drink)
+
+
+def test_dot_and_mermaid_nest_recipes_and_keep_reduced_orders(drink: TaskGraph) -> None:
+    assert dot(drink).count("subgraph cluster_") == 1
+    assert dot(drink).count(" -> ") == 4 + 5
+    assert "lhead=cluster_" in dot(drink)
+    assert mermaid(drink).count("subgraph ") == 2
+    assert mermaid(drink).count(" --> ") == 4 + 5
+    assert mermaid(drink).count("\n") < 40
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_equal_recipes_give_equal_drawings(suffix: str, drink: TaskGraph) -> None:
+    plan = compile_recipe(bundled("recipes") / "serve_a_drink.omn")
+    assert FORMATS[suffix](task_graph(plan.recipes, plan.added)) == FORMATS[suffix](drink)
+    assert str(bundled("recipes")) not in FORMATS[suffix](drink), "no folder of this machine shows"
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_hostile_names_are_text_in_svg(text: str) -> None:
+    drawn = svg(hostile_graph(text))
+    root = ElementTree.fromstring(drawn.encode("utf-8"))
+    tags = {element.tag.removeprefix(SVG) for element in root.iter()}
+    assert tags <= {"svg", "title", "style", "defs", "marker", "path", "rect", "text", "g"}
+    assert not [key for element in root.iter() for key in element.attrib if key.startswith("on")]
+    assert not re.search("[\0\x1b\u202e]", drawn)
+
+
+class _Page(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.attributes: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [name for name, _ in attrs]
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_hostile_names_are_text_in_a_page_that_loads_nothing(text: str) -> None:
+    parser, harmless = _Page(), _Page()
+    drawn = page(hostile_graph(text))
+    parser.feed(drawn)
+    harmless.feed(page(hostile_graph("x")))
+    assert sorted(parser.tags) == sorted(harmless.tags)
+    assert sorted(parser.attributes) == sorted(harmless.attributes)
+    assert "default-src 'none'" in drawn
+    assert not re.search(r"(?:src|href)=", drawn)
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_hostile_names_are_strings_in_dot_and_mermaid(text: str) -> None:
+    def outside(drawn: str) -> str:
+        return re.sub(r'"(?:[^"\\\n]|\\.)*"', '""', drawn)
+
+    harmless = hostile_graph("x")
+    assert outside(dot(hostile_graph(text))) == outside(dot(harmless))
+    assert outside(mermaid(hostile_graph(text))) == outside(mermaid(harmless))
+    labels = re.findall(r'\["([^"]*)"\]', mermaid(hostile_graph(text)))
+    assert all(re.fullmatch(r"(?:[\w …_.,/=+-]|#\d+;|<br/>|one way:)*", label) for label in labels), labels
+
+
+def test_alternatives_of_a_step_stand_side_by_side_in_frames() -> None:
+    outer = Recipe(BASE + "T", "PurposefulAction", (Step(BASE + "a", "Reaching", (), (BASE + "P", BASE + "Q")),))
+    drawn = graph(outer, recipe("x", task="P"), recipe("y", task="Q"))
+    assert svg(drawn).count('class="frame"') == 2
+    assert "one way: P" in dot(drawn)
+    assert "one way: Q" in mermaid(drawn)
