@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from executive.capabilities import Arm, Robot
+from executive.capabilities.mechanism import displacement
 from executive.locations import ArmModel, HandFrame
-from executive.motion import Chain, Gaze, InverseKinematics, NoSuchChain
+from executive.motion import Chain, Gaze, InverseKinematics
+from executive.motion.urdf import Joint, joints_between, read_joints
 from planlang.protocols import Array, Configuration
 from sim import PyBulletWorld
 
@@ -22,16 +26,26 @@ def arm_models(robot: Robot, world: PyBulletWorld) -> tuple[ArmModel, ...]:
 
 
 def gaze_of(robot: Robot) -> Gaze | None:
-    """How to point the camera; None for a robot without camera or neck."""
-    if robot.camera is None or not robot.neck:
-        return None
-    try:
-        chain = Chain.from_urdf(robot.urdf, robot.base_link, robot.camera.link)
-    except NoSuchChain:
+    """How to point the camera; None for a robot without one."""
+    if robot.camera is None:
         return None
     posture = robot.postures.get("carrying", {})
-    still = {name: posture.get(name, 0.0) for name in chain.names if name not in robot.neck}
+    joints = joints_between(read_joints(robot.urdf), robot.base_link, robot.camera.link)
+    still = {joint.name: posture.get(joint.name, 0.0) for joint in joints if joint.kind != "fixed"}
+    if not robot.neck:
+        return Gaze.fixed(_pose(joints, still), robot.camera.forward)
+    still = {name: value for name, value in still.items() if name not in robot.neck}
     return Gaze(robot.urdf, robot.base_link, robot.camera.link, robot.neck, robot.camera.forward, still=still)
+
+
+def _pose(joints: Sequence[Joint], positions: Mapping[str, float]) -> Array:
+    """Pose (4, 4) of the last joint's child in the first joint's parent."""
+    pose = np.eye(4)
+    for joint in joints:
+        pose = pose @ joint.origin
+        if joint.name in positions:
+            pose = pose @ displacement(joint, positions[joint.name])
+    return pose
 
 
 def _model(robot: Robot, arm: Arm, world: PyBulletWorld) -> ArmModel:

@@ -245,6 +245,9 @@ class Platform:
         neck, beyond, _ = self.gaze.at((inverse @ np.append(point, 1.0))[:3])
         if beyond > BEYOND:
             raise LookingGoalUnreachable(what=name)
+        if not self.gaze.joints:
+            await checkpoint()
+            return
         joints = self.world.configuration().joints
         now = np.array([joints[joint] for joint in self.gaze.joints])
         await self.follow("head", self._timed(self.gaze.joints, np.stack([now, neck])))

@@ -126,10 +126,14 @@ class BelievedSurroundings:
         """Places from where the body was looked for and not seen."""
         return self.belief.looked_in_vain(name)
 
+    def sighted(self) -> bool:
+        """Whether the robot has a camera."""
+        return self.gaze is not None
+
     def sees(self, base: Base, name: str) -> bool:
         """Whether the camera could see the body from a base: the neck can turn there and nothing is in between."""
         if self.gaze is None or self.robot.camera is None:
-            return True
+            return False
         x, y, yaw = base
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -120,7 +120,6 @@ def _same_arm(one: Mechanism, other: Mechanism, tip: str) -> bool:
 
 
 def _mechanism(urdf: Path) -> Mechanism:
-    read_description(urdf)
     try:
         return Mechanism(urdf)
     except BadRobotDescription as problem:

@@ -9,21 +9,21 @@ import numpy as np
 
 from executive.motion.urdf import Joint, read_joints
 from planlang.protocols import Array
+from sim.urdf import read_description
 
 
 class Mechanism:
-    """Joints by name, and who hangs from whom; raises :class:`executive.motion.BadRobotDescription` for a bad file."""
+    """Joints by name, and who hangs from whom; raises BadInput or BadRobotDescription for a bad file."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.root = read_description(path).root
         self.joints: dict[str, Joint] = {joint.name: joint for joint in read_joints(path)}
         self.above: dict[str, Joint] = {joint.child: joint for joint in self.joints.values()}
         """Link -> the joint it hangs from."""
-        self.links: dict[str, None] = {}
+        self.links: dict[str, None] = {self.root: None}
         for joint in self.joints.values():
             self.links.update({joint.parent: None, joint.child: None})
-        roots = [link for link in self.links if link not in self.above]
-        self.root = roots[0] if roots else ""
 
     def moves(self, name: str) -> bool:
         """Whether a joint of that name exists and moves, by itself or after another one."""

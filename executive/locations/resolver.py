@@ -190,7 +190,8 @@ class Resolver:
             if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in around.looked_in_vain(name)):
                 rejections.add("looked from there in vain")
                 return None
-        looked_at = (*demand.seen, *(r.body for r in demand.reaches if r.kind in ("grasp", "offer")))
+        handled = [r.body for r in demand.reaches if r.kind in ("grasp", "offer")] if around.sighted() else []
+        looked_at = (*demand.seen, *handled)
         if not all(around.sees(base, name) for name in looked_at):
             rejections.add("not visible")
             return None

@@ -98,5 +98,8 @@ class Surroundings(Protocol):
     def looked_in_vain(self, name: str) -> Sequence[Base]:
         """Places from where the body was looked for and not seen where it is believed to be."""
 
+    def sighted(self) -> bool:
+        """Whether the robot has a camera; one without handles things where the map has them."""
+
     def sees(self, base: Base, name: str) -> bool:
         """Whether the camera could see the body from a base: within its limits, unoccluded."""

@@ -34,9 +34,19 @@ class Gaze:
             *(np.linspace(low, high, STEPS) for low, high in zip(chain.lower, chain.upper, strict=True)), indexing="ij"
         )
         order = [chain.names.index(name) for name in neck]
-        self._q = np.stack([grid.ravel() for grid in grids], 1)
-        poses = chain.fk(self._q)
-        self._q = self._q[:, order]
+        q = np.stack([grid.ravel() for grid in grids], 1)
+        self._look(q[:, order], chain.fk(q), axis)
+
+    @classmethod
+    def fixed(cls, pose: Array, axis: tuple[float, float, float]) -> Gaze:
+        """That of a camera which no neck turns, at a pose (4, 4) in the base link's frame."""
+        gaze = cls.__new__(cls)
+        gaze.joints = ()
+        gaze._look(np.zeros((1, 0)), pose[None], axis)
+        return gaze
+
+    def _look(self, q: Array, poses: Array, axis: tuple[float, float, float]) -> None:
+        self._q = q
         self._origin = poses[:, :3, 3]
         self._axis = poses[:, :3, :3] @ np.asarray(axis, float)
 

@@ -1,0 +1,221 @@
+"""Robots other than the bundled one: real descriptions without their meshes, an arm on a box, a box on wheels."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pybullet_data
+import pytest
+from typer.testing import CliRunner
+
+from executive.capabilities import bind_robot
+from executive.carrying import with_carrying
+from executive.cli import app
+from planlang.protocols import Configuration
+from planlang.resources import bundled
+from sim import PyBulletWorld, Scene
+
+ROOM = bundled("ontologies") / "environments" / "hospital_room.omn"
+
+BASE = """
+name = "mine"
+urdf = "robot.urdf"
+[base]
+radius = 0.36
+speed = 0.5
+acceleration = 0.5
+turn_speed = 1.0
+turn_acceleration = 1.0
+jerk = 5.0
+"""
+PANDA = (
+    BASE
+    + """
+[arms.arm]
+tip = "panda_grasptarget"
+hand = "panda_hand"
+approach = [0, 0, 1]
+closing = [0, 1, 0]
+[arms.arm.gripper]
+opened = { panda_finger_joint1 = 0.04, panda_finger_joint2 = 0.04 }
+closed = { panda_finger_joint1 = 0.0, panda_finger_joint2 = 0.0 }
+fingers = ["panda_leftfinger", "panda_rightfinger"]
+max_opening = 0.075
+"""
+)
+BOX = """<link name="base"><collision><origin xyz="0 0 0.25"/><geometry><box size="0.5 0.5 0.5"/></geometry></collision>
+</link>"""
+MOUNT = """<joint name="mount" type="fixed"><parent link="base"/><child link="panda_link0"/><origin xyz="0 0 0.5"/>
+</joint>"""
+
+REACH = """
+from planlang import *
+from planlang.designators import Object
+
+BOTTLE = an_object("DrinkingBottle")
+
+
+@plan("http://example.org/#reach")
+async def reach(*, bottle: Object = BOTTLE) -> None:
+    async def body() -> None:
+        await perform(action("Reaching", to_location=a_posture("carrying")))
+        await perform(action("OpeningAGripper"))
+        await perform(action("ClosingAGripper"))
+
+    await at_location(a_location(in_reach_of=(a_location(in_front_of=bottle),)), body)
+"""
+DRIVE = """
+from planlang import *
+
+
+@plan("http://example.org/#drive")
+async def drive() -> None:
+    await perform(action("Translation-LocationChange", to_location=a_location({relation}=an_object("DrinkingBottle"))))
+"""
+
+
+def run(*arguments: str | Path) -> dict[str, Any]:
+    """The answer of ``planlang run`` as JSON, with its exit code checked to be the process's."""
+    result = CliRunner().invoke(app, ["run", *map(str, arguments), "--json"], prog_name="planlang")
+    found: dict[str, Any] = json.loads(result.stdout)
+    assert found["exit_code"] == result.exit_code
+    assert "Traceback" not in result.stdout + result.stderr
+    return found
+
+
+def real_run(corpus: Path, robot: str, urdf: str) -> dict[str, Any]:
+    """The real recipe in the real room."""
+    return run(
+        corpus / "recipes" / "serve_drink@knowrob_hydro_2014-11.owl",
+        *("--robot", corpus / "robots" / robot, "--urdf", corpus / "robots" / urdf),
+        *("--environment", corpus / "environments" / "map_hospital_room@re_stack.owl.in"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("robot", "urdf"), [("amigo@hydro.owl", "amigo@hydro.urdf"), ("PR2@hydro.owl", "pr2@hydro.urdf")]
+)
+def test_real_robots_without_their_meshes_serve_the_drink(corpus: Path, robot: str, urdf: str) -> None:
+    found = real_run(corpus, robot, urdf)
+    assert found["exit_code"] == 0, found
+    codes = [diagnostic["code"] for diagnostic in found["diagnostics"]]
+    assert codes.count("B013") == 1
+    assert "B010" in codes, "what is assumed about the robot is said"
+
+
+@pytest.mark.parametrize(
+    "broken", ["", "<robot", "<robot/>", "<robot><link name='a'/><link name='b'/></robot>", "\0\1\2"]
+)
+def test_a_broken_urdf_ends_in_a_diagnostic(tmp_path: Path, broken: str) -> None:
+    (tmp_path / "robot.urdf").write_text(broken)
+    (tmp_path / "robot.toml").write_text(BASE)
+    (tmp_path / "drive.py").write_text(DRIVE.format(relation="in_front_of"))
+    found = run(tmp_path / "drive.py", "--robot", tmp_path / "robot.toml", "--environment", ROOM)
+    assert found["exit_code"] == 2
+    assert [d["code"] for d in found["diagnostics"] if d["severity"] == "error"] == ["B009"]
+
+
+@pytest.fixture
+def panda(tmp_path: Path) -> Path:
+    """The robot file of an arm on a box: no torso, no neck, no camera, a finger that mimics the other."""
+    folder = tmp_path / "panda"
+    shutil.copytree(Path(pybullet_data.getDataPath()) / "franka_panda", folder)
+    text = (folder / "panda.urdf").read_text()
+    first = text.index('<link name="panda_link0"')
+    (folder / "robot.urdf").write_text(text[:first] + BOX + MOUNT + text[first:])
+    (folder / "robot.toml").write_text(PANDA)
+    return folder / "robot.toml"
+
+
+def test_an_arm_on_a_box_drives_to_where_it_reaches_the_bottle(panda: Path, tmp_path: Path) -> None:
+    (tmp_path / "reach.py").write_text(REACH)
+    found = run(tmp_path / "reach.py", "--robot", panda, "--environment", ROOM)
+    assert found["exit_code"] == 1
+    assert found["failure"] == ["GraspMissed"], "all goes well until the gripper closes on nothing"
+
+
+def test_an_arm_without_camera_lacks_what_the_recipe_needs(panda: Path) -> None:
+    recipe = bundled("recipes") / "serve_a_drink.omn"
+    found = run(recipe, "--robot", panda, "--environment", ROOM)
+    assert found["exit_code"] == 3
+    found = run(recipe, "--robot", panda, "--environment", ROOM, "--force")
+    assert found["exit_code"] == 1
+    assert found["failure"][0] in ("ObjectNowhereToBeFound", "ObjectUnreachable")
+
+
+def test_a_finger_that_mimics_another_is_not_commanded(panda: Path) -> None:
+    gripper = bind_robot(panda).arms[0].gripper
+    assert gripper
+    assert gripper.joints == ("panda_finger_joint1",)
+    assert dict(gripper.opened) == {"panda_finger_joint1": 0.04}
+
+
+def test_a_posture_to_drive_in_is_found_level_narrow_and_free(panda: Path) -> None:
+    bare = bind_robot(panda)
+    robot = with_carrying(bare)
+    assert with_carrying(bare).postures == robot.postures
+    assert with_carrying(robot) is robot
+    assert robot.diagnostics[-1].code == "B010"
+    world = PyBulletWorld(Scene(()), robot.body())
+    assert world.contacts() == ()
+    (arm,) = robot.arms
+    tip = world.link_pose(arm.tip, Configuration((0.0, 0.0, 0.0), robot.postures["carrying"])).matrix()[:3, :3]
+    assert abs((tip @ np.array(arm.approach))[2]) < 0.01
+    assert abs((tip @ np.array(arm.closing))[2]) < 0.01
+    assert max(radius for _, _, radius in world.silhouette()) < 0.6
+    world.close()
+
+
+def test_a_robot_without_arms_keeps_its_postures() -> None:
+    robot = replace(bind_robot("amigo"), arms=(), postures={})
+    assert with_carrying(robot) is robot
+
+
+def cart(folder: Path, urdf: str, numbers: str = "") -> Path:
+    """The robot file of a box on wheels."""
+    (folder / "robot.urdf").write_text(f'<robot name="cart">{urdf}</robot>')
+    (folder / "robot.toml").write_text(BASE + numbers)
+    return folder / "robot.toml"
+
+
+def test_what_has_no_camera_sees_from_nowhere(tmp_path: Path) -> None:
+    (tmp_path / "drive.py").write_text(DRIVE.format(relation="visible_from"))
+    found = run(tmp_path / "drive.py", "--robot", cart(tmp_path, BOX), "--environment", ROOM)
+    assert (found["exit_code"], found["failure"]) == (1, ["LocationUnresolvable"])
+
+
+CAMERA = """
+[camera]
+link = "camera"
+forward = [1, 0, 0]
+up = [0, 0, 1]
+"""
+EYE = """<link name="camera"/><joint name="mast" type="fixed"><parent link="base"/><child link="camera"/>
+<origin xyz="0.2 0 1.1"/></joint>"""
+LOOK = """
+from planlang import *
+
+BOTTLE = an_object("DrinkingBottle")
+
+
+@plan("http://example.org/#look")
+async def look() -> None:
+    await perform(action("Translation-LocationChange", to_location=a_location(visible_from=BOTTLE)))
+    await perform(action("LookingForSomething", object_acted_on=BOTTLE))
+"""
+
+
+def test_a_camera_without_neck_is_turned_by_the_base(tmp_path: Path) -> None:
+    (tmp_path / "look.py").write_text(LOOK)
+    found = run(tmp_path / "look.py", "--robot", cart(tmp_path, BOX + EYE, CAMERA), "--environment", ROOM)
+    assert found["exit_code"] == 0, found
+
+
+def test_a_single_link_is_a_robot_that_drives(tmp_path: Path) -> None:
+    (tmp_path / "drive.py").write_text(DRIVE.format(relation="in_front_of"))
+    assert run(tmp_path / "drive.py", "--robot", cart(tmp_path, BOX), "--environment", ROOM)["exit_code"] == 0
