@@ -194,9 +194,8 @@ def test_every_real_room_is_drawn(name: str, corpus: Path) -> None:
 # What the user says
 
 
-@pytest.mark.parametrize("value", ["bottle1", ROOM_IRI + "bottle1"])
-def test_a_parameter_is_set_by_name_or_by_iri(value: str) -> None:
-    result = run_plan_file(replace(BUNDLED, bindings={"bottle": value}))
+def test_parameters_are_set_by_name_or_by_iri() -> None:
+    result = run_plan_file(replace(BUNDLED, bindings={"bottle": "bottle1", "patient": ROOM_IRI + "patient1"}))
     assert result.final_state == ("bottle1: held by patient1",)
 
 
@@ -296,7 +295,7 @@ class _After:
             raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("step", [1, 60, 250, 330, 425, 700])
+@pytest.mark.parametrize("step", [1, 250, 425, 700])
 def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trace(
     step: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -315,7 +314,7 @@ def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trac
     assert (tmp_path / "scene.png").is_file()
 
 
-@pytest.mark.parametrize("line", [1, 2, 5, 9])
+@pytest.mark.parametrize("line", [1, 2, 9])
 def test_an_interrupt_while_progress_is_told_ends_the_run_with_a_complete_trace(line: int, tmp_path: Path) -> None:
     result = run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl", progress=_After(line)))
     assert (result.exit_code, result.outcome) == (130, "interrupted")

@@ -15,8 +15,8 @@ from planlang.protocols import Array
 from sim import PyBulletWorld
 from tests.executive.conftest import Stage
 
-TOUCHING = 0.001
-"""Penetrations up to this depth are judged as touching [m]."""
+TOUCHING = 0.002
+"""Penetrations up to this depth are judged as touching [m]: the judge's cylinders are polyhedra, up to 1 mm wider."""
 
 
 class Judge:

@@ -32,7 +32,7 @@ THE_PATIENT, THE_BED = a_person("Patient"), an_object("Bed-PieceOfFurniture")
 GRASPED, BEFORE = a_location(in_center_of=THE_BOTTLE), a_location(in_front_of=THE_BOTTLE)
 OVER_THE_BED = a_location(above=THE_BED)
 OFFERED = a_location(in_reach_of=THE_PATIENT)
-MANY = 8
+MANY = 5
 """Places that are judged of each resolution."""
 
 

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.locations import Block, HandFrame, Held
@@ -113,6 +113,7 @@ def test_what_is_held_stays_upright_in_every_pose_that_is_tried(
         assert (rotation @ held.matrix()[:3, :3])[2, 2] == pytest.approx(1.0), f"tilted at yaw {yaw}"
 
 
+@settings(max_examples=30, deadline=None)
 @given(blocks, length, length, st.tuples(size, size, size).map(lambda s: tuple(v / 10 for v in s)), angle)
 def test_poses_above_keep_what_is_held_between_2_and_15_cm_over_the_top(
     block: Block, x: float, y: float, extents: tuple[float, float, float], turn: float
