@@ -287,7 +287,7 @@ def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Object], belief: Beli
             name = belief.bind(what, truth.configuration().base)
         except PlanFailure:
             continue
-        if not truth.scene.body(name).graspable:
+        if name not in truth.names() or not truth.scene.body(name).graspable:
             continue
         holder, support = held_by(truth, name), at_rest_on(truth, name)
         if holder is not None:

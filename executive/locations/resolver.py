@@ -101,7 +101,8 @@ class Resolver:
 
     def _candidates(self, demand: Demand, arms: Sequence[ArmModel], rejections: Rejections) -> Iterator[Base]:
         """Places worth a look, where they are now first if it may do, then best first and well spread."""
-        here = self.around.base()
+        x, y, yaw = self.around.base()
+        here = (x, y, math.remainder(yaw, 2 * math.pi))
         yield here
         sampled = [self._ring(anchors, arm) for arm in arms or (None,) for anchors in self._anchors(demand)]
         if not sampled:
@@ -117,9 +118,8 @@ class Resolver:
         travel = np.hypot(bases[:, 0] - here[0], bases[:, 1] - here[1])
         score = score * (0.4 + np.minimum(clearance, 0.3)) * np.exp(-travel / 8.0)
         free = np.flatnonzero(clearance >= MARGIN)
-        order = free[
-            np.argsort(-score[free].round(9), kind="stable")
-        ]  # equals stay in order wherever the map's origin is
+        # rounded: which of equally good places comes first does not depend on where the map has its origin
+        order = free[np.argsort(-score[free].round(9), kind="stable")]
         sector = np.floor((bases[order, 2] + 4 * math.pi) / (2 * math.pi / SECTORS)).astype(int) % SECTORS
         rank = np.zeros(len(order), int)
         for value in np.unique(sector):
