@@ -106,14 +106,6 @@ def test_the_picture_of_the_end_is_left(served: tuple[RunResult, Path, list[str]
     assert sorted(path.name for path in served[1].iterdir()) == ["run.jsonl", "scene.png"]
 
 
-def test_the_same_run_in_the_same_process_gives_the_same_trace(
-    served: tuple[RunResult, Path, list[str]], tmp_path: Path
-) -> None:
-    again = run_plan_file(replace(BUNDLED, seed=3, trace=tmp_path / "run.jsonl"))
-    assert again == served[0]
-    assert (tmp_path / "run.jsonl").read_bytes() == (served[1] / "run.jsonl").read_bytes()
-
-
 def test_one_seed_gives_one_trace_in_processes_that_order_hashes_differently(
     served: tuple[RunResult, Path, list[str]], tmp_path: Path
 ) -> None:
@@ -295,7 +287,7 @@ class _After:
             raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("step", [1, 250, 425, 700])
+@pytest.mark.parametrize("step", [1, 425])
 def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trace(
     step: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -314,7 +306,7 @@ def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trac
     assert (tmp_path / "scene.png").is_file()
 
 
-@pytest.mark.parametrize("line", [1, 2, 9])
+@pytest.mark.parametrize("line", [1, 9])
 def test_an_interrupt_while_progress_is_told_ends_the_run_with_a_complete_trace(line: int, tmp_path: Path) -> None:
     result = run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl", progress=_After(line)))
     assert (result.exit_code, result.outcome) == (130, "interrupted")
