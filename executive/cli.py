@@ -101,9 +101,20 @@ def compile_command(
     answer("compile", work, as_json=json)
 
 
-@app.command("check", epilog="Example: planlang check my_recipe.owl --ontologies ../ontologies")
+@app.command("check", epilog="Example: planlang check my_recipe.owl --ontologies ../ontologies --fix")
 def check_command(
     file: RecipeOrPlan,
+    fix: Annotated[
+        bool,
+        typer.Option("--fix", help="Write a copy, NAME.fixed.EXT, with what is safe to fix, and show the changes."),
+    ] = False,
+    accept: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CODE", help="With --fix: do what is not safe for this code, too; repeatable."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="With --fix: write the copy here.")
+    ] = None,
     task: Task = None,
     ontologies: Ontologies = None,
     allow_abstract: AllowAbstract = False,
@@ -113,8 +124,15 @@ def check_command(
 
     Of a recipe: everything that is wrong with it. Of a plan: whether its recipe has changed since, or it was edited.
     """
+    if not fix and (accept or output):
+        raise typer.BadParameter("--accept and --output need --fix")
 
     def work() -> Answer:
+        if fix:
+            from executive.fixing import fix as fixed
+
+            folders = tuple(ontologies or ())
+            return fixed(_recipe(file), output, accept or (), task=task, folders=folders, allow_abstract=allow_abstract)
         match read(file):
             case RecipeFile() as found:
                 plan = _compile(found, task=task, ontologies=ontologies, allow_abstract=allow_abstract)

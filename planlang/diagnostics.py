@@ -188,5 +188,7 @@ CODES: dict[str, str] = {
     "C012": "recordings need a package that is not installed",
     "C013": "there is no display for a window",
     "C014": "the suffix of a graph's file names no format",
+    "C015": "no fix with this code waits for acceptance",
+    "C016": "a fix was left out, as it is not safe or cannot be written into the text",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

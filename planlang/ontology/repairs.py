@@ -73,6 +73,12 @@ class _Meanings:
         return read
 
 
+def meant_term(iri: str) -> str:
+    """The term of RDF, RDFS or OWL that an IRI means: itself, or the same name in the namespace that has it."""
+    correction = _correction(iri)
+    return iri if correction is None else correction[0]
+
+
 def _correction(iri: str) -> tuple[str, str, str | None] | None:
     """What a term is read as, why, and what to write; None if there is nothing to correct."""
     local = local_name(iri)

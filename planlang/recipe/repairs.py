@@ -52,19 +52,30 @@ def _exchanged(
     What becomes the device must be a part of a robot: a pancake maker is a physical device too, and may well be what a
     bottle (which is none) is used on.
     """
+    pair = exchanged_pair(ontology, parameters)
+    if pair is None:
+        return parameters, []
+    (first, a), (second, b) = pair
+    swap = {first: replace(first, filler=b), second: replace(second, filler=a)}
+    message = (
+        f"{first.property} `{a.name}` and {second.property} `{b.name}` of `{owner}` are exchanged:"
+        f" taken as {first.property} `{b.name}` and {second.property} `{a.name}`"
+    )
+    found = note("R030", message, first.span, "exchange them in the file")
+    return tuple(swap.get(parameter, parameter) for parameter in parameters), [found]
+
+
+def exchanged_pair(
+    ontology: Ontology, parameters: tuple[Parameter, ...]
+) -> tuple[tuple[Parameter, Thing], tuple[Parameter, Thing]] | None:
+    """The first two parameters whose fillers, each given beside it, should be exchanged; None if all is well."""
     things = [(parameter, parameter.filler) for parameter in parameters if isinstance(parameter.filler, Thing)]
     single = [(p, thing) for p, thing in things if sum(q.property == p.property for q in parameters) == 1]
     for (first, a), (second, b) in combinations(single, 2):
         is_wrong = violates_range(ontology, first.property, a) or violates_range(ontology, second.property, b)
         if is_wrong and _fits(ontology, first.property, b) and _fits(ontology, second.property, a):
-            swap = {first: replace(first, filler=b), second: replace(second, filler=a)}
-            message = (
-                f"{first.property} `{a.name}` and {second.property} `{b.name}` of `{owner}` are exchanged:"
-                f" taken as {first.property} `{b.name}` and {second.property} `{a.name}`"
-            )
-            found = note("R030", message, first.span, "exchange them in the file")
-            return tuple(swap.get(parameter, parameter) for parameter in parameters), [found]
-    return parameters, []
+            return (first, a), (second, b)
+    return None
 
 
 def _fits(ontology: Ontology, property_name: str, thing: Thing) -> bool:

@@ -42,9 +42,17 @@ class _Facts:
 
 
 def check_wisdom(actions: Actions, recipe: Recipe) -> Iterator[Diagnostic]:
-    """A warning for each ordering that is missing and probably meant; the orders of the recipe are acyclic.
+    """A warning for each ordering that is missing and probably meant; the orders of the recipe are acyclic."""
+    for before, after, why in wise_orderings(actions, recipe):
+        message = f"nothing puts `{local_name(before)}` before `{local_name(after)}`: {why}"
+        yield warning("R042", message, recipe.step(after).span, ordering_to_write(recipe, before, after))
 
-    Suggestions never contradict the recipe or each other, and none follows from the others.
+
+def wise_orderings(actions: Actions, recipe: Recipe) -> Iterator[tuple[str, str, str]]:
+    """The orderings that are missing and probably meant: steps (IRIs) before and after, and why.
+
+    The orders of the recipe are acyclic. Suggestions never contradict the recipe or each other, and none follows from
+    the others.
     """
     facts = {step.iri: _facts(actions, step) for step in recipe.steps}
     all_roles = [role for fact in facts.values() for role in fact.roles]
@@ -64,8 +72,7 @@ def check_wisdom(actions: Actions, recipe: Recipe) -> Iterator[Diagnostic]:
                 suggested[first.iri, second.iri] = why
     for before, after in reduced(order_graph(stated.nodes, wished.edges)).edges:
         if (before, after) in suggested:
-            message = f"nothing puts `{local_name(before)}` before `{local_name(after)}`: {suggested[before, after]}"
-            yield warning("R042", message, recipe.step(after).span, ordering_to_write(recipe, before, after))
+            yield before, after, suggested[before, after]
 
 
 def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -> str | None:

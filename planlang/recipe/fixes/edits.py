@@ -1,0 +1,85 @@
+"""Edits of a file's text, and what a text must be able to do for fixes to be written into it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from planlang.diagnostics import Span
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Edit:
+    """Replace the characters from ``start`` up to ``end`` (offsets) by ``text``."""
+
+    start: int
+    end: int
+    text: str
+
+
+class CannotEdit(Exception):
+    """The text is not written in a way that is understood there; says what is in the way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Anchors:
+    """Where a recipe's file says what a new ordering has to refer to.
+
+    ``task`` is the head of the task's class, ``sub_action`` and ``last`` are fillers of restrictions of it (``last``
+    the one behind which the new one goes), ``before`` and ``after`` the names of the two steps. ``suffix`` is what
+    makes the constraint's name from the task's.
+    """
+
+    task: Span
+    sub_action: Span
+    last: Span
+    is_flat: bool
+    before: Span
+    after: Span
+    suffix: str
+
+
+class Editable(Protocol):
+    """A text that knows its syntax. Every method raises CannotEdit rather than guess."""
+
+    def exchanged(self, first: Span, second: Span) -> list[Edit]:
+        """Exchange the properties of two restrictions, whose fillers stand at the spans."""
+
+    def renamed(self, where: Span, like: Span) -> list[Edit]:
+        """Write at one place the name that stands at another."""
+
+    def with_ordering(self, anchors: Anchors) -> list[Edit]:
+        """Add an ordering constraint to a task, and the individual that it names."""
+
+    def with_right_terms(self) -> list[Edit]:
+        """Put terms of RDFS and OWL into the namespace that has them."""
+
+
+def applied(text: str, edits: Iterable[Edit]) -> str:
+    """The text with all edits made. Raises CannotEdit if two of them touch the same characters."""
+    parts: list[str] = []
+    position = 0
+    for edit in _ordered(edits):
+        if edit.start < position:
+            raise CannotEdit("two fixes touch the same place")
+        parts += [text[position : edit.start], edit.text]
+        position = edit.end
+    return "".join([*parts, text[position:]])
+
+
+def _ordered(edits: Iterable[Edit]) -> Sequence[Edit]:
+    """By place; of those that insert at one place the earlier given comes first."""
+    return sorted(dict.fromkeys(edits), key=lambda edit: (edit.start, edit.end))
+
+
+def line_end(text: str) -> str:
+    """How lines end in a text: as the first one does."""
+    first = text.find("\n")
+    return "\r\n" if first > 0 and text[first - 1] == "\r" else "\n"
+
+
+def indentation(text: str, offset: int) -> str:
+    """The white space before a place if nothing else is before it on its line, else none."""
+    before = text[text.rfind("\n", 0, offset) + 1 : offset]
+    return before if not before.strip() else ""

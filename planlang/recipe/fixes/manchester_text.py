@@ -1,0 +1,110 @@
+"""Fixes as edits of Manchester syntax."""
+
+from __future__ import annotations
+
+import re
+
+from planlang.diagnostics import Span
+from planlang.ontology.xml_text import offset_of
+from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, indentation, line_end
+
+_NAME = re.compile(r"<[^<>\s]*>|[^\s,(){}\[\]\"<>]+")
+_BEFORE_FILLER = re.compile(
+    r"(?<!\S)(?P<property><[^<>\s]*>|[^\s,(){}\[\]\"<>]+)\s+(?:some|value|(?:exactly|min)\s+\d+)\s+\(?\s*\Z"
+)
+_FRAME = re.compile(r"^[ \t]*(?:[A-Z]\w+):(?=\s)", re.MULTILINE)
+_HEADS = ("Class", "Individual", "ObjectProperty", "DataProperty", "AnnotationProperty", "Datatype", "Ontology",
+          "DisjointClasses", "EquivalentClasses", "SameIndividual", "DifferentIndividuals")  # fmt: skip
+_NEXT_FRAME = re.compile(rf"^[ \t]*(?:{'|'.join(_HEADS)}):(?=\s)", re.MULTILINE)
+_LONGEST = 1000
+"""Characters before a filler among which its property is looked for."""
+
+
+class ManchesterText:
+    """A file in Manchester syntax; spans are those of its reader: fillers and names at their first character."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def exchanged(self, first: Span, second: Span) -> list[Edit]:
+        """Exchange the properties of two restrictions, whose fillers stand at the spans."""
+        (a_start, a_end), (b_start, b_end) = self._property(first), self._property(second)
+        return [Edit(a_start, a_end, self.text[b_start:b_end]), Edit(b_start, b_end, self.text[a_start:a_end])]
+
+    def renamed(self, where: Span, like: Span) -> list[Edit]:
+        """Write at one place the name that stands at another; a fact stands at its property."""
+        start, end = self._name(where)
+        new_start, new_end = self._name(like)
+        return [Edit(start, end, self.text[new_start:new_end])]
+
+    def with_ordering(self, anchors: Anchors) -> list[Edit]:
+        """Add an ordering constraint to a task, and the individual that it names, behind the task's frame."""
+        property_name = self._slice(self._property(anchors.sub_action))
+        head, local, tail = property_name.rpartition("subAction")
+        if not local or tail not in ("", ">"):
+            raise CannotEdit(f"the property {property_name} is not written as subAction")
+        before, after = self._slice(self._name(anchors.before)), self._slice(self._name(anchors.after))
+        task = self._slice(self._name(anchors.task))
+        name = f"{task[:-1]}{anchors.suffix}>" if task.endswith(">") else task + anchors.suffix
+        new = f"{head}orderingConstraints{tail} value {name}"
+        end = self._name(anchors.last)[1]
+        is_item = anchors.is_flat and self._ends_an_item(end)
+        return [
+            *([Edit(end, end, self._item(anchors.last, new))] if is_item else []),
+            self._individual(end, None if is_item else f"Class: {task}", new, name, head, tail, before, after),
+        ]
+
+    def with_right_terms(self) -> list[Edit]:
+        """Nothing: what RDF/XML puts into the wrong namespace are keywords here."""
+        return []
+
+    def _item(self, last: Span, new: str) -> str:
+        """A further item of the list in which ``last`` is, on a line of its own if that is."""
+        indent = indentation(self.text, self._property(last)[0])
+        return f",{line_end(self.text)}{indent}{new}" if indent else f", {new}"
+
+    def _individual(
+        self, place: int, extra: str | None, new: str, name: str, head: str, tail: str, before: str, after: str
+    ) -> Edit:
+        following = _NEXT_FRAME.search(self.text, place)
+        end = following.start() if following else len(self.text)
+        lines = self.text[place:end].splitlines(keepends=True)
+        while len(lines) > 1 and (not lines[-1].strip() or lines[-1].lstrip().startswith("#")):
+            lines.pop()
+        end = place + len("".join(lines).rstrip())
+        stated = [extra, f"    SubClassOf: {new}", ""] if extra else []
+        facts = (f"{head}occursBeforeInOrdering{tail} {before}", f"{head}occursAfterInOrdering{tail} {after}")
+        individual = [
+            f"Individual: {name}",
+            f"    Types: {head}PartialOrdering-Strict{tail}",
+            f"    Facts: {', '.join(facts)}",
+        ]
+        return Edit(end, end, line_end(self.text).join(["", "", *stated, *individual]))
+
+    def _ends_an_item(self, offset: int) -> bool:
+        """True if an item of a list ends at the place: behind it are a comma, another section, or nothing."""
+        rest = re.sub(r"\A(?:\s|#[^\n]*\n)+", "", self.text[offset:])
+        return not rest or rest.startswith(",") or _FRAME.match(rest) is not None
+
+    def _name(self, span: Span) -> tuple[int, int]:
+        offset = offset_of(self.text, span)
+        found = _NAME.match(self.text, offset)
+        if found is None:
+            raise CannotEdit("a name is expected there")
+        value = re.match(r"\s+", self.text[found.end() :])
+        if re.search(r"occurs(?:Before|After)InOrdering>?\Z", found[0]) and value is not None:
+            found = _NAME.match(self.text, found.end() + value.end())
+            if found is None:
+                raise CannotEdit("a name is expected behind the property")
+        return found.start(), found.end()
+
+    def _property(self, filler: Span) -> tuple[int, int]:
+        offset = offset_of(self.text, filler)
+        window = max(0, offset - _LONGEST)
+        found = _BEFORE_FILLER.search(self.text[window:offset].replace("(", " "))
+        if found is None or re.search(r"\binverse\s*\Z", self.text[window : window + found.start()]):
+            raise CannotEdit("no `property some filler` is written there")
+        return window + found.start("property"), window + found.end("property")
+
+    def _slice(self, place: tuple[int, int]) -> str:
+        return self.text[place[0] : place[1]]

@@ -1,0 +1,233 @@
+"""Fixes as edits of RDF/XML."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from planlang.diagnostics import Span
+from planlang.ontology.repairs import meant_term
+from planlang.ontology.terms import INTERSECTION_OF, ON_PROPERTY, OWL, RDF, SUBCLASS_OF
+from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, indentation, line_end
+
+_START = re.compile(r"<[^\s/>\"'<]+(?:[^\"'<>]|\"[^\"<]*\"|'[^'<]*')*>")
+_ATTRIBUTE = re.compile(r"\s([^\s=\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+
+
+@dataclass(slots=True)
+class Element:
+    """An element as it stands in the file: offsets of its first character, behind its start tag, behind its end."""
+
+    tag: str
+    name: str
+    """The tag with its namespace in place of the prefix."""
+    attributes: Mapping[str, str]
+    """With entities expanded."""
+    prefixes: Mapping[str, str]
+    parent: Element | None
+    start: int
+    opened: int = -1
+    closing: int = -1
+    """Where the end tag begins; -1 if the start tag is all."""
+    end: int = -1
+    children: list[Element] = field(default_factory=list)
+
+
+class XmlText:
+    """An RDF/XML file; spans are those of its reader: the starts of elements. Raises CannotEdit if it is no XML."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self._data = text.encode("utf-8")
+        self._bytes = self._characters = 0
+        self._stack: list[Element] = []
+        self._at: dict[tuple[int, int], Element] = {}
+        self._parser = expat.ParserCreate("utf-8")
+        self._parser.StartElementHandler = self._begin
+        self._parser.EndElementHandler = self._finish
+        try:
+            self._parser.Parse(self._data, True)
+        except expat.ExpatError as problem:
+            raise CannotEdit(f"the file is not well-formed XML: {expat.ErrorString(problem.code)}") from None
+
+    def exchanged(self, first: Span, second: Span) -> list[Edit]:
+        """Exchange the properties of two restrictions, whose fillers stand at the spans."""
+        a, b = self._value(self._property(first), "resource"), self._value(self._property(second), "resource")
+        return [Edit(a[0], a[1], self.text[b[0] : b[1]]), Edit(b[0], b[1], self.text[a[0] : a[1]])]
+
+    def renamed(self, where: Span, like: Span) -> list[Edit]:
+        """Write at one place the name that stands at another."""
+        element = self._element(where)
+        name = "resource" if RDF + "resource" in _names(element) else "about"
+        start, end = self._value(element, name)
+        return [Edit(start, end, self._reference(like))]
+
+    def with_ordering(self, anchors: Anchors) -> list[Edit]:
+        """Add an ordering constraint to a task, and the individual that it names, behind the task's element."""
+        stated = self._property(anchors.sub_action)
+        head, local, tail = self._slice(self._value(stated, "resource")).rpartition("subAction")
+        namespace = stated.attributes[_names(stated)[RDF + "resource"]].removesuffix("subAction")
+        if not local or tail:
+            raise CannotEdit("the property is not written as subAction")
+        restriction = self._element(anchors.last).parent
+        around = restriction.parent if restriction is not None else None
+        if restriction is None or around is None:
+            raise CannotEdit("no restriction is written there")
+        name = self._reference(anchors.task) + anchors.suffix
+        owl, rdf = _prefix(around, OWL), _prefix(around, RDF)
+        return [
+            self._restriction(restriction, around, f"{head}orderingConstraints", name, owl, rdf),
+            self._individual(restriction, name, namespace, rdf, anchors),
+        ]
+
+    def with_right_terms(self) -> list[Edit]:
+        """Put the names of elements that are in the wrong namespace of RDFS and OWL into the right one."""
+        edits = []
+        for element in self._at.values():
+            right = meant_term(element.name)
+            local = element.tag.rpartition(":")[2]
+            if right == element.name or not right.endswith(local):
+                continue
+            tag = _prefix(element, right.removesuffix(local)) + local
+            edits.append(Edit(element.start + 1, element.start + 1 + len(element.tag), tag))
+            if element.closing >= 0:
+                edits.append(Edit(element.closing + 2, element.closing + 2 + len(element.tag), tag))
+        return edits
+
+    def _restriction(
+        self, restriction: Element, around: Element, constraint: str, name: str, owl: str, rdf: str
+    ) -> Edit:
+        newline = line_end(self.text)
+        inner = restriction.children[0] if restriction.children else restriction
+        if meant_term(around.name) == SUBCLASS_OF:
+            behind, outer = around, [f"<{around.tag}>", f"</{around.tag}>"]
+        elif around.name == INTERSECTION_OF:
+            behind, outer = restriction, []
+        else:
+            raise CannotEdit("the restriction is neither a superclass nor in an intersection")
+        first = indentation(self.text, behind.start)
+        second = indentation(self.text, restriction.start)
+        third = indentation(self.text, inner.start) or second + "    "
+        lines = [
+            f"{second}<{owl}Restriction>",
+            f'{third}<{owl}onProperty {rdf}resource="{constraint}"/>',
+            f'{third}<{owl}hasValue {rdf}resource="{name}"/>',
+            f"{second}</{owl}Restriction>",
+        ]
+        if outer:
+            lines = [first + outer[0], *lines, first + outer[1]]
+        return Edit(behind.end, behind.end, newline + newline.join(lines))
+
+    def _individual(self, inside: Element, name: str, namespace: str, rdf: str, anchors: Anchors) -> Edit:
+        newline = line_end(self.text)
+        outermost = inside
+        while outermost.parent is not None and outermost.parent.parent is not None:
+            outermost = outermost.parent
+        declared, prefix = "", ""
+        try:
+            prefix = _prefix(outermost.parent or outermost, namespace)
+        except CannotEdit:
+            if re.search(r"[\"&<]", namespace):
+                raise
+            prefix, declared = "ordering:", f' xmlns:ordering="{namespace}"'
+        indent = indentation(self.text, outermost.start)
+        step = indent or "    "
+        before, after = self._reference(anchors.before), self._reference(anchors.after)
+        lines = [
+            f'{indent}<{prefix}PartialOrdering-Strict{declared} {rdf}about="{name}">',
+            f'{indent}{step}<{prefix}occursBeforeInOrdering {rdf}resource="{before}"/>',
+            f'{indent}{step}<{prefix}occursAfterInOrdering {rdf}resource="{after}"/>',
+            f"{indent}</{prefix}PartialOrdering-Strict>",
+        ]
+        return Edit(outermost.end, outermost.end, newline + newline + newline.join(lines))
+
+    def _element(self, span: Span) -> Element:
+        element = self._at.get((span.line, span.column))
+        if element is None:
+            raise CannotEdit("no element begins there")
+        return element
+
+    def _property(self, filler: Span) -> Element:
+        """The owl:onProperty beside a filler."""
+        restriction = self._element(filler).parent
+        for child in restriction.children if restriction is not None else ():
+            if child.name == ON_PROPERTY:
+                return child
+        raise CannotEdit("no owl:onProperty is beside it")
+
+    def _reference(self, span: Span) -> str:
+        """What to write in rdf:resource for what an element names."""
+        element = self._element(span)
+        for local, sign in (("resource", ""), ("about", ""), ("ID", "#")):
+            if RDF + local in _names(element):
+                return sign + self._slice(self._value(element, local))
+        raise CannotEdit("the element names nothing")
+
+    def _value(self, element: Element, local: str) -> tuple[int, int]:
+        """Where the value of an attribute of RDF stands, as it is written."""
+        wanted = _names(element).get(RDF + local)
+        for match in _ATTRIBUTE.finditer(self.text, element.start, element.opened):
+            if match[1] == wanted:
+                return match.span(2) if match[2] is not None else match.span(3)
+        raise CannotEdit(f"the element has no rdf:{local}")
+
+    def _slice(self, place: tuple[int, int]) -> str:
+        value = self.text[place[0] : place[1]]
+        if '"' in value:
+            raise CannotEdit("a name has a quotation mark")
+        return value
+
+    def _begin(self, tag: str, attributes: dict[str, str]) -> None:
+        parent = self._stack[-1] if self._stack else None
+        prefixes = dict(parent.prefixes) if parent is not None else {}
+        for key, value in attributes.items():
+            if key == "xmlns" or key.startswith("xmlns:"):
+                prefixes[key.partition(":")[2]] = value
+        element = Element(tag, _resolved(tag, prefixes), attributes, prefixes, parent, self._offset())
+        match = _START.match(self.text, max(element.start, 0))
+        if match is not None and element.start >= 0 and re.match(rf"<{re.escape(tag)}[\s/>]", match[0]):
+            element.opened = match.end()
+            self._at[self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1] = element
+        if parent is not None:
+            parent.children.append(element)
+        self._stack.append(element)
+
+    def _finish(self, tag: str) -> None:
+        element = self._stack.pop()
+        if element.opened < 0:
+            return
+        if self.text[element.opened - 2] == "/":
+            element.end = element.opened
+            return
+        offset = self._offset()
+        if self.text.startswith(f"</{tag}", offset):
+            element.closing, element.end = offset, self.text.index(">", offset) + 1
+
+    def _offset(self) -> int:
+        """The character at which expat is; -1 inside of an entity, where positions go back."""
+        position = self._parser.CurrentByteIndex
+        if position < self._bytes:
+            return -1
+        self._characters += len(self._data[self._bytes : position].decode("utf-8"))
+        self._bytes = position
+        return self._characters
+
+
+def _names(element: Element) -> dict[str, str]:
+    """Full name -> written name of the attributes with a prefix."""
+    return {_resolved(key, element.prefixes): key for key in element.attributes if ":" in key}
+
+
+def _resolved(tag: str, prefixes: Mapping[str, str]) -> str:
+    prefix, _, local = tag.rpartition(":")
+    return prefixes.get(prefix, prefix + ":" if prefix else "") + local
+
+
+def _prefix(element: Element, namespace: str) -> str:
+    """The prefix of a namespace, with its colon, where an element stands."""
+    for prefix, value in element.prefixes.items():
+        if value == namespace and prefix:
+            return prefix + ":"
+    raise CannotEdit(f"no prefix is declared for {namespace}")

@@ -1,0 +1,150 @@
+"""``planlang check --fix``: what it writes and says, and what it never does."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from executive import cli
+
+RECIPE = """\
+Prefix: : <http://planlang.org/test#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://planlang.org/test>
+
+Class: Serve
+    SubClassOf:
+        knowrob:PurposefulAction,
+        knowrob:subAction some Grasp,
+        knowrob:subAction some Look,
+        knowrob:orderingConstraints value LookFirst
+
+Individual: LookFirst
+    Types: knowrob:PartialOrdering-Strict
+    Facts: knowrob:occursBeforeInOrdering Look, knowrob:occursAfterInOrdering Grasp
+
+Class: Look
+    SubClassOf: knowrob:LookingForSomething
+
+Class: Grasp
+    SubClassOf:
+        knowrob:ClosingAGripper,
+        knowrob:objectActedOn value gripper1,
+        knowrob:deviceUsed value bottle1
+
+Individual: gripper1
+    Types: knowrob:HolderGripper
+
+Individual: bottle1
+    Types: knowrob:DrinkingBottle
+"""
+
+
+def check(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(cli.app, ["check", *map(str, arguments)], prog_name="planlang")
+
+
+@pytest.fixture
+def recipe(tmp_path: Path) -> Path:
+    """A recipe with exchanged fillers."""
+    path = tmp_path / "serve.owl.in"
+    path.write_text(RECIPE, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def misnamed(tmp_path: Path) -> Path:
+    """A recipe of which a sub-action has a name that nothing defines."""
+    path = tmp_path / "misnamed.omn"
+    path.write_text(RECIPE.replace("subAction some Grasp", "subAction some Clasp"), encoding="utf-8")
+    return path
+
+
+def test_a_fixed_copy_is_written_beside_the_recipe_and_the_difference_is_shown(recipe: Path) -> None:
+    result = check(recipe, "--fix")
+    assert result.exit_code == 0
+    assert recipe.read_text(encoding="utf-8") == RECIPE
+    copy = recipe.with_name("serve.fixed.owl.in")
+    assert "knowrob:objectActedOn value bottle1" in copy.read_text(encoding="utf-8")
+    assert f"--- {recipe}\n+++ {copy}\n@@" in result.stdout
+    assert "+        knowrob:deviceUsed value gripper1,\n" in result.stdout
+    assert result.stdout.endswith(f"{copy}: Serve compiles\n")
+    assert "R030" not in result.stderr
+
+
+def test_a_copy_that_a_person_went_on_with_is_not_overwritten_unless_it_is_named(recipe: Path) -> None:
+    copy = recipe.with_name("serve.fixed.owl.in")
+    copy.write_text("mine")
+    result = check(recipe, "--fix")
+    assert result.exit_code == 2
+    assert "error C005" in result.stderr
+    assert copy.read_text() == "mine"
+    assert check(recipe, "--fix", "-o", copy).exit_code == 0
+    assert "Serve" in copy.read_text()
+    assert check(recipe, "--fix").exit_code == 0, "the same text again is no loss"
+
+
+def test_the_recipe_itself_is_never_the_output(recipe: Path) -> None:
+    result = check(recipe, "--fix", "-o", recipe)
+    assert result.exit_code == 2
+    assert "would overwrite the recipe" in result.stderr
+    assert recipe.read_text(encoding="utf-8") == RECIPE
+
+
+def test_what_is_not_safe_is_listed_with_how_to_accept_it(misnamed: Path) -> None:
+    result = check(misnamed, "--fix")
+    assert result.exit_code == 2, "the error remains"
+    assert "note C016 not safe, not done: R010 the sub-action `Clasp` of `Serve` becomes `Grasp`" in result.stderr
+    assert f"{misnamed}:8:32: note C016" in result.stderr
+    assert "--accept R010 does it" in result.stderr
+    assert not misnamed.with_name("misnamed.fixed.omn").exists()
+
+
+def test_what_is_accepted_is_done_and_what_that_uncovers_is_fixed_too(misnamed: Path, tmp_path: Path) -> None:
+    result = check(misnamed, "--fix", "--accept", "R010", "-o", tmp_path / "new.omn", "--json")
+    assert result.exit_code == 0
+    answer = json.loads(result.stdout)
+    assert [fix["code"] for fix in answer["fixes"]] == ["R010", "R030"]
+    assert answer["fixed"] == str(tmp_path / "new.omn")
+    assert check(tmp_path / "new.omn").exit_code == 0
+
+
+def test_the_imports_of_a_recipe_are_found_when_the_copy_goes_elsewhere(recipe: Path, tmp_path: Path) -> None:
+    (tmp_path / "more.omn").write_text("Ontology: <http://planlang.org/more>\n")
+    text = RECIPE.replace("planlang.org/test>\n\n", "planlang.org/test>\n    Import: <http://planlang.org/more>\n\n")
+    recipe.write_text(text)
+    (tmp_path / "elsewhere").mkdir()
+    result = check(recipe, "--fix", "-o", tmp_path / "elsewhere" / "x.owl")
+    assert result.exit_code == 0
+    assert "O030" not in result.stderr
+
+
+def test_a_recipe_without_mistakes_gets_no_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = check("serve_a_drink", "--fix")
+    assert result.exit_code == 0
+    assert "nothing was fixed; ServeADrink compiles" in result.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("arguments", [["--accept", "R010"], ["-o", "x.omn"]], ids=" ".join)
+def test_options_of_fix_without_fix_are_a_usage_error(arguments: list[str]) -> None:
+    result = check("serve_a_drink", *arguments)
+    assert result.exit_code == 2
+    assert "need --fix" in result.stderr
+
+
+def test_only_fixes_that_wait_for_acceptance_can_be_accepted(recipe: Path) -> None:
+    result = check(recipe, "--fix", "--accept", "R999")
+    assert result.exit_code == 2
+    assert "error C015" in result.stderr
+    assert "codes that can be accepted: R010" in result.stderr
+
+
+def test_a_plan_is_not_fixed(tmp_path: Path) -> None:
+    path = tmp_path / "plan.py"
+    path.write_text("from planlang import plan\n")
+    assert "error C007" in check(path, "--fix").stderr

@@ -1,0 +1,258 @@
+"""Fixes of recipes are edits of their text, in both syntaxes, and change nothing else."""
+
+from __future__ import annotations
+
+import re
+from difflib import ndiff
+from pathlib import Path
+
+import pytest
+
+from planlang.compiler import compile_recipe
+from planlang.diagnostics import BadInput
+from planlang.recipe.fixes import Fixed, fix_recipe
+
+MANCHESTER = """\
+Prefix: : <http://planlang.org/test#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://planlang.org/test>
+
+Class: Serve
+    SubClassOf:
+        knowrob:PurposefulAction,
+{items}
+
+{frames}
+Class: Take
+    SubClassOf: knowrob:GraspingSomething, knowrob:subAction some Close
+
+Class: Close
+    SubClassOf: knowrob:ClosingAGripper
+
+Class: Give
+    SubClassOf: knowrob:HandingOverAnObject
+"""
+
+XML = """\
+<?xml version="1.0"?>
+<!DOCTYPE rdf:RDF [<!ENTITY knowrob "http://knowrob.org/kb/knowrob.owl#">]>
+<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#" xmlns:rdfs="http://www.w3.org/2000/01/rdf-schema#"
+         xmlns:owl="http://www.w3.org/2002/07/owl#" {prefix} xml:base="http://planlang.org/test">
+    <owl:Class rdf:ID="Serve">
+        <rdfs:subClassOf rdf:resource="&knowrob;PurposefulAction"/>
+        {items}
+    </owl:Class>
+    {frames}
+    <owl:Class rdf:ID="Take">
+        <rdfs:subClassOf rdf:resource="&knowrob;GraspingSomething"/>
+        <rdfs:subClassOf><owl:Restriction><owl:onProperty rdf:resource="&knowrob;subAction"/>
+            <owl:someValuesFrom rdf:resource="#Close"/></owl:Restriction></rdfs:subClassOf>
+    </owl:Class>
+    <owl:Class rdf:ID="Close"><rdfs:subClassOf rdf:resource="&knowrob;ClosingAGripper"/></owl:Class>
+    <owl:Class rdf:ID="Give"><rdfs:subClassOf rdf:resource="&knowrob;HandingOverAnObject"/></owl:Class>
+</rdf:RDF>
+"""
+KNOWROB_PREFIX = 'xmlns:knowrob="http://knowrob.org/kb/knowrob.owl#"'
+FLAT = "\n        ".join(
+    f'<rdfs:subClassOf><owl:Restriction>\n<owl:onProperty rdf:resource="&knowrob;subAction"/>'
+    f'<owl:someValuesFrom rdf:resource="#{name}"/></owl:Restriction></rdfs:subClassOf>'
+    for name in ("Give", "Take")
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path
+
+
+def fixed(folder: Path, text: str, *accepted: str, name: str = "r.owl") -> Fixed:
+    path = folder / name
+    path.write_bytes(text.encode())
+    before = path.read_bytes()
+    found = fix_recipe(path, accepted=frozenset(accepted))
+    assert path.read_bytes() == before, "the original stays as it is"
+    return found
+
+
+def compiled(folder: Path, found: Fixed) -> tuple[str, list[str]]:
+    """The plan of the fixed text, and the codes of what there still is to say."""
+    path = folder / "fixed.owl"
+    path.write_bytes(found.after.encode(found.encoding))
+    plan = compile_recipe(path, allow_abstract=True)
+    return plan.source, [one.code for one in plan.diagnostics]
+
+
+def changed(found: Fixed) -> list[str]:
+    lines = ndiff(found.before.splitlines(), found.after.splitlines())
+    return [line for line in lines if line[0] in "+-"]
+
+
+def codes(found: Fixed) -> list[str]:
+    return [fix.code for fix in found.done]
+
+
+@pytest.mark.parametrize(
+    "items",
+    [
+        "        knowrob:subAction some Give,\n        knowrob:subAction some Take",
+        "        knowrob:subAction some Give, # first, they say\n        knowrob:subAction some Take # Class: No",
+        "        knowrob:subAction some Give, knowrob:subAction some Take",
+        "        (knowrob:subAction some Take) and (knowrob:subAction some Give)",
+        "        knowrob:subAction some Give, knowrob:subAction some (Take and knowrob:deviceUsed some Close)",
+        "        <http://knowrob.org/kb/knowrob.owl#subAction> some <http://planlang.org/test#Give>,\n"
+        "        <http://knowrob.org/kb/knowrob.owl#subAction> some :Take",
+    ],
+    ids=["lines", "comments", "one line", "intersection", "nested", "full names"],
+)
+def test_a_missing_order_is_written_in_manchester_syntax(folder: Path, items: str) -> None:
+    found = fixed(folder, MANCHESTER.format(items=items, frames=""), name="r.omn")
+    assert codes(found) == ["R042"]
+    assert not [line for line in changed(found) if line.startswith("-") and "subAction" not in line]
+    source, said = compiled(folder, found)
+    assert "R042" not in said
+    assert source.index("Take") < source.index("HandingOverAnObject")
+
+
+@pytest.mark.parametrize("prefix", [KNOWROB_PREFIX, ""], ids=["prefix", "no prefix"])
+@pytest.mark.parametrize("form", ["flat", "intersection"])
+def test_a_missing_order_is_written_in_rdf_xml(folder: Path, prefix: str, form: str) -> None:
+    parts = re.sub("</?rdfs:subClassOf>", "", FLAT)
+    intersection = (
+        f'<rdfs:subClassOf><owl:Class><owl:intersectionOf rdf:parseType="Collection">{parts}'
+        "</owl:intersectionOf></owl:Class></rdfs:subClassOf>"
+    )
+    text = XML.format(prefix=prefix, items=FLAT if form == "flat" else intersection, frames="")
+    found = fixed(folder, text)
+    assert codes(found) == ["R042"]
+    assert 'rdf:about="#Serve_Take_Give"' in found.after
+    assert "R042" not in compiled(folder, found)[1]
+
+
+def test_line_ends_stay_as_they_are(folder: Path) -> None:
+    for name, text in [
+        ("r.omn", MANCHESTER.format(items="knowrob:subAction some Give,\n   knowrob:subAction some Take", frames="")),
+        ("r.owl", XML.format(prefix=KNOWROB_PREFIX, items=FLAT, frames="")),
+    ]:
+        found = fixed(folder, text.replace("\n", "\r\n"), name=name)
+        assert codes(found) == ["R042"]
+        assert found.after.count("\r\n") == found.after.count("\n")
+
+
+def test_the_encoding_stays_as_it_is(folder: Path) -> None:
+    text = XML.replace('"1.0"', '"1.0" encoding="iso-8859-1"').format(
+        prefix=KNOWROB_PREFIX, items=FLAT, frames="<!-- Köche -->"
+    )
+    path = folder / "latin.owl"
+    path.write_bytes(text.encode("latin-1"))
+    found = fix_recipe(path)
+    assert codes(found) == ["R042"]
+    (folder / "fixed.owl").write_bytes(found.after.encode(found.encoding))
+    compile_recipe(folder / "fixed.owl")
+    assert "Köche".encode("latin-1") in (folder / "fixed.owl").read_bytes()
+
+
+def test_exchanged_fillers_are_exchanged_and_nothing_else_changes(folder: Path) -> None:
+    path = Path(__file__).parents[2] / "diagnostics" / "R030_exchanged_fillers.omn"
+    found = fixed(folder, path.read_text(encoding="utf-8"), name="r.omn")
+    assert codes(found) == ["R030"]
+    assert sorted(changed(found)) == [
+        "+         knowrob:deviceUsed value gripper1,",
+        "+         knowrob:objectActedOn value bottle1",
+        "-         knowrob:deviceUsed value bottle1",
+        "-         knowrob:objectActedOn value gripper1,",
+    ]
+    assert compiled(folder, found)[1] == []
+
+
+MISSPELT = """
+Individual: o
+    Types: knowrob:PartialOrdering-Strict
+    Facts: knowrob:occursBeforeInOrdering {before}, knowrob:occursAfterInOrdering Give
+"""
+STEPS = "knowrob:subAction some Give, knowrob:subAction some {step}, knowrob:orderingConstraints value o"
+
+
+def test_a_misspelt_step_in_an_ordering_is_corrected_when_only_one_can_be_meant(folder: Path) -> None:
+    text = MANCHESTER.format(items=STEPS.format(step="Take"), frames=MISSPELT.format(before="Takee"))
+    found = fixed(folder, text, name="r.omn")
+    assert codes(found) == ["R010"]
+    assert compiled(folder, found)[1] == []
+
+
+def test_a_sub_action_is_renamed_only_when_that_is_accepted(folder: Path) -> None:
+    text = MANCHESTER.format(items=STEPS.format(step="Fetch"), frames=MISSPELT.format(before="Take"))
+    found = fixed(folder, text, name="r.omn")
+    assert (found.done, found.after) == ((), found.before)
+    assert [fix.message for fix in found.unaccepted] == ["the sub-action `Fetch` of `Serve` becomes `Take`"]
+    found = fixed(folder, text, "R010", name="r.omn")
+    assert codes(found) == ["R010"]
+    assert compiled(folder, found)[1] == []
+
+
+def test_terms_in_the_wrong_namespace_are_corrected_everywhere(folder: Path) -> None:
+    text = XML.format(prefix=KNOWROB_PREFIX, items=FLAT, frames="").replace("rdfs:subClassOf", "owl:subClassOf")
+    found = fixed(folder, text)
+    assert "O012" in codes(found)
+    assert "owl:subClassOf" not in found.after
+    assert compiled(folder, found)[1] == []
+
+
+def test_without_a_prefix_for_the_right_namespace_the_text_stays_and_the_reason_is_told(folder: Path) -> None:
+    text = XML.format(prefix=KNOWROB_PREFIX, items=FLAT, frames="").replace("rdfs:subClassOf", "owl:subClassOf")
+    found = fixed(folder, text.replace('xmlns:rdfs="http://www.w3.org/2000/01/rdf-schema#"', ""))
+    assert codes(found) == ["R042"]
+    assert [(fix.code, why) for fix, why in found.impossible] == [
+        ("O012", "no prefix is declared for http://www.w3.org/2000/01/rdf-schema#")
+    ]
+
+
+def test_what_an_imported_file_states_is_not_fixed(folder: Path) -> None:
+    steps = "knowrob:subAction some Give, knowrob:subAction some Take"
+    base = MANCHESTER.format(items=steps, frames="").replace("test>", "base>")
+    (folder / "base.omn").write_text(base, encoding="utf-8")
+    text = base[: base.index("Class:")].replace("base>", "test>\n    Import: <http://planlang.org/base>")
+    found = fixed(folder, text + "Class: Mine\n    SubClassOf: Serve\n", name="r.omn")
+    assert found.after == found.before
+
+
+def test_a_recipe_without_mistakes_and_one_that_cannot_be_read_are_left_alone(folder: Path) -> None:
+    done = fixed(folder, MANCHESTER.format(items="knowrob:subAction some Take", frames=""), name="r.omn")
+    assert (done.done, done.unaccepted, done.impossible, done.after) == ((), (), (), done.before)
+    with pytest.raises(BadInput) as caught:
+        fixed(folder, "Class: {", name="bad.omn")
+    assert {one.span.file for one in caught.value.diagnostics if one.span} == {str(folder / "bad.omn")}
+
+
+def test_names_that_are_hostile_do_not_get_out_of_their_place(folder: Path) -> None:
+    text = XML.format(prefix=KNOWROB_PREFIX, items=FLAT, frames="")
+    hostile = "T&quot;/&gt;&lt;owl:x&amp;"
+    text = text.replace('"#Take"', f'"#{hostile}"').replace('rdf:ID="Take"', f'rdf:about="#{hostile}"')
+    found = fixed(folder, text)
+    assert "<owl:x" not in found.after
+    assert found.after.count(hostile) in (2, 3)
+
+
+def test_the_real_recipe_with_a_misnamed_step_compiles_when_that_is_accepted(corpus: Path, folder: Path) -> None:
+    path = corpus / "recipes" / "serve_drink@re_stack.owl"
+    assert [fix.code for fix in fix_recipe(path).done] == ["O012"]
+    found = fix_recipe(path, accepted=frozenset({"R010"}))
+    assert sorted(codes(found)) == ["O012", "R010"]
+    source, _ = compiled(folder, found)
+    assert "async def grasp_bottle" in source
+    assert len(changed(found)) < 10
+
+
+def test_the_real_recipe_with_exchanged_fillers_compiles_to_the_same_plan_without_the_note(
+    corpus: Path, folder: Path
+) -> None:
+    path = corpus / "recipes" / "serve_drink@knowrob_hydro_2014-11.owl"
+    found = fix_recipe(path)
+    assert sorted(codes(found)) == ["O012", "R030"]
+    source, said = compiled(folder, found)
+    assert not {"O012", "R030"} & set(said)
+    assert functions(source) == functions(compile_recipe(path).source)
+
+
+def functions(source: str) -> str:
+    """A plan's source behind its header."""
+    return source[source.index("@plan") :]
