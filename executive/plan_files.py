@@ -70,14 +70,21 @@ def line_in(problem: BaseException, path: Path) -> int | None:
 
 
 def main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:
-    """The plan of that name or IRI; without one the last plan in the file, which calls the others."""
+    """The plan of that name or IRI; without one the last plan in the file, which calls the others.
+
+    Raises BadInput, telling which plans there are, when there is none or not the one that was asked for.
+    """
     plans = [value for value in vars(module).values() if isinstance(value, Plan)]
-    if task is not None:
-        plans = [plan for plan in plans if task in (plan.name, plan.iri, local_name(plan.iri or ""))] or plans
     if not plans:
         advice = "mark the plan with @plan from planlang"
         raise BadInput([error("X002", "this file defines no plan", Span(str(module.__file__)), advice)])
-    return plans[-1]
+    if task is None:
+        return plans[-1]
+    for plan in plans:
+        if task in (plan.name, plan.iri, local_name(plan.iri or "")):
+            return plan
+    advice = f"this file defines {', '.join(plan.name for plan in plans)}"
+    raise BadInput([error("R001", f"there is no task {task}", Span(str(module.__file__)), advice)])
 
 
 def bound_parameters(plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap) -> dict[str, Object]:

@@ -90,7 +90,7 @@ def run_plan_file(options: RunOptions) -> RunResult:
         found: list[Diagnostic] = []
         path = options.plan or _compiled(options, stack, found)
         module = import_plan(path)
-        plan = main_plan(module, options.task)
+        plan = main_plan(module, options.task if options.plan is not None else None)
         semantic_map = _map(options, found)
         robot = _robot(options, found)
         scene = scene_of(semantic_map, found)
