@@ -66,13 +66,13 @@ class Recoveries:
         self._primitives = actions.primitives
 
     def attempts_at_places(self, step: Step) -> int:
-        """How many places a scope tries that starts with this base motion."""
+        """How many places a scope tries that starts with this base motion: one if no rule speaks of the next."""
         attempts = [
             rule.attempts
             for _, rule in recoveries_of(self._ontology, self._rules, step.iri)
             if rule.strategy == NEXT_SOLUTION
         ]
-        return max(attempts, default=5)
+        return max(attempts, default=1)
 
     def around_step(self, cls: str, about: Thing | None, written: frozenset[str]) -> tuple[Recover, ...]:
         """Recoveries of an action class that keep the base where it is; ``written`` names rules already outside."""

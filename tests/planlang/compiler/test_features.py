@@ -256,6 +256,21 @@ def test_recovery_with_no_attempts_is_switched_off(compiled: Any) -> None:
     assert "Recovery" not in plan.source
 
 
+@pytest.mark.parametrize(("stated", "written"), [("0", "1"), ("2", "2")])
+def test_number_of_places_that_a_scope_tries_is_that_of_the_recipe(compiled: Any, stated: str, written: str) -> None:
+    failures = "NavigationFailure ManipulationPoseUnreachable ManipulationGoalInCollision LookingGoalUnreachable"
+    plan = compiled(
+        task("Serve", "Drive Look", constraints=1),
+        orderings("Drive<Look"),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value room:bottle1"),
+        step("Look", "k:LookingForSomething"),
+        "Individual: places\n    Types: k:Recovery\n"
+        f"    Facts: k:recoversAction Drive, k:strategy k:NextSolution, k:attempts {stated}"
+        + "".join(f", k:recoversFailure k:{failure}" for failure in failures.split()),
+    )
+    assert f"attempts={written})" in body(plan, "serve")
+
+
 def test_task_that_is_run_by_itself_has_its_own_recoveries(compiled: Any) -> None:
     plan = compiled(
         task("Grasp", "Close", "k:objectActedOn value room:bottle1", above="k:GraspingSomething"),
