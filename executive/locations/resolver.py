@@ -116,7 +116,7 @@ class Resolver:
             promising = crowded[np.argsort(-score[crowded], kind="stable")][:MOST_CROWDED]
             rejections.crowded = [(float(x), float(y), float(yaw)) for x, y, yaw in bases[promising]]
         travel = np.hypot(bases[:, 0] - here[0], bases[:, 1] - here[1])
-        score = score * (0.4 + np.minimum(clearance, 0.3)) * np.exp(-travel / 8.0)
+        score = score * (0.4 + np.clip(clearance, 0.0, 0.3)) * np.exp(-travel / 8.0)
         free = np.flatnonzero(clearance >= MARGIN)
         # rounded: which of equally good places comes first does not depend on where the map has its origin
         order = free[np.argsort(-score[free].round(9), kind="stable")]
