@@ -84,7 +84,7 @@ def find(what: str, name: str, folder: Path) -> Path:
             if candidate.is_file():
                 return candidate
     if is_folder:
-        raise BadInput([error("C001", f"{name} is a folder, not a {what}", help=f"name the {what}'s file in it")])
+        raise BadInput([error("C001", f"{name} is a folder", help=f"name the {what}'s file in it")])
     known = names(folder)
     similar = get_close_matches(name, known, n=1)
     guess = f"did you mean {similar[0]}? " if similar else ""
