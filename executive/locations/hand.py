@@ -35,9 +35,14 @@ class HandFrame:
 
     def rotation(self, approach: Array, closing: Array) -> Array:
         """The rotation (3, 3) that turns the frame's approach and closing axes into the given map directions."""
-        own = np.column_stack([self.approach, self.closing, np.cross(self.approach, self.closing)])
-        wanted = np.column_stack([approach, closing, np.cross(approach, closing)])
-        return np.asarray(wanted @ own.T)
+        return np.asarray(_axes(approach, closing) @ _axes(self.approach, self.closing).T)
+
+
+def _axes(first: Sequence[float] | Array, second: Sequence[float] | Array) -> Array:
+    """Two orthogonal unit vectors and their cross product as columns (3, 3); numpy's own is slow for single vectors."""
+    a, b, c = first
+    d, e, f = second
+    return np.array([[a, d, b * f - c * e], [b, e, c * d - a * f], [c, f, a * e - b * d]])
 
 
 @dataclass(frozen=True, slots=True)

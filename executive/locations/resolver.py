@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -20,7 +21,9 @@ SECTORS = 12
 HEADINGS = (0.0, 0.35, -0.35, 0.8, -0.8)
 """Heading of the base relative to the line to the target [rad]."""
 MOST_CANDIDATES = 240
-"""Places that are looked at exactly before a resolution gives up."""
+"""Places that are looked at exactly, with the natural hand poses."""
+MOST_GENEROUS = 80
+"""Places that are then looked at with all hand poses, before a resolution gives up."""
 CROWDED, MOST_CROWDED = 0.9, 48
 """When more than this share of places has no room, obstacles of so many of them are named at the end."""
 RADII = np.array([0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0])
@@ -49,12 +52,14 @@ class Resolver:
         if not arms and demand.reaches:
             raise LocationUnresolvable("the robot has no arm that could reach there", designator=str(location))
         found: list[Base] = []
+        rejections = Rejections()
         for generous in (False, True):
-            rejections = Rejections()
-            for base in self._candidates(demand, arms, rejections):
+            counted = Rejections() if generous else rejections
+            most = MOST_GENEROUS if generous else MOST_CANDIDATES
+            for base in islice(self._candidates(demand, arms, counted), most):
                 if any(math.dist(base[:2], other[:2]) <= APART for other in found):
                     continue
-                solution = self._validate(base, demand, arms, rejections, generous=generous)
+                solution = self._validate(base, demand, arms, counted, generous=generous)
                 if solution is not None:
                     found.append(base)
                     yield solution
@@ -125,7 +130,7 @@ class Resolver:
         for value in np.unique(sector):
             members = np.flatnonzero(sector == value)
             rank[members] = np.arange(len(members))
-        for index in order[np.argsort(rank, kind="stable")][:MOST_CANDIDATES]:
+        for index in order[np.argsort(rank, kind="stable")]:
             x, y, yaw = (round(float(value), 4) for value in bases[index])
             yield (x, y, yaw)
 
