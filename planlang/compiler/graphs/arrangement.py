@@ -95,8 +95,8 @@ def _plan(group: Group) -> _Plan:
 
 
 def _sized(box: Box) -> _Sized:
-    lines = tuple(shown(line, LONGEST_LINE) for line in (box.name, box.action, *box.lines))
-    wide = max(width(lines[0], NAME_SIZE) * 1.08, *(width(line, LINE_SIZE) for line in lines[1:])) + 2 * PADDING
+    lines = box.text()
+    wide = max(width(lines[0], NAME_SIZE) * 1.08, *(width(line, LINE_SIZE) for line in ("", *lines[1:]))) + 2 * PADDING
     high = LINE_HEIGHT * len(lines) + 2 * PADDING - 4
     plans = tuple(_plan(group) for group in box.groups)
     if plans:

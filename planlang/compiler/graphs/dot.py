@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from planlang.compiler.graphs.model import Arrow, Box, Group, Order, TaskGraph
-from planlang.compiler.graphs.text import LONGEST_LINE, for_dot, shown
+from planlang.compiler.graphs.text import for_dot
 
 _ATTRIBUTES = """\
     compound=true; rankdir=TB; newrank=true; nodesep=0.35; ranksep=0.45;
@@ -33,7 +33,7 @@ def _group(group: Group, indent: str) -> Iterator[str]:
 
 def _box(box: Box, indent: str) -> Iterator[str]:
     hover = "\\n".join(map(for_dot, box.hover))
-    label = "".join(f"{for_dot(shown(line, LONGEST_LINE))}\\l" for line in (box.name, box.action, *box.lines))
+    label = "".join(f"{for_dot(line)}\\l" for line in box.text())
     if not box.groups:
         style = ', style="rounded,dashed"' if box.is_abstract else ""
         yield f'{indent}{box.key} [label="{label}", tooltip="{hover}"{style}];'

@@ -33,10 +33,8 @@ def _group(group: Group, indent: str) -> Iterator[str]:
 
 
 def _box(box: Box, indent: str) -> Iterator[str]:
-    lines = [box.name, box.action, *box.lines]
-    if box.line is not None:
-        lines.append(f"line {box.line}")
-    label = "<br/>".join(for_mermaid(shown(line, LONGEST_LINE)) for line in lines)
+    lines = [*box.text(), *([f"line {box.line}"] if box.line is not None else [])]
+    label = "<br/>".join(map(for_mermaid, lines))
     if not box.groups:
         yield f'{indent}{box.key}["{label}"]'
         return

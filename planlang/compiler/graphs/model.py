@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from itertools import count
 
-from planlang.compiler.graphs.text import shown
+from planlang.compiler.graphs.text import LONGEST_LINE, broken, shown
 from planlang.designators import RELATIONS, local_name
 from planlang.diagnostics import Span
 from planlang.recipe.graph import closed, order_graph, recipe_graph, reduced, shortest_cycle
@@ -51,6 +51,10 @@ class Box:
     """Where the file states the step."""
     is_abstract: bool = False
     groups: tuple[Group, ...] = ()
+
+    def text(self) -> tuple[str, ...]:
+        """The lines to show in the box: the name, then what the step is and what fills its properties."""
+        return (shown(self.name, LONGEST_LINE), *(part for line in (self.action, *self.lines) for part in broken(line)))
 
 
 @dataclass(frozen=True, slots=True)

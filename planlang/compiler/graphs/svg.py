@@ -16,7 +16,7 @@ from planlang.compiler.graphs.arrangement import (
 )
 from planlang.compiler.graphs.layers import Point
 from planlang.compiler.graphs.model import Arrow, Order, TaskGraph
-from planlang.compiler.graphs.text import LONGEST_LINE, for_xml, shown, width
+from planlang.compiler.graphs.text import INDENT, LONGEST_LINE, for_xml, shown, width
 
 MARGIN, HEAD = 24.0, 52.0
 
@@ -105,7 +105,9 @@ def _box(placed: Placed) -> Iterator[str]:
     y = placed.y + PADDING + NAME_SIZE - 3
     for number, line in enumerate(placed.lines):
         kind = "line" if number else "name"
-        yield f'<text class="{kind}" x="{_n(placed.x + PADDING)}" y="{_n(y)}">{for_xml(line)}</text>'
+        bare = line.removeprefix(INDENT)
+        x = placed.x + PADDING + width(line[: len(line) - len(bare)], LINE_SIZE)
+        yield f'<text class="{kind}" x="{_n(x)}" y="{_n(y)}">{for_xml(bare)}</text>'
         y += LINE_HEIGHT
     yield "</g>"
 

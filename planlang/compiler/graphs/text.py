@@ -5,9 +5,16 @@ from __future__ import annotations
 import re
 import unicodedata
 from html import escape
+from textwrap import wrap
 
 LONGEST_LINE = 56
-"""Characters of a line inside a box; what is longer is cut, and complete in the tooltip."""
+"""Characters of a line inside a box; what is longer is broken."""
+
+MOST_LINES = 3
+"""Lines that a text is broken into; what is longer is cut, and complete in the tooltip."""
+
+INDENT = "\N{NO-BREAK SPACE}" * 4
+"""Before the lines that continue one."""
 
 LONGEST_TEXT = 2000
 """Characters of a tooltip."""
@@ -24,6 +31,18 @@ def shown(text: str, longest: int = LONGEST_TEXT) -> str:
     line = _SPACE.sub(" ", text).strip()
     line = "".join("\N{REPLACEMENT CHARACTER}" if unicodedata.category(c) in _HIDDEN else c for c in line)
     return line if len(line) <= longest else line[: longest - 1].rstrip() + "…"
+
+
+def broken(text: str) -> list[str]:
+    """The lines of a text inside a box, those after the first one indented; a bracket begins a line if one has to."""
+    if len(text) <= LONGEST_LINE:
+        return [text]
+    head, bracket, tail = text.partition(" (")
+    lines = [head, bracket.strip() + tail] if bracket else [text]
+    parts = [part for line in lines for part in wrap(line, LONGEST_LINE - len(INDENT), break_on_hyphens=False)]
+    if len(parts) > MOST_LINES:
+        parts = [*parts[: MOST_LINES - 1], f"{parts[MOST_LINES - 1]} …"]
+    return [*parts[:1], *(INDENT + part for part in parts[1:])]
 
 
 def for_xml(text: str) -> str:
@@ -43,7 +62,7 @@ def for_mermaid(text: str) -> str:
 
 _WIDTHS = (
     ("ijl|'!.,:;", 0.26),
-    ("ft()[]/\\ rI-", 0.34),
+    ("ft()[]/\\ \N{NO-BREAK SPACE}rI-", 0.34),
     ("mwMW@%", 0.88),
     ("ABCDEFGHJKLNOPQRSTUVXYZ&#", 0.70),
     ("…", 1.0),
