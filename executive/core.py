@@ -68,13 +68,18 @@ class RobotExecutive:
         raise ValueError(f"nothing decides {condition}; what can be asked: holding(object)")
 
     def before_retry(self) -> Iterable[Action]:
-        """Arms that are not in the carrying posture go there, with what they hold, if there is room for it."""
+        """Arms go to the carrying posture with what they hold; first the base backs off if there is no room for it."""
         platform = self.platform
-        for arm in platform.around.arms:
-            platform.sync()
-            posture = platform.posture(arm, CARRYING)
-            if not platform.is_at(arm, posture) and not platform.around.contacts(platform.base(), arm, posture):
-                yield action("Reaching", to_location=a_posture(CARRYING), device_used=self._device(arm.name))
+        platform.sync()
+        untucked = [arm for arm in platform.around.arms if not platform.is_at(arm, platform.posture(arm, CARRYING))]
+        if not untucked:
+            return
+        room = platform.room_to_tuck(untucked)
+        if room is not None and room != platform.base():
+            x, y, yaw = map(float, room)
+            yield action("Translation-LocationChange", x=x, y=y, yaw=yaw)
+        for arm in untucked if room is not None else ():
+            yield action("Reaching", to_location=a_posture(CARRYING), device_used=self._device(arm.name))
 
     def _device(self, name: str) -> Device:
         arm = self.platform.robot.arm(name)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 
@@ -32,6 +34,12 @@ STEPS = (1.0, 0.5, 0.25)
 """A path whose every sample is not free is planned anew with checks this much closer to each other."""
 CARRYING = "carrying"
 """The posture in which the robot drives, and from which another place can be tried."""
+
+
+BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
+"""Distances at which room for the carrying posture is looked for [m]."""
+BACKWARDS = (math.pi, 0.75 * math.pi, -0.75 * math.pi, 0.5 * math.pi, -0.5 * math.pi)
+"""Directions in which the base backs off, relative to its heading [rad]."""
 
 
 @dataclass(slots=True)
@@ -187,6 +195,18 @@ class Platform:
             raise ActionUnresolvable(message, designator=f"posture {name}")
         now = zip(arm.joints, self.arm_joints(arm), strict=True)
         return np.array([known[meant].get(joint, value) for joint, value in now])
+
+    def room_to_tuck(self, arms: Sequence[ArmModel]) -> Base | None:
+        """The nearest place, here or straight away from it, where these arms can go to the carrying posture."""
+        x, y, yaw = self.base()
+        postures = [(arm, self.posture(arm, CARRYING)) for arm in arms]
+        for step, turn in [(0.0, 0.0), *product(BACK_OFF, BACKWARDS)]:
+            place = (x + step * math.cos(yaw + turn), y + step * math.sin(yaw + turn), yaw)
+            if self.around.contacts(place) and step:
+                continue
+            if not any(self.around.contacts(place, arm, posture) for arm, posture in postures):
+                return place
+        return None
 
     def gripper(self, arm: ArmModel) -> Gripper | None:
         """The gripper of an arm."""

@@ -2,36 +2,32 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from executive.arms import arm_models, gaze_of
+from executive.assembly import check_start, placed, platform_of, real_scene
 from executive.capabilities import Robot, bind_robot, missing_capabilities
 from executive.carrying import with_carrying
 from executive.console import DONE, FAILED, INTERRUPTED, MISSING_CAPABILITY
 from executive.core import RobotExecutive
-from executive.knowledge import Belief, SemanticMap, default_start, read_map, scene_of
-from executive.locations import Resolver
+from executive.knowledge import Belief, SemanticMap, read_map, scene_of
 from executive.outputs import replace as write_complete
 from executive.plan_files import action_classes, bound_parameters, compiled_plan, import_plan, line_in, main_plan
-from executive.platform import Platform
 from executive.progress import HeedingWorld, ToldTrace, line_of, progress_lines
-from executive.surroundings import BelievedSurroundings
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
-from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.diagnostics import Diagnostic
 from planlang.language.plans import Plan
-from planlang.ontology import Ontology, expand, load, shorten
-from sim import PyBulletWorld, Scene, perturb
+from planlang.ontology import load
+from sim import PyBulletWorld
 from sim.oracle import at_rest_on, held_by
 
 if TYPE_CHECKING:
@@ -91,8 +87,12 @@ def run_plan_file(options: RunOptions) -> RunResult:
         path = options.plan or _compiled(options, stack, found)
         module = import_plan(path)
         plan = main_plan(module, options.task if options.plan is not None else None)
-        semantic_map = _map(options, found)
-        robot = _robot(options, found)
+        assert options.environment is not None
+        assert options.robot is not None
+        ontology = load(options.environment, folders=options.ontologies)
+        semantic_map = read_map(ontology)
+        robot = with_carrying(bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies))
+        found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
         scene = scene_of(semantic_map, found)
         options.announce(found)
         if not options.force:
@@ -104,15 +104,17 @@ def run_plan_file(options: RunOptions) -> RunResult:
                     diagnostics=tuple(found),
                     failure=("MissingCapability",),
                 )
-        scene = _placed(scene, robot, options)
-        truth = PyBulletWorld(perturb(scene, options.seed), robot.body(), gui=options.gui, seed=options.seed)
-        stack.callback(truth.close)
+        scene = placed(scene, robot, options.start)
         believed = PyBulletWorld(scene, robot.body())
         stack.callback(believed.close)
-        _check_start(believed)
-        executive = RobotExecutive(_platform(robot, semantic_map, truth, believed, options.seed))
+        check_start(believed)
+        real = real_scene(scene, options.seed, believed)
+        truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
+        stack.callback(truth.close)
+        executive = RobotExecutive(platform_of(robot, semantic_map, truth, believed, options.seed))
         bound = bound_parameters(plan, options.bindings or {}, semantic_map)
-        return replace(_execute(plan, bound, executive, truth, options), diagnostics=tuple(found))
+        header = _header(path, semantic_map, robot)
+        return replace(_execute(plan, bound, executive, truth, header, options), diagnostics=tuple(found))
 
 
 def _execute(
@@ -120,6 +122,7 @@ def _execute(
     bound: Mapping[str, Object],
     executive: RobotExecutive,
     truth: PyBulletWorld,
+    header: Mapping[str, object],
     options: RunOptions,
 ) -> RunResult:
     listeners = [progress_lines(truth.rate, options.progress)]
@@ -133,13 +136,12 @@ def _execute(
         film = recording
         listeners.append(lambda record: film.event(record["step"], line_of(record) or "") if line_of(record) else None)
         world = _Filmed(truth, recording)
-    header = {"versions": _versions(), "robot": executive.platform.robot.name, "map": executive.platform.belief.map.iri}
     trace = ToldTrace.to(options.trace, header, tuple(listeners))
     code, outcome = DONE, "done"
     chain: tuple[str, ...] = ()
     try:
         run(
-            _budgeted(plan, bound),
+            _budgeted(plan, bound, executive),
             host=SimulationHost(HeedingWorld(world, trace)),
             executive=executive,
             seed=options.seed,
@@ -202,82 +204,17 @@ class _Filmed:
         self.recording.frame(self.world.steps)
 
 
-def _budgeted(plan: Plan[Any, Any], bound: Mapping[str, Object]) -> Callable[[], Awaitable[Any]]:
+def _budgeted(
+    plan: Plan[Any, Any], bound: Mapping[str, Object], executive: RobotExecutive
+) -> Callable[[], Awaitable[Any]]:
     async def body() -> Any:
+        for what in bound.values():  # what is not there is told before anything moves
+            executive.platform.around.bind(what)
         return await budget(partial(plan, **bound), seconds=BUDGET)
 
     body.__name__ = plan.name
     vars(body)["iri"] = plan.iri
     return body
-
-
-def _map(options: RunOptions, found: list[Diagnostic]) -> SemanticMap:
-    assert options.environment is not None
-    ontology = load(options.environment, folders=options.ontologies)
-    semantic_map = read_map(ontology)
-    found.extend((*ontology.diagnostics, *semantic_map.diagnostics))
-    return semantic_map
-
-
-def _robot(options: RunOptions, found: list[Diagnostic]) -> Robot:
-    assert options.robot is not None
-    robot = with_carrying(bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies))
-    found.extend(robot.diagnostics)
-    return robot
-
-
-def _placed(scene: Scene, robot: Robot, options: RunOptions) -> Scene:
-    """The scene with the robot at its start."""
-    start = options.start or default_start(scene, robot.base.radius)
-    if start is None:
-        advice = "say where with --start x,y,yaw"
-        raise BadInput([error("X003", "there is no free place for the robot to start", help=advice)])
-    return replace(scene, start=start)
-
-
-def _check_start(world: PyBulletWorld) -> None:
-    """Raise BadInput when the robot would stand in something, or off the map."""
-    x, y, yaw = world.scene.start
-    x_min, y_min, x_max, y_max = world.scene.bounds
-    place = f"the robot cannot start at {x:g},{y:g},{yaw:g}"
-    advice = f"--start x,y,yaw with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}"
-    if not (x_min < x < x_max and y_min < y < y_max):
-        raise BadInput([error("X007", f"{place}: that is off the map", help=advice)])
-    touched = sorted({contact.body for contact in world.contacts()})
-    if touched:
-        raise BadInput([error("X007", f"{place}: it would stand in {', '.join(touched)}", help=advice)])
-
-
-def _platform(
-    robot: Robot, semantic_map: SemanticMap, truth: PyBulletWorld, believed: PyBulletWorld, seed: int
-) -> Platform:
-    belief = Belief(semantic_map, believed)
-    belief.sync(believed, truth.configuration())
-    around = BelievedSurroundings(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
-    ontology = semantic_map.ontology
-
-    @cache
-    def ancestors(action_type: str) -> tuple[str, ...]:
-        return tuple(map(shorten, ontology.ancestors(expand(action_type))))
-
-    return Platform(
-        truth,
-        robot,
-        belief,
-        around,
-        Resolver(around),
-        around.gaze,
-        ancestors,
-        _releasing(ontology),
-        np.random.default_rng(seed),
-    )
-
-
-def _releasing(ontology: Ontology) -> frozenset[str]:
-    """Action classes whose primitive says that it releases something."""
-    primitives = [iri for iri in ontology.individuals(expand("Primitive")) if ontology.values(iri, expand("releases"))]
-    performed = (cls for iri in primitives for cls in ontology.values(iri, expand("performsAction")))
-    return frozenset(shorten(cls) for cls in performed if isinstance(cls, str))
 
 
 def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Object], belief: Belief) -> Iterator[str]:
@@ -294,6 +231,22 @@ def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Object], belief: Beli
             yield f"{name}: held by {holder}"
         else:
             yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
+
+
+def _header(plan: Path, semantic_map: SemanticMap, robot: Robot) -> dict[str, object]:
+    """What a trace must have in common with another to be equal to it, beside seed and schedule."""
+    return {
+        "versions": _versions(),
+        "plan_sha256": _sha256(plan),
+        "robot": robot.name,
+        "urdf_sha256": _sha256(robot.urdf),
+        "map": semantic_map.iri,
+        "map_sha256": [document.sha256 for document in semantic_map.ontology.documents],
+    }
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _versions() -> dict[str, str]:

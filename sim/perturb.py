@@ -22,16 +22,16 @@ START_DISTANCE = 0.3
 _TRIES = 60
 _CLEARANCE = 0.01
 _RIM = 0.005
-_ROBOT_RADIUS, _ROBOT_HEIGHT = 0.45, 1.6
 _SUPPORTED = 0.025
 _FLAT = 0.999
 
 
-def perturb(scene: Scene, seed: int) -> Scene:
+def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.6) -> Scene:
     """The scene as it might really be; seed 0 leaves it unchanged, equal seeds give equal scenes.
 
-    Movable furniture goes first and takes along what stands on it, then graspable objects move on their support and
-    turn, then the robot's start. Whatever would touch something, leave its support or the scene's bounds, stays.
+    ``radius`` and ``height`` [m] are those of a standing cylinder around the robot. Movable furniture goes first and
+    takes along what stands on it, then graspable objects move on their support and turn, then the robot's start.
+    Whatever would touch something, leave its support or the scene's bounds, stays.
     """
     if seed == 0:
         return scene
@@ -45,7 +45,7 @@ def perturb(scene: Scene, seed: int) -> Scene:
     for body in scene.bodies:
         if body.graspable and body.name not in supports.values():
             _move_object(body, bodies, poses, supports[body.name], generator)
-    start = _move_start(scene.start, bodies, poses, scene.bounds, generator)
+    start = _move_start(scene.start, (radius, height), bodies, poses, scene.bounds, generator)
     moved = scene.with_poses(poses)
     return Scene(moved.bodies, moved.bounds, start)
 
@@ -135,20 +135,22 @@ def _move_object(
 
 def _move_start(
     start: tuple[float, float, float],
+    outline: tuple[float, float],
     bodies: Mapping[str, Body],
     poses: Mapping[str, Pose],
     bounds: tuple[float, float, float, float],
     generator: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """The robot is taken for a standing cylinder that clears everything it does with its arms at its sides."""
-    size = (2 * _ROBOT_RADIUS, 2 * _ROBOT_RADIUS, _ROBOT_HEIGHT)
+    """Where a standing cylinder of this radius and height is free."""
+    radius, height = outline
+    size = (2 * radius, 2 * radius, height)
     for _ in range(_TRIES):
         dx, dy, turn = _drawn(generator, START_DISTANCE, 0.5)
         x, y = start[0] + dx, start[1] + dy
-        pose = Pose((x, y, _ROBOT_HEIGHT / 2 + 0.02))
+        pose = Pose((x, y, height / 2 + 0.02))
         body = Body("the robot", pose, size, "cylinder")
-        within = bounds[0] + _ROBOT_RADIUS <= x <= bounds[2] - _ROBOT_RADIUS
-        within = within and bounds[1] + _ROBOT_RADIUS <= y <= bounds[3] - _ROBOT_RADIUS
+        within = bounds[0] + radius <= x <= bounds[2] - radius
+        within = within and bounds[1] + radius <= y <= bounds[3] - radius
         if within and _free(body, pose, bodies, poses, ()):
             return (x, y, start[2] + turn)
     return start

@@ -1,0 +1,79 @@
+"""Puts worlds, belief and robot together: what a run needs before it can begin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from executive.arms import arm_models, gaze_of
+from executive.capabilities import Robot
+from executive.knowledge import Belief, SemanticMap, default_start
+from executive.locations import Base, Resolver
+from executive.platform import Platform
+from executive.surroundings import BelievedSurroundings
+from planlang.diagnostics import BadInput, error
+from planlang.ontology import Ontology, expand, shorten
+from sim import PyBulletWorld, Scene, perturb
+
+
+def real_scene(scene: Scene, seed: int, robot_in: PyBulletWorld) -> Scene:
+    """The scene as it might really be, by a seed; ``robot_in`` is a world that has the robot in its first posture."""
+    bands = robot_in.silhouette()
+    radius, height = max(radius for _, _, radius in bands), max(high for _, high, _ in bands)
+    return perturb(scene, seed, radius=radius, height=height)
+
+
+def placed(scene: Scene, robot: Robot, start: Base | None) -> Scene:
+    """The scene with the robot at its start: where the user says, else a free place near the middle."""
+    start = start or default_start(scene, robot.base.radius)
+    if start is None:
+        advice = "say where with --start x,y,yaw"
+        raise BadInput([error("X003", "there is no free place for the robot to start", help=advice)])
+    return replace(scene, start=start)
+
+
+def check_start(world: PyBulletWorld) -> None:
+    """Raise BadInput when the robot would stand in something, or off the map."""
+    x, y, yaw = world.scene.start
+    x_min, y_min, x_max, y_max = world.scene.bounds
+    place = f"the robot cannot start at {x:g},{y:g},{yaw:g}"
+    advice = f"--start x,y,yaw with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}"
+    if not (x_min < x < x_max and y_min < y < y_max):
+        raise BadInput([error("X007", f"{place}: that is off the map", help=advice)])
+    touched = sorted({contact.body for contact in world.contacts()})
+    if touched:
+        raise BadInput([error("X007", f"{place}: it would stand in {', '.join(touched)}", help=advice)])
+
+
+def platform_of(
+    robot: Robot, semantic_map: SemanticMap, truth: PyBulletWorld, believed: PyBulletWorld, seed: int
+) -> Platform:
+    belief = Belief(semantic_map, believed)
+    belief.sync(believed, truth.configuration())
+    around = BelievedSurroundings(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
+    ontology = semantic_map.ontology
+
+    @cache
+    def ancestors(action_type: str) -> tuple[str, ...]:
+        return tuple(map(shorten, ontology.ancestors(expand(action_type))))
+
+    return Platform(
+        truth,
+        robot,
+        belief,
+        around,
+        Resolver(around),
+        around.gaze,
+        ancestors,
+        releasing(ontology),
+        np.random.default_rng(seed),
+    )
+
+
+def releasing(ontology: Ontology) -> frozenset[str]:
+    """Action classes whose primitive says that it releases something."""
+    primitives = [iri for iri in ontology.individuals(expand("Primitive")) if ontology.values(iri, expand("releases"))]
+    performed = (cls for iri in primitives for cls in ontology.values(iri, expand("performsAction")))
+    return frozenset(shorten(cls) for cls in performed if isinstance(cls, str))
