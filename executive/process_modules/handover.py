@@ -41,11 +41,11 @@ class Handover:
         held = platform.around.held(arm.name)
         assert held is not None
         recipient = action.get("recipient")
-        wanted = platform.around.bind(recipient) if isinstance(recipient, Person) else None
+        wanted = str(recipient) if isinstance(recipient, Person) else None
         person = await wait_for(platform.taken(held.name), timeout=PATIENCE)
         if person is None:
             raise HandoverNotTaken(what=held.name, recipient=wanted)
-        if wanted not in (None, person):
+        if isinstance(recipient, Person) and platform.around.bind(recipient) != person:
             raise HandoverNotTaken(f"{person} takes {held.name} instead of {wanted}", what=held.name, recipient=wanted)
         platform.let_go(held.name, to=person)
         await platform.move_gripper(arm, closed=False)
