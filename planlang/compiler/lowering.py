@@ -8,6 +8,7 @@ import networkx as nx
 
 from planlang.compiler.naming import Names
 from planlang.compiler.recoveries import Recoveries
+from planlang.compiler.roles import Roles
 from planlang.compiler.scopes import Scoping, Unit, scoping
 from planlang.compiler.terms import HandUse, Renaming, Terms
 from planlang.compiler.tree import (
@@ -17,6 +18,7 @@ from planlang.compiler.tree import (
     Function,
     FunctionCall,
     Handle,
+    Hold,
     Node,
     Perform,
     PlaceUse,
@@ -42,7 +44,9 @@ class Lowering:
         self._actions = actions
         self._scopes = scopes
         self._terms = Terms(ontology, recipes, actions)
+        self._roles = Roles(recipes, actions, self._terms)
         self._recoveries = Recoveries(actions)
+        self._holding: dict[str, frozenset[str]] = {}
         self._bases: list[tuple[PlaceUse, list[HandUse]]] = []
         self.diagnostics: list[Diagnostic] = []
         self.added: dict[str, tuple[tuple[str, str], ...]] = {}
@@ -74,6 +78,10 @@ class Lowering:
         found = self.scoping(recipe)
         self.added[recipe.iri] = found.added
         self.diagnostics += [_added(recipe, before, after) for before, after in found.added]
+        graph = recipe_graph(recipe)
+        self._holding[recipe.iri] = self._roles.held(
+            recipe, closed(order_graph(graph.nodes, [*graph.edges, *found.added]))
+        )
         nodes = [self._unit(recipe, unit) for unit in found.units]
         names = [_name(recipe, unit) for unit in found.units]
         body = self._series(found.graph, nodes, names)
@@ -162,7 +170,11 @@ class Lowering:
             node = Achieve(condition, node)
         written = self._recoveries.names(recipe.iri)
         recoveries = self._recoveries.around_step(step.iri, self._about(recipe, step), written)
-        return Handle(node, recoveries) if recoveries else node
+        if recoveries:
+            node = Handle(node, recoveries)
+        if step.iri in self._holding[recipe.iri]:
+            node = Hold(step.name, self._roles.of(recipe, step), node)
+        return node
 
     def _goal(self, step: Step) -> Condition | None:
         goal = self._actions.goal(step.iri)

@@ -15,6 +15,7 @@ from planlang.compiler.tree import (
     Condition,
     FunctionCall,
     Handle,
+    Hold,
     Node,
     Perform,
     PlaceUse,
@@ -52,6 +53,11 @@ class Statements:
     def _statement(self, node: Node, depth: int) -> list[str]:
         if isinstance(node, Series):
             return self.body(node, depth)
+        if isinstance(node, Hold):
+            holding = call(self._symbols.use("using"), *map(quoted, node.roles))
+            before, expression = self._awaited(node.body, depth)
+            inside = statement(expression, depth=depth + 1, before="await ")
+            return [*before, *statement(holding, depth=depth, before="async with ", after=":"), *inside]
         before, expression = self._awaited(node, depth)
         return [*before, *statement(expression, depth=depth, before="await ")]
 
@@ -82,9 +88,9 @@ class Statements:
 
     def _branch(self, node: Node, depth: int) -> tuple[list[str], Expression]:
         """Local functions that come first, and an expression for a zero-argument async callable."""
-        if isinstance(node, (Series, Call)):
-            title = snake_case(node.name) if isinstance(node, Call) else self._title
-            name = self._local_name(f"{title}_once")
+        if isinstance(node, (Series, Call, Hold)):
+            title = self._title if isinstance(node, Series) else snake_case(node.name)
+            name = self._local_name(f"{title}_{'in_turn' if isinstance(node, Hold) else 'once'}")
             return self._local_function(name, node if isinstance(node, Series) else Series((node,)), depth), Text(name)
         before, expression = self._awaited(node, depth)
         return before, _partial(self._symbols, expression)
@@ -192,7 +198,7 @@ def _comment(node: Node, depth: int) -> list[str]:
             return textwrap.wrap(
                 text, WIDTH, initial_indent=INDENT * depth + "# ", subsequent_indent=INDENT * depth + "# "
             )
-        case Handle(body=body) | Achieve(body=body):
+        case Handle(body=body) | Achieve(body=body) | Hold(body=body):
             return _comment(body, depth)
         case _:
             return []

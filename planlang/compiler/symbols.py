@@ -12,7 +12,7 @@ PLANLANG = frozenset(
         *("Condition", "Location", "Object", "Person", "Recovery"),
         *("a_device", "a_location", "a_person", "a_posture", "action", "an_object", "holding"),
         *("achieve", "at_location", "par", "partial", "partial_order", "perform", "perform_or", "plan"),
-        *("try_in_order", "with_failure_handling"),
+        *("try_in_order", "using", "with_failure_handling"),
         *("ignore", "look_and_repeat", "look_from_another_place"),
     )
 )

@@ -97,6 +97,15 @@ class Handle:
 
 
 @dataclass(frozen=True, slots=True)
+class Hold:
+    """Run the body while holding resources (roles), which are granted all at once; ``name`` is the step's."""
+
+    name: str
+    roles: tuple[str, ...]
+    body: Node
+
+
+@dataclass(frozen=True, slots=True)
 class Scope:
     """Run the body where the base is at ``place`` and can reach all of ``reaching``."""
 
@@ -123,7 +132,7 @@ class Series:
     nodes: tuple[Node, ...]
 
 
-Node = Perform | Call | Achieve | Handle | Scope | Unordered | Series
+Node = Perform | Call | Achieve | Handle | Hold | Scope | Unordered | Series
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,14 +29,16 @@ class PlanReader:
 
     def orders(self, name: str) -> Happening:
         """What a plan function does, with the functions that it calls."""
-        return self._body(self.functions[name], {})
+        return self._body(self.functions[name].body, {})
 
-    def _body(self, function: ast.AsyncFunctionDef, scope: dict[str, ast.AsyncFunctionDef]) -> Happening:
+    def _body(self, statements: list[ast.stmt], scope: dict[str, ast.AsyncFunctionDef]) -> Happening:
         scope = dict(scope)
         done = Happening()
-        for statement in function.body:
+        for statement in statements:
             if isinstance(statement, ast.AsyncFunctionDef):
                 scope[statement.name] = statement
+            elif isinstance(statement, ast.AsyncWith):
+                done = done.then(self._body(statement.body, scope))
             elif isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Await):
                 call = statement.value.value
                 assert isinstance(call, ast.Call)
@@ -81,7 +83,7 @@ class PlanReader:
                 branches = {key: self._branch(value, scope, key) for key, value in zip(keys, steps.values, strict=True)}
                 return self._side_by_side(branches, ast.literal_eval(pairs))
             case called:
-                return self._body(scope.get(called) or self.functions[called], scope if called in scope else {})
+                return self._body((scope.get(called) or self.functions[called]).body, scope if called in scope else {})
 
     @staticmethod
     def _side_by_side(branches: dict[str | None, Happening], pairs: list[tuple[str, str]]) -> Happening:
