@@ -135,6 +135,7 @@ CODES: dict[str, str] = {
     "R041": "an order was added because a step is performed from the place of a base motion",
     "R042": "an ordering is missing that was probably meant",
     "R043": "a recovery names a strategy or a failure that the plan language does not have",
+    "R044": "a recovery that tries the next place handles or raises other failures than a location scope does",
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",
@@ -173,6 +174,7 @@ CODES: dict[str, str] = {
     "X005": "what a parameter is set to is not in the map",
     "X006": "what a parameter is set to is of another class",
     "X007": "the robot cannot start where it should",
+    "X008": "the robot cannot do one of several alternatives of a plan",
     # C: command line
     "C001": "a file or folder that was named is not there or cannot be read",
     "C002": "the file is neither a recipe nor a plan",

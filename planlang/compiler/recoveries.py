@@ -10,7 +10,8 @@ from planlang import failures
 from planlang.compiler.naming import snake_case
 from planlang.compiler.tree import Recover
 from planlang.diagnostics import Diagnostic, error, warning
-from planlang.failures import PlanFailure
+from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailure
+from planlang.language.location import CURABLE
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Kind, Place, Step, Thing
 from planlang.recipe.tables import RecoveryRule, recoveries_of
@@ -31,6 +32,12 @@ HANDLED = ("in_center_of", "in_front_of")
 """Relations of the hand to a thing that is about to be manipulated."""
 
 
+CURED = frozenset(failure.__name__ for failure in CURABLE)
+"""Failures for which a location scope tries the next place; rules cannot choose them."""
+
+RAISED = (ObjectUnreachable.__name__, ObjectUndeliverable.__name__)
+"""What a location scope raises when there is no further place: nothing is held, or something is."""
+
 LATER = frozenset({"OpenWhatIsInTheWay", "PutDownAndRegrasp"})
 """Strategies that are known but cannot be written yet."""
 
@@ -49,6 +56,19 @@ def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
             yield warning("R043", message, rule.span)
         elif rule.strategy not in WRITTEN | {NEXT_SOLUTION}:
             yield _unknown(rule, "strategy", rule.strategy, WRITTEN | LATER | {NEXT_SOLUTION})
+        elif rule.strategy == NEXT_SOLUTION:
+            yield from _other_than_a_scope(rule)
+
+
+def _other_than_a_scope(rule: RecoveryRule) -> Iterator[Diagnostic]:
+    """What a rule for the next place says that a location scope does not do."""
+    if set(rule.failures) != CURED:
+        message = f"the recovery `{rule.name}` does not change for which failures the next place is tried"
+        yield warning("R044", message, rule.span, f"name all of {', '.join(sorted(CURED))}, and no other")
+    if rule.escalates_to is not None and rule.escalates_to not in RAISED:
+        message = f"the recovery `{rule.name}` does not escalate to {rule.escalates_to}"
+        advice = f"leave it out: without a further place {RAISED[0]} is raised, {RAISED[1]} if something is held"
+        yield warning("R044", message, rule.span, advice)
 
 
 def _unknown(rule: RecoveryRule, what: str, name: str, known: AbstractSet[str]) -> Diagnostic:
