@@ -50,7 +50,7 @@ demo: $(VENV)/.run-stamp
 	@grep -q '^bottle1: held by patient1$$' $(VENV)/demo.txt
 
 test: $(VENV)/.dev-stamp
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(PYTEST_ARGS)
 
 lint: $(VENV)/.dev-stamp
 	$(BIN)/ruff check .
