@@ -5,6 +5,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# no test is timed; continuous integration tries the same examples each time, everybody else new ones
+settings.register_profile("planlang", deadline=None, derandomize="CI" in os.environ, print_blob=True)
+settings.load_profile("planlang")
 
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
 
