@@ -1,8 +1,7 @@
-"""Plans as files: importing them, finding the plan to run, what it needs, binding its parameters."""
+"""Plans as files: importing them, finding the plan to run, binding its parameters."""
 
 from __future__ import annotations
 
-import ast
 import importlib.util
 import inspect
 import tempfile
@@ -113,16 +112,3 @@ def bound_parameters(plan: Plan[Any, Any], bindings: Mapping[str, str], semantic
     if problems:
         raise BadInput(problems)
     return parameters
-
-
-def action_classes(module: ModuleType) -> tuple[str, ...]:
-    """Action classes that the plan's source names, in order; a scope moves the base."""
-    source = inspect.getsource(module)
-    found: dict[str, None] = {}
-    for node in ast.walk(ast.parse(source)):
-        match node:
-            case ast.Call(func=ast.Name("action"), args=[ast.Constant(str(name)), *_]):
-                found[name] = None
-            case ast.Name("at_location"):
-                found["Translation-LocationChange"] = None
-    return tuple(found)

@@ -20,7 +20,8 @@ from executive.console import DONE, FAILED, INTERRUPTED, MISSING_CAPABILITY
 from executive.core import RobotExecutive
 from executive.knowledge import Belief, SemanticMap, read_map, scene_of
 from executive.outputs import replace as write_complete
-from executive.plan_files import action_classes, bound_parameters, compiled_plan, import_plan, line_in, main_plan
+from executive.plan_actions import judged, needs_of
+from executive.plan_files import bound_parameters, compiled_plan, import_plan, line_in, main_plan
 from executive.progress import HeedingWorld, ToldTrace, line_of, progress_lines
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
@@ -94,16 +95,16 @@ def run_plan_file(options: RunOptions) -> RunResult:
         robot = with_carrying(bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies))
         found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
         scene = scene_of(semantic_map, found)
+        able = judged(needs_of(module, plan), partial(missing_capabilities, semantic_map.ontology, robot=robot))
+        found.extend(able.notes(options.plan))
         options.announce(found)
-        if not options.force:
-            missing = missing_capabilities(semantic_map.ontology, action_classes(module), robot)
-            if missing:
-                return RunResult(
-                    MISSING_CAPABILITY,
-                    "\n".join(f"MissingCapability: {what}" for what in missing),
-                    diagnostics=tuple(found),
-                    failure=("MissingCapability",),
-                )
+        if able.missing and not options.force:
+            return RunResult(
+                MISSING_CAPABILITY,
+                "\n".join(f"MissingCapability: {what}" for what in able.missing),
+                diagnostics=tuple(found),
+                failure=("MissingCapability",),
+            )
         scene = placed(scene, robot, options.start)
         believed = PyBulletWorld(scene, robot.body())
         stack.callback(believed.close)
@@ -114,6 +115,8 @@ def run_plan_file(options: RunOptions) -> RunResult:
         executive = RobotExecutive(platform_of(robot, semantic_map, truth, believed, options.seed))
         bound = bound_parameters(plan, options.bindings or {}, semantic_map)
         header = _header(path, semantic_map, robot)
+        if able.infeasible:
+            header["infeasible"] = [alternative.name for alternative, _ in able.infeasible]
         return replace(_execute(plan, bound, executive, truth, header, options), diagnostics=tuple(found))
 
 
