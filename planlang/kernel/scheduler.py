@@ -13,12 +13,12 @@ import math
 import sys
 from collections import deque
 from collections.abc import AsyncGenerator, Callable
-from random import Random
 from types import CoroutineType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.failures import BranchEvaporated, PlanFailure
 from planlang.kernel import evaporation
+from planlang.kernel.choices import Schedule, source_of
 from planlang.kernel.closing import close_generators
 from planlang.kernel.environment import quiet_collector, signals
 from planlang.kernel.errors import (
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from planlang.kernel.hosts import Host
     from planlang.kernel.scope import Scope
     from planlang.kernel.trace import Trace
+    from planlang.kernel.tree import Node
 
 S = TypeVar("S")
 
@@ -84,7 +85,7 @@ class Scheduler:
         host: Host,
         *,
         seed: int = 0,
-        schedule: int | None = None,
+        schedule: Schedule = None,
         trace: Trace | None = None,
         max_steps: int | None = None,
     ) -> None:
@@ -102,9 +103,9 @@ class Scheduler:
         self.vital_waits = 0
         """How many of these waits keep the run going; the others are only looked at when it goes on anyway."""
         self._services: dict[type, Any] = {}
-        self._choice = None if schedule is None else Random(f"schedule {schedule}")
+        self._choice = source_of(schedule)
         self._queue: deque[Task] = deque()
-        self._pool: list[Task] = []  # the queue when a schedule picks from it
+        self._pool: list[Task] = []  # the queue when a schedule picks from it, in order of coming
         self._dirty: list[tuple[int, int, Scope]] = []
         self._births = 0
         self._resumptions = 0
@@ -112,6 +113,8 @@ class Scheduler:
         self._heeded = 0
         self.revision: Callable[[], int] | None = None
         """Where failures get the revision of the belief from."""
+        self.on_start: Callable[[Node], object] | None = None
+        """Called in its task when a node of the tree begins; what it raises is what the node fails with."""
 
     # -- time
 
@@ -281,9 +284,7 @@ class Scheduler:
             if choice is None:
                 task = queue.popleft()
             else:
-                pick = choice.randrange(len(pool))
-                task, pool[pick] = pool[pick], pool[-1]
-                pool.pop()
+                task = pool.pop(choice.choose(pool) if len(pool) > 1 else 0)
             task.in_queue = False
             if task.holds or task.dead:
                 continue
@@ -361,6 +362,8 @@ class Scheduler:
             task.watched.set(Status.RUNNING)
         if self.trace is not None:
             self.trace.started(self.now, task)
+        if self.on_start is not None:
+            self.on_start(task)
         return task.context.run(_call, task)
 
     def _returned(self, task: Task, value: Any) -> None:

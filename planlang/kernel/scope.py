@@ -98,6 +98,8 @@ class Scope(Node):
         outer, outer_node = owner.scope, owner.node
         owner.scope, owner.node = self, self
         try:
+            if scheduler.on_start is not None and not self.transparent:
+                scheduler.on_start(self)
             try:
                 self.begin()
             except Exception as error:

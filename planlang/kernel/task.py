@@ -72,7 +72,7 @@ class Task(Node):
     deliveries: int = 0
     shields: int = 0
     overrun: BaseException | None = None
-    """A bound of a shield ran out while the task ran; raised at its next checkpoint."""
+    """What breaks the task off: a bound of a shield that ran out, an injected fault; raised at its next checkpoint."""
 
     count: int = 0
     """How often the task itself was suspended and not woken up."""
