@@ -46,6 +46,7 @@ from planlang.language.budgets import budget
 from planlang.language.explaining import explain
 from planlang.language.goals import achieve
 from planlang.language.location import at_location
+from planlang.language.machine import state_machine
 from planlang.language.ordering import partial_order
 from planlang.language.parallel import par, par_each, pursue, race, try_all
 from planlang.language.performing import perform, perform_or
@@ -135,6 +136,7 @@ __all__ = [
     "seq",
     "shield",
     "sleep",
+    "state_machine",
     "suspend",
     "tag",
     "task",
