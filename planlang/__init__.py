@@ -51,6 +51,7 @@ from planlang.language.ordering import partial_order
 from planlang.language.parallel import par, par_each, pursue, race, try_all
 from planlang.language.performing import perform, perform_or
 from planlang.language.plans import Plan, plan
+from planlang.language.policies import Policy, with_policies
 from planlang.language.recovery import PROPAGATE, RETRY, Recovery, Return, retry, with_failure_handling
 from planlang.language.resources import using
 from planlang.language.restarting import retry_after_suspension
@@ -89,6 +90,7 @@ __all__ = [
     "Plan",
     "PlanFailure",
     "PlanStructureError",
+    "Policy",
     "Posture",
     "Recovery",
     "Relation",
@@ -151,4 +153,5 @@ __all__ = [
     "wake_up",
     "whenever",
     "with_failure_handling",
+    "with_policies",
 ]

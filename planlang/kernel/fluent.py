@@ -7,6 +7,7 @@ shows a mixture of old and new. Waiting is latched: the first true value set whi
 from __future__ import annotations
 
 import operator
+import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -19,6 +20,14 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 MISSED = ("never", "once", "always")
+
+
+class _Tracked(threading.local):
+    reads: dict[Source[Any], None] | None = None
+
+
+tracked = _Tracked()
+"""Notes which fluents are read, while ``reads`` is not None."""
 
 
 class Signal(Generic[T]):
@@ -129,17 +138,17 @@ class Source(Signal[T]):
     """A fluent at the root of expressions: knows who waits."""
 
     def __init__(self) -> None:
-        self._waits: dict[FluentWait, None] = {}
+        self._waits: dict[Recheck, None] = {}
 
     def sources(self) -> dict[Source[Any], None]:
         """Itself."""
         return {self: None}
 
-    def watch(self, wait: FluentWait) -> None:
+    def watch(self, wait: Recheck) -> None:
         """Tell ``wait`` about changes."""
         self._waits[wait] = None
 
-    def unwatch(self, wait: FluentWait) -> None:
+    def unwatch(self, wait: Recheck) -> None:
         """No longer tell ``wait``."""
         self._waits.pop(wait, None)
 
@@ -171,6 +180,8 @@ class Fluent(Source[T]):
     @property
     def value(self) -> T:
         """The current value."""
+        if tracked.reads is not None:
+            tracked.reads[self] = None
         return self._value
 
     def set(self, value: T) -> None:
@@ -211,6 +222,8 @@ class WorldFluent(Fluent[T]):
     @property
     def value(self) -> T:
         """The value of this step's sample."""
+        if tracked.reads is not None:
+            tracked.reads[self] = None
         scheduler = running.scheduler
         if scheduler is None:
             return self._read()
@@ -245,14 +258,14 @@ class WorldFluent(Fluent[T]):
         self.pulses += 1
         return True
 
-    def watch(self, wait: FluentWait) -> None:
+    def watch(self, wait: Recheck) -> None:
         """Tell ``wait`` about changes, and have the world sampled in each step."""
         super().watch(wait)
         waits = wait.scheduler.world_waits
         waits[self] = waits.get(self, 0) + 1
         wait.scheduler.vital_waits += self.vital
 
-    def unwatch(self, wait: FluentWait) -> None:
+    def unwatch(self, wait: Recheck) -> None:
         """No longer tell ``wait``."""
         super().unwatch(wait)
         waits = wait.scheduler.world_waits
