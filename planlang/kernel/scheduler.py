@@ -31,7 +31,7 @@ from planlang.kernel.errors import (
 )
 from planlang.kernel.listing import blocked, line_of, listing, locate
 from planlang.kernel.park import PARKED, STUCK, running
-from planlang.kernel.task import Status, Task
+from planlang.kernel.task import EVAPORATED, FAILED, SUCCEEDED, Status, Task
 from planlang.kernel.timers import Timer, TimerQueue
 from planlang.kernel.tree import name_of
 
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 S = TypeVar("S")
 
 MAX_RESUMPTIONS = 100_000
-"""Resumptions in one world step after which the run is considered to make no progress."""
+"""Resumptions and decisions in one world step after which the run is considered to make no progress."""
 
 
 def _call(task: Task) -> object:
@@ -278,7 +278,6 @@ class Scheduler:
         while queue or pool:
             if self.interrupts != self._heeded:
                 self._heed_interrupts(root)
-            self._resumptions += 1
             if self._resumptions > MAX_RESUMPTIONS and not self.draining:
                 raise NoProgress(listing("no progress within one world step; still running", [*queue, *pool]))
             if choice is None:
@@ -288,6 +287,7 @@ class Scheduler:
             task.in_queue = False
             if task.holds or task.dead:
                 continue
+            self._resumptions += task.begun  # a beginning is no resumption: wide constructs are no loops
             self._resume(task)
             if self._fatal is not None:
                 fatal, self._fatal = self._fatal, None
@@ -302,6 +302,7 @@ class Scheduler:
         while dirty and dirty[0][0] == depth:
             scope = heapq.heappop(dirty)[2]
             scope.dirty = False
+            self._resumptions += 1
             scope.settle()
         return True
 
@@ -337,17 +338,29 @@ class Scheduler:
         task.error = task.value = None
         self.current = task
         try:
-            if task.coroutine is None:
-                signal = self._begin(task)
+            coroutine = task.coroutine
+            if coroutine is None:
+                task.begun = True
+                if task.watched is not None:
+                    task.watched.set(Status.RUNNING)
+                if self.trace is not None:
+                    self.trace.started(self.timers.now, task)
+                if self.on_start is not None:
+                    self.on_start(task)
+                signal = task.context.run(_call, task)
             elif error is None:
-                signal = task.context.run(task.coroutine.send, value)
+                signal = task.context.run(coroutine.send, value)
             else:
                 if error.__class__ is Evaporated:
                     task.thrown = True
                     task.deliveries += 1
-                signal = task.context.run(task.coroutine.throw, error)
+                signal = task.context.run(coroutine.throw, error)
         except StopIteration as stop:
-            self._returned(task, stop.value)
+            if task.thrown or task.generators:
+                self._returned(task, stop.value)
+            else:
+                task.result = stop.value
+                self.finish(task, SUCCEEDED)
         except BaseException as raised:
             self._raised(task, raised)
         else:
@@ -356,24 +369,14 @@ class Scheduler:
         finally:
             self.current = None
 
-    def _begin(self, task: Task) -> object:
-        task.begun = True
-        if task.watched is not None:
-            task.watched.set(Status.RUNNING)
-        if self.trace is not None:
-            self.trace.started(self.now, task)
-        if self.on_start is not None:
-            self.on_start(task)
-        return task.context.run(_call, task)
-
     def _returned(self, task: Task, value: Any) -> None:
         if task.generators and (left := _unfinished(task.generators)):
             self._close_first(task, left, value, None)
         elif task.thrown:
-            self.finish(task, Status.EVAPORATED)
+            self.finish(task, EVAPORATED)
         else:
             task.result = value
-            self.finish(task, Status.SUCCEEDED)
+            self.finish(task, SUCCEEDED)
 
     def _raised(self, task: Task, error: BaseException) -> None:
         if task.generators and (left := _unfinished(task.generators)):
@@ -394,7 +397,7 @@ class Scheduler:
             task.crash = error
             if not isinstance(error, Exception):
                 self._fatal = error
-        self.finish(task, Status.EVAPORATED if task.thrown else Status.FAILED)
+        self.finish(task, EVAPORATED if task.thrown else FAILED)
 
     def _unexpected(self, task: Task, signal: object) -> None:
         if signal is STUCK:
@@ -403,7 +406,7 @@ class Scheduler:
             task.crash = StuckTask(f"{task.path} does not end although it was evaporated 100 times, at {line}")
             task.generators = None
             self._fatal = self._fatal or task.crash
-            self.finish(task, Status.EVAPORATED)
+            self.finish(task, EVAPORATED)
             return
         where = line_of(task)
         self.throw(

@@ -9,7 +9,7 @@ from planlang.failures import BranchEvaporated, PlanFailure
 from planlang.kernel.errors import Evaporated, PlanStructureError
 from planlang.kernel.listing import locate
 from planlang.kernel.park import checkpoint, deliver, here, park
-from planlang.kernel.task import Status, Task
+from planlang.kernel.task import SUCCEEDED, Status, Task
 from planlang.kernel.tree import Node
 
 MAX_DEPTH = 10_000
@@ -175,7 +175,7 @@ class All(Scope):
     siblings: tuple[tuple[str, PlanFailure], ...] = ()
 
     def decide(self, dead: list[Task]) -> None:
-        failures = [task for task in dead if task.outcome is not Status.SUCCEEDED]
+        failures = [task for task in dead if task.outcome is not SUCCEEDED]
         if failures:
             self.fail(failures)
 

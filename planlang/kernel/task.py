@@ -34,7 +34,9 @@ class Status(Enum):
         return self in _FINAL
 
 
-_FINAL = frozenset({Status.SUCCEEDED, Status.FAILED, Status.EVAPORATED})
+# Members as plain names: looking one up on an Enum costs as much as starting a coroutine.
+SUCCEEDED, FAILED, EVAPORATED = Status.SUCCEEDED, Status.FAILED, Status.EVAPORATED
+_FINAL = frozenset({SUCCEEDED, FAILED, EVAPORATED})
 
 
 class Task(Node):
@@ -90,7 +92,20 @@ class Task(Node):
     def __init__(
         self, group: Scope | None, parent: Node | None, name: str, branch: Callable[[], Any], index: int
     ) -> None:
-        Node.__init__(self, parent, "branch", name)
+        # as Node.__init__, without the call
+        self.parent = parent
+        self.kind = "branch"
+        self._name = name
+        self._counts = self._path = None
+        self._ordinal = 1
+        if parent is not None:
+            counts = parent._counts
+            if counts is None:
+                parent._counts = {name: 1}
+            elif name in counts:
+                self._ordinal = counts[name] = counts[name] + 1
+            else:
+                counts[name] = 1
         self.group = group
         self.branch = branch
         self.index = index

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any
 
 
@@ -67,7 +68,7 @@ def name_of(branch: Callable[..., Any]) -> str:
     """The path element of a branch: its function's name, ``lambda:LINE`` for a lambda, the class's name otherwise."""
     while isinstance(branch, functools.partial):
         branch = branch.func
-    name = getattr(branch, "__name__", None)
+    name: object = branch.__name__ if branch.__class__ is FunctionType else getattr(branch, "__name__", None)
     if name == "<lambda>":
         code = getattr(branch, "__code__", None)
         return f"lambda:{code.co_firstlineno}" if code is not None else "lambda"

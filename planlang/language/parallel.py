@@ -7,7 +7,8 @@ from functools import partial
 from typing import Any, TypeVar, overload
 
 from planlang.failures import CompositeFailure, PlanFailure
-from planlang.kernel import All, Scope, Status, Task, failure_of
+from planlang.kernel import All, Scope, Task, failure_of
+from planlang.kernel.task import FAILED, SUCCEEDED
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch, check, named_branches
 
@@ -31,10 +32,10 @@ class _Par(All):
     def decide(self, dead: list[Task]) -> None:
         results = self.results
         for task in dead:
-            if task.outcome is Status.SUCCEEDED:
+            if task.outcome is SUCCEEDED:
                 results[task.index] = task.result
             else:
-                self.fail([one for one in dead if one.outcome is not Status.SUCCEEDED])
+                self.fail([one for one in dead if one.outcome is not SUCCEEDED])
                 return
 
     def finish(self) -> list[Any]:
@@ -83,14 +84,14 @@ class _Pursue(Scope):
             self.start(branch, name, index)
 
     def decide(self, dead: list[Task]) -> None:
-        failed = [task for task in dead if task.outcome is Status.FAILED]
+        failed = [task for task in dead if task.outcome is FAILED]
         if failed:
             self.failed = failed[0]
             self.siblings = tuple((task.name, failure_of(task)) for task in failed[1:])
             self.close()
             return
         for task in dead:
-            if task.outcome is Status.SUCCEEDED:
+            if task.outcome is SUCCEEDED:
                 self.winner = task
                 self.close()
                 return
@@ -141,7 +142,7 @@ class _TryAll(Scope):
 
     def decide(self, dead: list[Task]) -> None:
         for task in dead:
-            if task.outcome is Status.SUCCEEDED:
+            if task.outcome is SUCCEEDED:
                 self.winner = task
                 self.close()
                 return
