@@ -46,7 +46,8 @@ class Node:
             return self._path
         parent = self.parent
         if parent is not None and parent._path is not None:
-            path = self._path = f"{parent._path}/{self.name}"
+            name = self._name if self._ordinal == 1 else f"{self._name}#{self._ordinal}"
+            path = self._path = f"{parent._path}/{name}"
             return path
         names: list[str] = []
         node: Node | None = self

@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import gc
-import os
 import platform
 import random
 import statistics
@@ -22,6 +21,8 @@ import time
 from collections.abc import Awaitable, Callable
 from functools import partial
 from importlib import metadata
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from planlang import Fluent, SimulationHost, VirtualHost, par, partial_order, pursue, run, sleep, wait_for
 from planlang.kernel import Trace
@@ -62,8 +63,8 @@ def spawn_planlang(size: int, trace: Trace | None = None) -> float:
 
 
 def spawn_planlang_traced(size: int) -> float:
-    with open(os.devnull, "w", encoding="utf-8") as out:
-        return spawn_planlang(size, Trace(out))
+    with TemporaryDirectory() as folder, Trace.at(Path(folder) / "trace.jsonl") as trace:
+        return spawn_planlang(size, trace)
 
 
 def spawn_asyncio(size: int) -> float:
@@ -116,8 +117,8 @@ def order_planlang(size: int, trace: Trace | None = None) -> float:
 
 
 def order_planlang_traced(size: int) -> float:
-    with open(os.devnull, "w", encoding="utf-8") as out:
-        return order_planlang(size, Trace(out))
+    with TemporaryDirectory() as folder, Trace.at(Path(folder) / "trace.jsonl") as trace:
+        return order_planlang(size, trace)
 
 
 def order_asyncio(size: int) -> float:
