@@ -53,6 +53,7 @@ from planlang.language.performing import perform, perform_or
 from planlang.language.plans import Plan, plan
 from planlang.language.policies import Policy, with_policies
 from planlang.language.recovery import PROPAGATE, RETRY, Recovery, Return, retry, with_failure_handling
+from planlang.language.requests import Request, monitor, perform_async, with_requests
 from planlang.language.resources import using
 from planlang.language.restarting import retry_after_suspension
 from planlang.language.running import run
@@ -94,6 +95,7 @@ __all__ = [
     "Posture",
     "Recovery",
     "Relation",
+    "Request",
     "Return",
     "RunError",
     "Signal",
@@ -120,12 +122,14 @@ __all__ = [
     "join",
     "look_and_repeat",
     "look_from_another_place",
+    "monitor",
     "now",
     "on_suspension",
     "par",
     "par_each",
     "partial_order",
     "perform",
+    "perform_async",
     "perform_or",
     "plan",
     "pursue",
@@ -154,4 +158,5 @@ __all__ = [
     "whenever",
     "with_failure_handling",
     "with_policies",
+    "with_requests",
 ]
