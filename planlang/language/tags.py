@@ -158,9 +158,9 @@ class _Tag(All):
 
 async def tag(name: str, body: Callable[[], Awaitable[V]]) -> V:
     """Run a body as a named task, whose handle ``task(name)`` gives in the same plan; returns its result."""
-    check("tag", (body,))
     if not isinstance(name, str):
         raise TypeError(f"a tag is named by a string, not {name!r}: tag(name, body)")
+    check("tag", (body,))
     own = _frame()
     handle = own.tags.get(name)
     if handle is None:
