@@ -13,6 +13,7 @@ import math
 import sys
 from collections import deque
 from collections.abc import AsyncGenerator, Callable
+from contextvars import copy_context
 from types import CoroutineType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -199,8 +200,10 @@ class Scheduler:
         task.wait = None
         group = task.group
         if self.trace is not None:
-            self.trace.ended(self.now, task, outcome, task.result, task.crash or task.failure or task.cleanup_failure)
+            error = task.crash or task.failure or task.cleanup_failure
+            self.trace.ended(self.timers.now, task, outcome, task.result, error)
         if group is not None:
+            task.node = group  # no longer itself: what refers to itself only the collector frees
             del group.live[task]
             group.fresh.append(task)
             if not group.dirty:
@@ -347,6 +350,8 @@ class Scheduler:
                     self.trace.started(self.timers.now, task)
                 if self.on_start is not None:
                     self.on_start(task)
+                group = task.group
+                task.context = copy_context() if group is None else group.owner.context.copy()
                 signal = task.context.run(_call, task)
             elif error is None:
                 signal = task.context.run(coroutine.send, value)
@@ -360,6 +365,7 @@ class Scheduler:
                 self._returned(task, stop.value)
             else:
                 task.result = stop.value
+                del task.context
                 self.finish(task, SUCCEEDED)
         except BaseException as raised:
             self._raised(task, raised)

@@ -46,6 +46,8 @@ class Task(Node):
     """
 
     # Defaults live on the class: most tasks never touch most of them, and creating one stays cheap.
+    context: contextvars.Context
+    """Copied from the owner's when the task begins; until then the owner waits, so that it is as at creation."""
     begun: bool = False
     dead: bool = False
     outcome: Status | None = None
@@ -111,7 +113,6 @@ class Task(Node):
         self.index = index
         self.node: Node = self
         """The innermost open node of this task."""
-        self.context: contextvars.Context = contextvars.copy_context() if group is None else group.owner.context.copy()
 
     @property
     def depth(self) -> int:
