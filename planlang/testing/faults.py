@@ -60,23 +60,28 @@ class Injector:
 
     def __call__(self, node: Node) -> None:
         """A node of the tree begins, in its task."""
-        for number, fault in enumerate(self._faults):
-            if not _called(node, fault.step):
-                continue
+        mine = [number for number, fault in enumerate(self._faults) if _called(node, fault.step)]
+        for number in mine:
             self._begun[number] += 1
-            if fault.attempt is not None and fault.attempt != self._begun[number]:
-                continue
-            scheduler, task = here()
-            delay = 0 if fault.after is None else scheduler.steps(fault.after)
-            if fault.at is not None:
-                delay = max(delay, scheduler.steps(fault.at) - scheduler.now)
-                if scheduler.steps(fault.at) < scheduler.now:
-                    continue
-            if delay:
-                scheduler.alarm(task, delay, partial(self._break, number, node, task, scheduler))
-            else:
-                self._happened[number] = True
-                raise made(fault.raises)
+        for number in mine:
+            fault = self._faults[number]
+            if fault.attempt is None or fault.attempt == self._begun[number]:
+                self._set(number, fault, node)
+
+    def _set(self, number: int, fault: Fault, node: Node) -> None:
+        """Let the node fail now, or when it is time."""
+        scheduler, task = here()
+        delay = 0 if fault.after is None else scheduler.steps(fault.after)
+        if fault.at is not None:
+            at = scheduler.steps(fault.at)
+            if at < scheduler.now:
+                return
+            delay = max(delay, at - scheduler.now)
+        if delay:
+            scheduler.alarm(task, delay, partial(self._break, number, node, task, scheduler))
+        else:
+            self._happened[number] = True
+            raise made(fault.raises)
 
     def _break(self, number: int, node: Node, task: Task, scheduler: Scheduler) -> None:
         open_: Node | None = None if task.dead else task.node
