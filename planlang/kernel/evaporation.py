@@ -47,7 +47,8 @@ def evaporate(scheduler: Scheduler, root: Task, through_shields: bool = False) -
             scope.over = True
             stack.extend(reversed(scope.live))
         elif task is not scheduler.current and not task.woken:
-            scheduler.throw(task, scheduler.delivery(task))
+            if through_shields or not scheduler.calls.holds(task):
+                scheduler.throw(task, scheduler.delivery(task))
         elif through_shields and task.woken and not task.in_queue:
             scheduler.enqueue(task)
     return changed
@@ -65,7 +66,7 @@ def break_off(scheduler: Scheduler, task: Task, error: BaseException) -> None:
     scope = task.scope
     if scope is not None and not scope.complete:
         scope.close()
-    elif not task.woken:
+    elif not task.woken and not scheduler.calls.holds(task):
         scheduler.throw(task, scheduler.delivery(task))
 
 

@@ -14,11 +14,11 @@ import sys
 from collections import deque
 from collections.abc import AsyncGenerator, Callable
 from contextvars import copy_context
-from types import CoroutineType
+from types import CoroutineType, FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.failures import BranchEvaporated, PlanFailure
-from planlang.kernel import evaporation
+from planlang.kernel import evaporation, forgotten
 from planlang.kernel.choices import Schedule, source_of
 from planlang.kernel.closing import close_generators
 from planlang.kernel.environment import quiet_collector, signals
@@ -29,12 +29,18 @@ from planlang.kernel.errors import (
     PlanStructureError,
     StepLimit,
     StuckTask,
+    contrast,
 )
-from planlang.kernel.listing import blocked, line_of, listing, locate
+from planlang.kernel.hosts import WATCHDOG
+from planlang.kernel.inbox import Inbox
+from planlang.kernel.listing import blocked, explain_recursion, line_of, listing, locate
 from planlang.kernel.park import PARKED, STUCK, running
+from planlang.kernel.realtime import LiveHost
 from planlang.kernel.task import EVAPORATED, FAILED, SUCCEEDED, Status, Task
+from planlang.kernel.threads import Calls
 from planlang.kernel.timers import Timer, TimerQueue
 from planlang.kernel.tree import name_of
+from planlang.kernel.watchdog import Overdue, Watch, watchdog, where
 
 if TYPE_CHECKING:
     from planlang.kernel.fluent import WorldFluent
@@ -55,8 +61,12 @@ def _call(task: Task) -> object:
     if coroutine.__class__ is not CoroutineType and not hasattr(coroutine, "send"):
         if not hasattr(coroutine, "__await__"):
             raise TypeError(
-                f"branch {task.path} returned {type(coroutine).__name__}, which cannot be awaited; "
-                "a branch is a function written with async def"
+                contrast(
+                    f"branch {task.path} returned {type(coroutine).__name__}, which cannot be awaited; "
+                    "a branch is a function written with async def",
+                    f"def {task.base_name}(): ...",
+                    f"async def {task.base_name}(): ...",
+                )
             )
         coroutine = coroutine.__await__()
     task.coroutine = coroutine
@@ -97,7 +107,14 @@ class Scheduler:
         self.max_steps = max_steps
         self.current: Task | None = None
         self.timers = TimerQueue()
+        self.live = host if isinstance(host, LiveHost) else None
+        """The host, if things happen to it that no task has done."""
+        self.inbox = Inbox() if self.live is None else self.live.inbox
+        self.calls = Calls(self)
         self.draining = False
+        self.over = False
+        self.idle = False
+        """True while the host lets time pass or threads are waited for: no code of the plan runs."""
         self.interrupts = 0
         self.world_waits: dict[WorldFluent[Any], int] = {}
         """World fluents that someone waits for, with the number of waits."""
@@ -112,6 +129,7 @@ class Scheduler:
         self._resumptions = 0
         self._fatal: BaseException | None = None
         self._heeded = 0
+        self._overdue: Task | None = None
         self.revision: Callable[[], int] | None = None
         """Where failures get the revision of the belief from."""
         self.on_start: Callable[[Node], object] | None = None
@@ -231,17 +249,26 @@ class Scheduler:
             raise PlanStructureError("a plan is running already; await the inner plan instead of running it")
         root = Task(None, None, name_of(branch), branch, 0)
         running.scheduler = self
+        forgotten.watch()
+        period = getattr(self.host, "watchdog", WATCHDOG)
         hooks = sys.get_asyncgen_hooks()
         sys.set_asyncgen_hooks(firstiter=self._adopt, finalizer=_keep)
         try:
-            with quiet_collector(), signals(self._interrupt):
-                self.enqueue(root)
-                try:
-                    self._loop(root)
-                except BaseException as error:
-                    self._drain(root, error)
-                    raise
+            with quiet_collector(), signals(self._interrupt) as ours:
+                self._watch = Watch(self, period, ours)
+                with watchdog.watching(self._watch):
+                    self.enqueue(root)
+                    if self.live is not None:
+                        self.live.begin()
+                    try:
+                        self._loop(root)
+                    except BaseException as error:
+                        self._drain(root, error)
+                        if isinstance(error, Overdue):
+                            raise self._unresponsive(period, error) from None
+                        raise
         finally:
+            self.over = True
             sys.set_asyncgen_hooks(*hooks)
             running.scheduler = None
             if self.trace is not None:
@@ -273,7 +300,11 @@ class Scheduler:
         """Rounds, decisions and deadlines until nothing more can happen in this step."""
         while True:
             self._round(root)
-            if not self._decide() and (self.draining or not self.timers.expire()):
+            if self._decide():
+                continue
+            if self.calls.in_flight and self.calls.collect():
+                self._heed_interrupts(root)
+            elif self.draining or not self.timers.expire():
                 return
 
     def _round(self, root: Task) -> None:
@@ -311,19 +342,34 @@ class Scheduler:
 
     def _advance(self, root: Task) -> None:
         """Let the world go on by one step, or jump to the next due one."""
-        timers = self.timers
+        timers, live = self.timers, self.live
+        if live is not None and self._attend():
+            return
         due = timers.next_due()
-        if due is None and not self.vital_waits:
+        outside = live is not None and (live.sources or self.calls.in_flight)
+        if due is None and not self.vital_waits and not outside:
             raise DeadlockError(listing("nothing can go on", blocked(root)))
         # without a world only tasks change what is read: one look after they have run is enough
         looked_at = self.vital_waits or (self.world_waits and self._resumptions)
-        if due is None or looked_at or not self.host.jumps:
+        if live is not None:
+            target = timers.now + (1 if self.world_waits else self.rate)
+            if due is not None:
+                target = max(min(due, target), timers.now + 1)
+            if self.max_steps is not None and target > self.max_steps > timers.now:
+                target = self.max_steps
+        elif due is None or looked_at or not self.host.jumps:
             target = timers.now + 1
         else:
             target = max(due, timers.now + 1)
         if self.max_steps is not None and target > self.max_steps:
             raise StepLimit(listing(f"more than {self.max_steps} world steps", blocked(root)))
-        self.host.advance(target - timers.now)
+        self.idle = True
+        passed = self.host.advance(target - timers.now)
+        self.idle = False
+        if passed is not None:
+            target = timers.now + passed
+            if not passed:
+                return
         timers.now = target
         self._resumptions = 0
         if self.world_waits:
@@ -332,6 +378,13 @@ class Scheduler:
             for fluent in changed:
                 fluent.notify()
         timers.ring()
+
+    def _attend(self) -> bool:
+        """Call what came into the inbox; False if there was nothing."""
+        items = self.inbox.take()
+        for item in items:
+            item()
+        return bool(items)
 
     # -- one task
 
@@ -380,6 +433,8 @@ class Scheduler:
             self._close_first(task, left, value, None)
         elif task.thrown:
             self.finish(task, EVAPORATED)
+        elif value.__class__ is CoroutineType:
+            self._raised(task, forgotten.returned(task, value))
         else:
             task.result = value
             self.finish(task, SUCCEEDED)
@@ -397,12 +452,18 @@ class Scheduler:
                 task.cleanup_failure = error
             else:
                 task.failure = error
+        elif isinstance(error, Overdue):
+            self._fatal = error
+            self._overdue = task
         elif isinstance(error, Evaporated):
             task.crash = PlanStructureError(f"{task.path} raised Evaporated itself; evaporate its handle instead")
         else:
             task.crash = error
+            if isinstance(error, RecursionError):
+                explain_recursion(error, task.path)
             if not isinstance(error, Exception):
                 self._fatal = error
+            forgotten.explain(error)
         self.finish(task, EVAPORATED if task.thrown else FAILED)
 
     def _unexpected(self, task: Task, signal: object) -> None:
@@ -418,8 +479,12 @@ class Scheduler:
         self.throw(
             task,
             TypeError(
-                f"{where} awaits {type(signal).__module__}.{type(signal).__qualname__}, which belongs to another "
-                "event loop; plans await planlang's own sleep, wait_for and constructs"
+                contrast(
+                    f"{where} awaits {type(signal).__module__}.{type(signal).__qualname__}, which belongs to another "
+                    "event loop; plans await planlang's own sleep, wait_for and constructs",
+                    "await asyncio.sleep(1)",
+                    "await sleep(1)    after: from planlang import sleep",
+                )
             ),
         )
 
@@ -442,11 +507,22 @@ class Scheduler:
             task.doomed = False
         self.wake(task)
 
-    def _interrupt(self) -> None:
-        """Ctrl-C, called between byte codes: only takes note, unless the plan does not react at all."""
-        self.interrupts += 1
-        if self.interrupts > 2:
-            raise KeyboardInterrupt
+    @property
+    def interrupted(self) -> bool:
+        """True from a Ctrl-C until the scheduler has seen it."""
+        return self.interrupts != self._heeded
+
+    def progress(self) -> tuple[int, ...]:
+        """Another value whenever the run has moved; read by the watchdog."""
+        return self.timers.now, self._resumptions, self._births
+
+    def _interrupt(self, frame: FrameType | None) -> None:
+        """Ctrl-C, called between byte codes: only takes note. The watchdog insists where the plan does not react."""
+        if not self._watch.answer(frame):
+            self.interrupts += 1
+            self.inbox.put(None)
+            if self.interrupts > 1:
+                watchdog.nudge()
 
     def _heed_interrupts(self, root: Task) -> None:
         """The first Ctrl-C evaporates the plan, its cleanups run; the second one drains it."""
@@ -458,18 +534,28 @@ class Scheduler:
                 self.trace.write(self.now, "interrupted")
             self.evaporate(root)
 
+    def _unresponsive(self, period: float | None, error: Overdue) -> NoProgress:
+        task = "the run" if self._overdue is None else self._overdue.path
+        return NoProgress(
+            f"{task} did not reach a checkpoint for more than {period} s, at {where(error.__traceback__)}; "
+            "blocking code belongs into await in_thread(f), long loops await checkpoint() now and then"
+        )
+
     def _drain(self, root: Task, cause: BaseException) -> None:
         """Evaporate everything, shields or not; time stands still and every wait raises."""
-        if self.trace is not None:
+        if self.trace is not None and not isinstance(cause, Overdue):
             self.trace.write(self.now, "drained", because=type(cause).__name__)
         self.draining = True
+        self.idle = False
         self._fatal = None
+        self._heeded = self.interrupts
         stuck: BaseException | None = None
         while not root.dead:
             evaporation.evaporate(self, root, through_shields=True)
             try:
                 self._rest(root)
-            except Exception as error:  # of a task that would not end; all others still have to
+            except BaseException as error:  # of a task that would not end; all others still have to
+                self._heeded = self.interrupts
                 stuck = stuck or error
         if stuck is not None:
             raise stuck from cause
