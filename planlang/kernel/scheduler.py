@@ -414,7 +414,7 @@ class Scheduler:
                     task.deliveries += 1
                 signal = task.context.run(coroutine.throw, error)
         except StopIteration as stop:
-            if task.thrown or task.generators:
+            if task.thrown or task.generators or stop.value.__class__ is CoroutineType:
                 self._returned(task, stop.value)
             else:
                 task.result = stop.value

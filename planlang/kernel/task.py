@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextvars
-from collections.abc import AsyncGenerator, Callable, Coroutine, Generator
+from collections.abc import Callable, Coroutine, Generator
 from enum import Enum
 from random import Random
 from typing import TYPE_CHECKING, Any
@@ -84,7 +84,8 @@ class Task(Node):
     timers: list[Timer] | None = None
     hooks: list[Callable[[], object]] | None = None
     """Called on suspension, last first."""
-    generators: list[AsyncGenerator[Any, Any]] | None = None
+    generators: list[Any] | None = None
+    """Async generators that it has iterated, to be closed before it counts as dead."""
     stream: Random | None = None
     watched: Fluent[Status] | None = None
     """The status as a fluent, once someone asked for it."""

@@ -66,7 +66,7 @@ async def par(*branches: Branch, name: str | None = None, **named: Branch) -> An
     that died at the same decision are attached to it as ``siblings``. (Two to four positional branches are typed as
     a tuple, so that ``a, b = await par(f, g)`` is typed; at run time it is a list too.)
     """
-    return await _Par(name, named_branches("par", branches, named)).execute()
+    return await _Par(name, named_branches("par", branches, named, name)).execute()
 
 
 class _Pursue(Scope):
@@ -116,7 +116,7 @@ async def pursue(
     A failure before any success is raised; of what is simultaneous, failure beats success, then the textually first
     counts. Without branches: CompositeFailure without members.
     """
-    _, result = await _Pursue("pursue", name, named_branches("pursue", branches, named)).execute()
+    _, result = await _Pursue("pursue", name, named_branches("pursue", branches, named, name)).execute()
     return result  # type: ignore[no-any-return]
 
 
@@ -124,7 +124,7 @@ async def race(
     *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
 ) -> tuple[str, V]:
     """As :func:`pursue`, but returns the name of the branch that won and its result."""
-    result: tuple[str, V] = await _Pursue("race", name, named_branches("race", branches, named)).execute()
+    result: tuple[str, V] = await _Pursue("race", name, named_branches("race", branches, named, name)).execute()
     return result
 
 
@@ -166,7 +166,7 @@ async def try_all(
 
     When all fail: CompositeFailure with their failures in textual order.
     """
-    result: V = await _TryAll(name, named_branches("try_all", branches, named)).execute()
+    result: V = await _TryAll(name, named_branches("try_all", branches, named, name)).execute()
     return result
 
 

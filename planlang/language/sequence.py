@@ -20,7 +20,7 @@ async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> li
     """Run branches one after another; returns the list of their results; the first failure is raised at once."""
     results: list[Any] = []
     with inside("seq", name or "seq"):
-        for branch_name, branch in named_branches("seq", branches, named):
+        for branch_name, branch in named_branches("seq", branches, named, name):
             with inside("branch", branch_name) as node:
                 node.result = await branch()
                 results.append(node.result)
@@ -36,7 +36,7 @@ async def try_in_order(
 
     A failed branch is fully unwound before the next starts. When all fail: CompositeFailure in order.
     """
-    result: V = await _first("try_in_order", name, named_branches("try_in_order", branches, named))
+    result: V = await _first("try_in_order", name, named_branches("try_in_order", branches, named, name))
     return result
 
 
