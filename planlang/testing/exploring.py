@@ -13,7 +13,7 @@ from planlang.kernel.choices import ChoiceSource, Recorded, Stream
 from planlang.kernel.trace import encode
 from planlang.testing.columns import side_by_side
 from planlang.testing.faults import Fault
-from planlang.testing.running import PlanRun, attempt
+from planlang.testing.running import PlanRun, attempt, made
 from planlang.testing.schedules import Priorities, Recorder, trimmed
 from planlang.testing.shrinking import Choices, Shrinker
 
@@ -76,6 +76,7 @@ def explore(
         return ended, recorder
 
     usual, first = once(None)
+    made.append(usual)
     if usual.error is not None:
         raise usual.error
     if check is not None:
@@ -99,6 +100,8 @@ def explore(
             check(run)
         except AssertionError as broken:
             return str(broken) or "an assertion does not hold"
+        except Exception as raised:
+            return f"{type(raised).__name__}: {raised}"
         return None
 
     seen = Counter({trimmed(first.choices): 1})
@@ -120,6 +123,7 @@ def explore(
     shrinker = Shrinker(breaks, shrinking_runs)
     choices = shrinker.shrink(choices)
     other, _ = once(Recorded(choices))
+    made.append(other)
     reason = wrong(other)
     shortest = "the shortest list of choices" if shrinker.proven else "a short list of choices"
     raise ScheduleDependence(

@@ -26,12 +26,13 @@ class History:
         self.events = events
         """The trace, one mapping per record."""
         self.rate = rate
-        self._steps: list[Step] | None = None
+        self._steps: list[Step] = []
+        self._read = 0
 
     def steps(self, what: What | None = None) -> list[Step]:
         """The runs of a step, in the order in which they began; all steps without a name."""
-        if self._steps is None or (self._steps and self._steps[0].status == "running"):
-            self._steps = read_steps(self.events, self.rate)
+        if self._read != len(self.events):
+            self._steps, self._read = read_steps(self.events, self.rate), len(self.events)
         if what is None:
             return list(self._steps)
         if isinstance(what, Step):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Awaitable, Callable, Sequence
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.failures import PlanFailure
 from planlang.kernel import Trace, VirtualHost
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 V = TypeVar("V")
 
-made: deque[PlanRun[object]] = deque(maxlen=5)
+made: deque[PlanRun[Any]] = deque(maxlen=5)
 """The last runs, for ``pytest --plan-trace``."""
 
 
@@ -38,11 +38,10 @@ class PlanRun(History, Generic[V]):
         self.schedule = schedule
         self.failure: PlanFailure | None = None
         self.error: BaseException | None = None
-        self.belief: Belief | None = None
-        """The scripted robot's belief at the end."""
         self.unused: tuple[str, ...] = ()
         """Rules and faults of the script that never applied: maybe they name no step of the plan."""
         self._value: V | None = None
+        self._belief: Belief | None = None
 
     @property
     def value(self) -> V:
@@ -51,6 +50,13 @@ class PlanRun(History, Generic[V]):
         if raised is not None:
             raise raised
         return self._value  # type: ignore[return-value]
+
+    @property
+    def belief(self) -> Belief:
+        """The scripted robot's belief at the end; ValueError if the run had an executive of its own."""
+        if self._belief is None:
+            raise ValueError("only a scripted robot has a belief that can be asked here")
+        return self._belief
 
     @property
     def seconds(self) -> float:
@@ -95,6 +101,7 @@ def run_plan(
         rate=rate,
         within=within,
     )
+    made.append(ended)
     if ended.error is not None:
         raise ended.error
     return ended
@@ -123,7 +130,6 @@ def attempt(
     injector = Injector(faults)
     trace = Trace()
     ended: PlanRun[V] = PlanRun(name_of(plan), trace, rate, schedule)
-    made.append(ended)  # type: ignore[arg-type]
     host = VirtualHost(rate)
     try:
         ended._value = run(
@@ -142,5 +148,5 @@ def attempt(
         ended.error = error
     rules = () if scripted is None else scripted.unused
     ended.unused = (*(f"rule {rule}" for rule in rules), *(f"fault {fault}" for fault in injector.unused))
-    ended.belief = None if scripted is None else scripted.belief
+    ended._belief = None if scripted is None else scripted.belief
     return ended
