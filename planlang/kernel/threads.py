@@ -35,6 +35,7 @@ class Call:
         self.number = number
         self.path = task.node.path
         self.waiting = True
+        self.started = False
         self.returned = False
         self._scheduler = scheduler
         self._function = function
@@ -44,6 +45,7 @@ class Call:
 
     def start(self) -> None:
         """Begin, on a thread that does not keep the process alive."""
+        self.started = True
         threading.Thread(target=self._work, name=f"planlang {self.name}", daemon=True).start()
 
     def _work(self) -> None:
@@ -120,7 +122,7 @@ class Calls:
     def _start(self) -> None:
         while self._queued and self._threads < MOST_THREADS:
             call = self._queued.popleft()
-            if call in self._flying:
+            if call in self._flying and not call.task.doomed:
                 self._threads += 1
                 call.start()
 
@@ -132,17 +134,14 @@ class Calls:
     def holds(self, task: Task) -> bool:
         """Whether a task has to be left alone until its call has returned."""
         wait = task.wait
-        return isinstance(wait, Call) and wait.waiting and wait in self._flying and self._scheduler.live is None
+        return isinstance(wait, Call) and wait.started and wait in self._flying and self._scheduler.live is None
 
     def abandon(self, call: Call) -> None:
         """The caller does not wait any more. The thread goes on; its place is taken by another."""
         call.waiting = False
         if call in self._flying:
             del self._flying[call]
-            if call in self._queued:
-                self._queued.remove(call)
-            else:
-                self._threads -= 1
+            self._threads -= call.started
             self._start()
 
     def arrived(self, call: Call) -> None:
