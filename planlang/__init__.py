@@ -72,6 +72,7 @@ from planlang.language.tags import (
     task_suspended,
     wake_up,
 )
+from planlang.language.tasktree import TaskNode, TaskTree
 from planlang.language.waiting import whenever
 
 __all__ = [
@@ -106,6 +107,8 @@ __all__ = [
     "Status",
     "StepLimit",
     "StuckTask",
+    "TaskNode",
+    "TaskTree",
     "Trace",
     "VirtualHost",
     "a_device",
