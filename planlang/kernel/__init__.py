@@ -18,7 +18,8 @@ from planlang.kernel.errors import (
     StuckTask,
 )
 from planlang.kernel.evaporation import shield
-from planlang.kernel.fluent import Fluent, Signal, WorldFluent, wait_for
+from planlang.kernel.expressions import Signal
+from planlang.kernel.fluent import Fluent, WorldFluent, wait_for
 from planlang.kernel.hosts import Host, SimulationHost, VirtualHost
 from planlang.kernel.park import checkpoint
 from planlang.kernel.primitives import now, record, rng, sleep

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from planlang.designators import Action
 from planlang.kernel import All, Fluent, PlanStructureError, Status, Task, checkpoint, wait_for
-from planlang.kernel.fluent import Expression
+from planlang.kernel.expressions import Expression
 from planlang.kernel.park import here
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch, check

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from planlang.failures import BranchEvaporated, PlanFailure
 from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, Task, suspension, wait_for
-from planlang.kernel.fluent import Expression, Signal
+from planlang.kernel.expressions import Expression, Signal
 from planlang.kernel.park import here
 from planlang.kernel.suspension import Recheck
 from planlang.language.branches import Branch, check
