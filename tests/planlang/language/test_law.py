@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -46,6 +47,7 @@ from planlang import (
     with_failure_handling,
 )
 from planlang.failures import BranchEvaporated, CompositeFailure, Timeout
+from planlang.kernel import Trace
 
 RATE = 240
 Moment = tuple[int, int, int]
@@ -425,3 +427,43 @@ def test_suspending_and_evaporating_a_part_of_a_tree_has_the_outcome_that_the_mo
     whole = tag_one(tree, choose, held, pause, gone)
     end, how = model(whole, (0, 0, 0), NEVER, 1, RUNNING)
     assert outcome_of(whole, schedule) == (end[0], how)
+
+
+@settings(max_examples=share(0.1), deadline=None)
+@given(trees, st.one_of(st.none(), st.integers(0, 99)))
+def test_every_node_of_the_tree_starts_and_ends_once_within_its_parent(tree: Tree, schedule: int | None) -> None:
+    trace = Trace()
+    with suppress(PlanFailure, Bug):
+        run(plan_of(tree), host=VirtualHost(RATE), schedule=schedule, trace=trace)
+    open_nodes: dict[str, int] = {}
+    seen: set[str] = set()
+    for event in trace.events:
+        path = event.get("path")
+        if event["event"] == "started":
+            assert path not in seen, "started twice"
+            seen.add(path)
+            parent = path.rpartition("/")[0]
+            assert not parent or parent in open_nodes, "started before its parent, or after its end"
+            open_nodes[path] = event["step"]
+        elif event["event"] == "ended":
+            assert open_nodes.pop(path) <= event["step"]
+            assert not any(one.startswith(path + "/") for one in open_nodes), "survived by what is below"
+            assert event["status"] in ("succeeded", "failed", "evaporated")
+            assert (event["status"] == "failed") == ("failure" in event)
+    assert open_nodes == {}
+
+
+@settings(max_examples=share(0.05), deadline=None)
+@given(trees)
+def test_written_order_is_the_order_of_beginning(tree: Tree) -> None:
+    trace = Trace()
+    with suppress(PlanFailure, Bug):
+        run(plan_of(tree), host=VirtualHost(RATE), trace=trace)
+    begun: dict[str, int] = {}
+    for event in trace.events:
+        if event["event"] == "started" and event["kind"] == "branch":
+            parent, _, name = event["path"].rpartition("/")
+            number = int(name.rpartition("#")[2]) if "#" in name else 1
+            key = f"{parent}/{name.partition('#')[0]}"
+            assert number == begun.get(key, 0) + 1, "a later one of the same name has begun before"
+            begun[key] = number
