@@ -90,7 +90,9 @@ def locate(failure: PlanFailure, node: Node, revision: Callable[[], int] | None)
 
 
 def explain_recursion(error: RecursionError, path: str) -> None:
-    """Add a note that names the plan's functions that call each other without end."""
+    """Add a note that names the plan's functions that call each other without end, unless there is one."""
+    if getattr(error, "__notes__", None):
+        return
     names: dict[str, int] = {}
     traceback = error.__traceback__
     while traceback is not None:

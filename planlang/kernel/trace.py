@@ -80,8 +80,12 @@ class Trace:
         """A node of the tree ends."""
         word = outcome._value_
         if failure is not None:
-            self.write(step, "ended", kind=node.kind, path=node.path, status=word, failure=failure)
-        elif result is not None and outcome is SUCCEEDED:
+            try:
+                self.write(step, "ended", kind=node.kind, path=node.path, status=word, failure=failure)
+                return
+            except RecursionError:  # too deep to tell why it ended, not to tell that it did
+                result = None
+        if result is not None and outcome is SUCCEEDED:
             self.write(step, "ended", kind=node.kind, path=node.path, status=word, result=result)
         elif self._put is None:
             self.events.append({"step": step, "event": "ended", "kind": node.kind, "path": node.path, "status": word})
