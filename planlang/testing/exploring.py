@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
+import math
+from collections import Counter, deque
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -15,7 +16,7 @@ from planlang.testing.columns import side_by_side
 from planlang.testing.faults import Fault
 from planlang.testing.running import PlanRun, attempt, made
 from planlang.testing.schedules import Priorities, Recorder, trimmed
-from planlang.testing.shrinking import Choices, Shrinker
+from planlang.testing.shrinking import Choices, Shrinker, continued
 
 if TYPE_CHECKING:
     from planlang.testing.script import Script
@@ -40,13 +41,16 @@ class ScheduleDependence(AssertionError):
 
 @dataclass(frozen=True)
 class Exploration:
-    """Schedules that all gave the same: how many were run, how many of them differed in what they chose."""
+    """Schedules that all gave the same: how many were run, how many of them differed, whether these are all."""
 
     outcome: str
     runs: int
     different: int
+    complete: bool
 
     def __str__(self) -> str:
+        if self.complete:
+            return f"{self.outcome}, under all {self.different} schedules"
         return f"{self.outcome}, in {self.runs} runs with {self.different} different schedules"
 
 
@@ -61,7 +65,9 @@ def explore(
     within: float = 86_400.0,
     shrinking_runs: int = 1000,
 ) -> Exploration:
-    """Run a plan under many schedules, half of them random, half by priorities that change now and then.
+    """Run a plan under all schedules if they are few, else under some.
+
+    Of these half are random, half follow priorities that change now and then.
 
     With ``check`` an assertion about each run (``def check(run): assert ...``) has to hold under all of them; without
     it the outcome, value or failure, has to be the same. Otherwise raises :class:`ScheduleDependence`, whose message
@@ -105,16 +111,24 @@ def explore(
         return None
 
     seen = Counter({trimmed(first.choices): 1})
-    for number in range(max(0, schedules - 1)):
-        source = Stream(number) if number % 2 == 0 else Priorities(number, len(first.choices))
+    left = deque(continued((), first.sizes) if math.prod(first.sizes) <= schedules else ())
+    complete = len(left) > 0 or not first.sizes
+    number = 0
+    while seen.total() < schedules and not (complete and not left):
+        if left:
+            source: ChoiceSource = Recorded(left.popleft())
+        else:
+            source = Stream(number) if number % 2 == 0 else Priorities(number, len(first.choices))
+            number += 1
         run, recorder = once(source)
         choices = trimmed(recorder.choices)
         seen[choices] += 1
         if wrong(run) is not None:
-            broken_in = number + 2
             break
+        if complete:
+            left.extend(continued(choices, recorder.sizes))
     else:
-        return Exploration(expected, seen.total(), len(seen))
+        return Exploration(expected, seen.total(), len(seen), complete and not left)
 
     def breaks(choices: Choices) -> tuple[bool, Sequence[int]]:
         run, recorder = once(Recorded(choices))
@@ -128,7 +142,7 @@ def explore(
     shortest = "the shortest list of choices" if shrinker.proven else "a short list of choices"
     raise ScheduleDependence(
         f"the outcome depends on the schedule: {reason}\n"
-        f"found in run {broken_in} of {schedules}; {shortest} is {list(choices)}; "
+        f"found in run {seen.total()} of {schedules}; {shortest} is {list(choices)}; "
         f"repeat it with run_plan({usual.name}, schedule={list(choices)})\n"
         f"{side_by_side(usual, other)}",
         usual,

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from planlang.testing.schedules import trimmed
 
 Choices = tuple[int, ...]
+
+
+def continued(choices: Choices, sizes: Sequence[int]) -> Iterator[Choices]:
+    """The lists that go on from one, with one more choice other than zero; ``sizes`` are those of its run.
+
+    Every list without zeros at its end comes from exactly one other, so that all are met once, beginning with ().
+    """
+    for place in range(len(choices), len(sizes)):
+        for choice in range(1, sizes[place]):
+            yield (*choices, *(0,) * (place - len(choices)), choice)
 
 
 class Shrinker:
@@ -81,9 +91,7 @@ class Shrinker:
             if broken:
                 self.proven = True
                 return choices
-            for place in range(length, min(len(sizes), len(best))):
-                for choice in range(1, sizes[place]):
-                    longer = (*choices, *(0,) * (place - length), choice)
-                    heapq.heappush(queue, (len(longer), longer))
+            for longer in continued(choices, sizes[: len(best)]):
+                heapq.heappush(queue, (len(longer), longer))
         self.proven = True
         return best

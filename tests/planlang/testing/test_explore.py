@@ -14,7 +14,7 @@ from planlang.failures import ObjectLost
 from planlang.kernel import Task
 from planlang.testing import PlanRun, ScheduleDependence, compiled, explore, run_plan
 from planlang.testing.schedules import Priorities, Recorder, trimmed
-from planlang.testing.shrinking import Shrinker
+from planlang.testing.shrinking import Shrinker, continued
 
 
 async def check_then_act() -> list[str]:
@@ -275,3 +275,30 @@ def test_tasks_are_told_apart_by_what_they_are_not_by_their_place() -> None:
     run_plan(partial(deep, range(5)), schedule=source)
     assert source.seen[0] == ["come", "come#2", "come#3", "come#4", "come#5"]
     assert source.seen[1] == ["come", "come#3", "come#4", "come#5"]
+
+
+def test_where_schedules_are_few_all_of_them_are_run_once() -> None:
+    async def three() -> str:
+        await par(checkpoint, checkpoint, checkpoint)
+        return "done"
+
+    async def alone() -> str:
+        await checkpoint()
+        return "done"
+
+    found = explore(three, schedules=200)
+    assert found.complete
+    assert found.runs == found.different == 90, "6! / (2! 2! 2!) ways for three tasks to take two turns each"
+    assert str(found) == 'returned "done", under all 90 schedules'
+    assert (explore(alone).runs, explore(alone).complete) == (1, True)
+    assert not explore(three, schedules=35).complete
+    assert not explore(three, schedules=50).complete, "it looked as if they were few enough"
+    assert not explore(independent, schedules=5).complete
+
+
+def test_all_lists_of_choices_are_met_once() -> None:
+    queue: list[tuple[int, ...]] = [()]
+    for choices in queue:
+        queue.extend(continued(choices, [2, 3, 2]))
+    assert sorted(queue) == sorted({trimmed(full) for full in itertools.product(range(2), range(3), range(2))})
+    assert len(queue) == 12
