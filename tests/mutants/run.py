@@ -61,7 +61,7 @@ MUTANTS = [
     ("a shield never ends", "kernel/evaporation.py", "self._task.shields -= 1", "pass"),
     ("a shield's timer goes on after it", "kernel/evaporation.py", "self._timer.drop()", "pass"),
     ("evaporation is delivered once only", "kernel/park.py", "    if task.doomed:\n        await deliver(task)\n    scheduler.wake(task)", "    scheduler.wake(task)"),
-    ("one that swallows evaporation has succeeded", "kernel/scheduler.py", "            if task.thrown or task.generators:", "            if task.generators:"),
+    ("one that swallows evaporation has succeeded", "kernel/scheduler.py", "if task.thrown or task.generators", "if task.generators"),
     ("the order of dying is the order of deciding", "kernel/scope.py", "dead.sort(key=_index)", "pass"),
     ("errors in branches are swallowed", "kernel/scope.py", "if task.crash is not None:", "if False:"),
     ("failures of cleanups are forgotten", "kernel/scope.py", "self.cleanup.append(task.cleanup_failure)", "pass"),
@@ -76,7 +76,7 @@ MUTANTS = [
     ("success beats failure in pursue", "language/parallel.py", "        if failed:\n            self.failed = failed[0]", "        if failed and len(failed) == len(dead):\n            self.failed = failed[0]"),
     ("try_in_order goes on after a success", "language/sequence.py", "                    return node.result\n", "                    pass\n"),
     ("a timeout strikes before the step is at rest", "language/bounds.py", "self.scheduler.deadline(self.owner, self.steps, self.expire)", "self.scheduler.alarm(self.owner, self.steps, self.expire)"),
-    ("resources stay taken", "language/resources.py", "finally:", "except ZeroDivisionError:"),
+    ("resources stay taken", "language/resources.py", "            lock.holder = None", "            pass"),
 ]  # fmt: skip
 
 
@@ -95,7 +95,7 @@ def caught(number: int) -> tuple[bool, str]:
             return False, f"its text stands {source.count(before)} times in {name}"
         path.write_text(source.replace(before, after))
         environment = dict(os.environ, PYTHONPATH=folder, PLANLANG_EXAMPLES="1000", PYTHONDONTWRITEBYTECODE="1")
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *TESTS]
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-k", "not ctrl_c", *TESTS]
         try:
             ended = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, timeout=120)
         except subprocess.TimeoutExpired:
