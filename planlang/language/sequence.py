@@ -56,8 +56,9 @@ async def _first(kind: str, name: str | None, branches: Iterable[tuple[str, Bran
     names: list[str] = []
     with inside(kind, name or kind) as construct:
         for branch_name, branch in branches:
+            node = inside("branch", branch_name)
             try:
-                with inside("branch", branch_name) as node:
+                with node:
                     construct.result = node.result = await branch()
                     return node.result
             except PlanFailure as failure:
