@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from planlang.recipe.model import Recipe, RecipeSet
 
 Order = tuple[str, ...]
-DOWNSETS = 50_000
+DOWNSETS = 30_000
 """How many sets of done steps are counted at most."""
 
 
