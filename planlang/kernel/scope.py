@@ -126,7 +126,7 @@ class Scope(Node):
             raise
         owner.node = outer_node
         if trace is not None:
-            trace.ended(scheduler.now, self, Status.SUCCEEDED)
+            trace.ended(scheduler.now, self, Status.SUCCEEDED, result)
         return result
 
     def attach(self, failure: PlanFailure) -> PlanFailure:

@@ -97,15 +97,24 @@ class _Pursue(Scope):
                 return
             self.evaporated = self.evaporated or task
 
-    def finish(self) -> tuple[str, Any]:
+    def finish(self) -> Any:
         if self.winner is not None:
-            return self.winner.name, self.winner.result
+            return self.outcome_of(self.winner)
         lost = self.failed or self.evaporated
         if lost is None:
             raise CompositeFailure()
         failure = failure_of(lost)
         failure.siblings += tuple((name, other) for name, other in self.siblings if other is not failure)
         raise self.attach(failure)
+
+    def outcome_of(self, winner: Task) -> Any:
+        """What is returned."""
+        return winner.result
+
+
+class _Race(_Pursue):
+    def outcome_of(self, winner: Task) -> tuple[str, Any]:
+        return winner.name, winner.result
 
 
 async def pursue(
@@ -116,15 +125,15 @@ async def pursue(
     A failure before any success is raised; of what is simultaneous, failure beats success, then the textually first
     counts. Without branches: CompositeFailure without members.
     """
-    _, result = await _Pursue("pursue", name, named_branches("pursue", branches, named, name)).execute()
-    return result  # type: ignore[no-any-return]
+    result: V = await _Pursue("pursue", name, named_branches("pursue", branches, named, name)).execute()
+    return result
 
 
 async def race(
     *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
 ) -> tuple[str, V]:
     """As :func:`pursue`, but returns the name of the branch that won and its result."""
-    result: tuple[str, V] = await _Pursue("race", name, named_branches("race", branches, named, name)).execute()
+    result: tuple[str, V] = await _Race("race", name, named_branches("race", branches, named, name)).execute()
     return result
 
 

@@ -19,13 +19,14 @@ V = TypeVar("V")
 async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> list[Any]:
     """Run branches one after another; returns the list of their results; the first failure is raised at once."""
     results: list[Any] = []
-    with inside("seq", name or "seq"):
+    with inside("seq", name or "seq") as construct:
         for branch_name, branch in named_branches("seq", branches, named, name):
             with inside("branch", branch_name) as node:
                 node.result = await branch()
                 results.append(node.result)
         if not results:
             await checkpoint()
+        construct.result = results
     return results
 
 

@@ -25,12 +25,14 @@ from planlang import (
     perform,
     plan,
     pursue,
+    race,
     run,
     seq,
     sleep,
     state_machine,
     tag,
     task,
+    timeout,
     try_all,
     try_in_order,
 )
@@ -67,6 +69,24 @@ def test_a_node_keeps_path_kind_parameters_status_result_start_and_end() -> None
         ("sleep", "evaporated", 2),
         ("fast", "succeeded", 2),
     ]
+
+
+def test_constructs_keep_their_results_too() -> None:
+    async def word() -> str:
+        return "word"
+
+    constructs: list[Any] = [
+        partial(seq, word),
+        partial(par, word),
+        partial(pursue, word),
+        partial(race, word),
+        partial(try_all, word),
+        partial(try_in_order, word),
+        partial(timeout, 1, word),
+    ]
+    tree = tree_of(partial(par, *constructs))
+    results = [child.children[0].result for child in tree.roots[0].children[0].children]
+    assert results == [["word"], ["word"], "word", ["word", "word"], "word", "word", "word"]
 
 
 def test_a_failed_node_keeps_its_failure_and_says_it() -> None:
