@@ -41,6 +41,11 @@ def here() -> tuple[Scheduler, Task]:
     return scheduler, scheduler.current
 
 
+def serving() -> Scheduler:
+    """The scheduler of this thread, also where no task runs: in what a thread handed into the inbox."""
+    return running.scheduler or here()[0]
+
+
 @types.coroutine
 def park(wait: object) -> Generator[object, Any, Any]:
     """Wait until the scheduler resumes this task; returns or raises what it was woken with."""

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from planlang.failures import BranchEvaporated, PlanFailure
 from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, Task, suspension, wait_for
 from planlang.kernel.expressions import Expression, Signal
-from planlang.kernel.park import here
+from planlang.kernel.park import here, serving
 from planlang.kernel.suspension import Recheck
 from planlang.language.branches import Branch, check
 from planlang.language.plans import Frame, frame
@@ -84,7 +84,7 @@ class Handle:
 
     def _suspend(self) -> bool:
         if self._task is not None:
-            return suspension.suspend(here()[0], self._task)
+            return suspension.suspend(serving(), self._task)
         if self._evaporated:
             return False
         self._suspensions += 1
@@ -92,7 +92,7 @@ class Handle:
 
     def _wake_up(self) -> bool:
         if self._task is not None:
-            return suspension.wake_up(here()[0], self._task)
+            return suspension.wake_up(serving(), self._task)
         if not self._suspensions:
             return False
         self._suspensions -= 1
@@ -100,7 +100,7 @@ class Handle:
 
     def _evaporate(self) -> bool:
         if self._task is not None:
-            return here()[0].evaporate(self._task)
+            return serving().evaporate(self._task)
         changed, self._evaporated, self._suspensions = not self._evaporated, True, 0
         return changed
 

@@ -18,15 +18,21 @@ from planlang import (
     StepLimit,
     Trace,
     VirtualHost,
+    evaporate,
     in_thread,
     now,
     par,
     pursue,
     run,
     sleep,
+    suspend,
+    tag,
+    task,
     timeout,
     wait_for,
+    wake_up,
 )
+from planlang.failures import BranchEvaporated
 
 
 class Clock:
@@ -215,6 +221,28 @@ def test_a_host_serves_one_run_after_another_from_step_zero() -> None:
     run(plan, host=host)
     assert times == [1.0, 1.0]
     assert clock.now == pytest.approx(1102.0, abs=1e-3)
+
+
+def test_a_thread_may_suspend_wake_and_evaporate_tasks_through_the_inbox() -> None:
+    clock = Clock()
+    host = clock.host()
+    log: list[float] = []
+
+    async def ticks() -> None:
+        for _ in range(3):
+            await sleep(1)
+            log.append(now())
+
+    async def plan() -> None:
+        handle = task("ticks")
+        clock.at(0.5, lambda: host.post(suspend, handle))
+        clock.at(2.5, lambda: host.post(wake_up, handle))
+        clock.at(3.5, lambda: host.post(evaporate, handle))
+        await pursue(partial(tag, "ticks", ticks), partial(sleep, 10))
+
+    with pytest.raises(BranchEvaporated):
+        run(plan, host=host)
+    assert log == pytest.approx([3.0], abs=0.01)
 
 
 def test_a_bad_rate_is_a_value_error() -> None:
