@@ -12,6 +12,10 @@ from planlang.testing.verdicts import Count, NoSuchStep, Verdict
 Event = Mapping[str, Any]
 What = str | Step
 """A step told by its name, ``parent/name``, its action's class, or itself."""
+LONGEST = 60
+"""Reasons show as much of a failure's message: pytest cuts what is longer than 240 characters in the middle."""
+SHOWN = 3
+"""Reasons tell as many runs of a step."""
 
 
 class History:
@@ -44,7 +48,7 @@ class History:
         """Whether the first run of one step had ended before any run of the other began."""
         one, other = self._begun(first)[0], self._begun(second)[0]
         holds = one.last < other.first
-        return Verdict(holds, f"{_name(first)} ({one.told()}); {_name(second)} ({other.told()})")
+        return Verdict(holds, f"{_name(first)} ({_told(one)}); {_name(second)} ({_told(other)})")
 
     def overlapped(self, first: What, second: What) -> Verdict:
         """Whether a run of one step had begun and not ended when a run of the other one began, or the reverse."""
@@ -52,7 +56,7 @@ class History:
         for one in ones:
             for other in others:
                 if one is not other and one.first < other.last and other.first < one.last:
-                    return Verdict(True, f"{_name(first)} ({one.told()}), {_name(second)} ({other.told()})")
+                    return Verdict(True, f"{_name(first)} ({_told(one)}), {_name(second)} ({_told(other)})")
         return Verdict(False, f"{_name(first)} ({_all(ones)}), {_name(second)} ({_all(others)})")
 
     def attempts(self, what: What) -> Count:
@@ -97,7 +101,7 @@ class History:
         if isinstance(what, (str, Step)):
             for step in self.steps(what):
                 if step.begin is not None and any(step.first < last and first < step.last for first, last in spans):
-                    return Verdict(False, f"{_name(what)} ran{when}: {step.told()}")
+                    return Verdict(False, f"{_name(what)} ran{when}: {_told(step)}")
             return Verdict(True, f"{_name(what)} did not run{when}")
         for place, event in enumerate(self.events):
             if any(first <= place <= last for first, last in spans):
@@ -147,8 +151,13 @@ def _word(what: object) -> str:
     return getattr(what, "__name__", None) or str(what)
 
 
+def _told(step: Step) -> str:
+    return step.told(LONGEST)
+
+
 def _all(steps: Sequence[Step]) -> str:
-    return "; ".join(step.told() for step in steps)
+    more = f"; and {len(steps) - SHOWN} more" if len(steps) > SHOWN else ""
+    return "; ".join(map(_told, steps[:SHOWN])) + more
 
 
 def _names(kind: type) -> set[str]:

@@ -62,15 +62,19 @@ class Step:
             step = step.parent
         return step is other
 
-    def told(self) -> str:
-        """When and how, in a line."""
+    def told(self, longest: int | None = None) -> str:
+        """When and how, in a line; the message of a failure is cut to ``longest`` characters."""
         if self.begin is None:
             return f"{self.status} before it began"
         span = f"{self.begin:g} s" if self.begin == self.end else f"{self.begin:g} to {self.end or 0:g} s"
         if self.end is None:
             span = f"{self.begin:g} s on"
-        reason = f" with {self.failure['type']}: {self.failure['message']}" if self.failure is not None else ""
-        return f"{span}, {self.status}{reason}"
+        if self.failure is None:
+            return f"{span}, {self.status}"
+        message = self.failure["message"]
+        if longest is not None and len(message) > longest:
+            message = f"{message[: longest - 3]}..."
+        return f"{span}, {self.status} with {self.failure['type']}: {message}"
 
     def __repr__(self) -> str:
         return f"<{self.path}: {self.told()}>"

@@ -302,3 +302,19 @@ def test_all_lists_of_choices_are_met_once() -> None:
         queue.extend(continued(choices, [2, 3, 2]))
     assert sorted(queue) == sorted({trimmed(full) for full in itertools.product(range(2), range(3), range(2))})
     assert len(queue) == 12
+
+
+def test_a_check_that_asks_for_the_value_of_a_failed_run_is_broken_by_it() -> None:
+    async def plan() -> None:
+        if await check_then_act() == ["bowl"]:
+            raise ObjectLost(what="cup")
+
+    with pytest.raises(ScheduleDependence, match="ObjectLost"):
+        explore(plan, check=lambda run: run.value)
+
+    def silent(run: PlanRun[None]) -> None:
+        if run.failure is not None:
+            raise AssertionError
+
+    with pytest.raises(ScheduleDependence, match="an assertion does not hold"):
+        explore(plan, check=silent)

@@ -6,7 +6,7 @@ from functools import partial
 
 import pytest
 
-from planlang import Recovery, action, par, perform, plan, pursue, seq, sleep, try_all, with_failure_handling
+from planlang import Recovery, action, par, perform, plan, pursue, seq, sleep, tag, try_all, with_failure_handling
 from planlang.failures import (
     GraspMissed,
     GraspSlipped,
@@ -187,10 +187,24 @@ def test_what_was_evaporated_before_it_began_has_no_time() -> None:
         await par(first, lambda: tagged())
 
     async def tagged() -> None:
-        from planlang import tag
-
         await tag("second", partial(sleep, 1))
 
     run = run_plan(body)
     assert run.evaporated("second")
     assert run.attempts("second") in (0, 1)
+
+
+def test_reasons_are_short_enough_to_be_shown_whole() -> None:
+    async def miss() -> None:
+        await sleep(1)
+        raise GraspMissed("the gripper closed on nothing, and this is a very long story about how it came to that")
+
+    async def body() -> None:
+        await with_failure_handling(lambda: tag("miss", miss), Recovery(GraspMissed, attempts=9))
+
+    run = run_plan(body)
+    reason = str(run.evaporated("miss"))
+    assert reason.endswith("; and 7 more)")
+    assert "closed on nothing, and this is a very long st..." in reason
+    assert len(str(run.overlapped("miss#2", "miss#3"))) < 240
+    assert "how it came to that" in run.tree(), "which is not cut"

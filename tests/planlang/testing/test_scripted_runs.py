@@ -8,11 +8,13 @@ import pytest
 
 from planlang import (
     Action,
+    Condition,
     Recovery,
     a_device,
     a_location,
     a_person,
     a_posture,
+    achieve,
     action,
     an_object,
     at_location,
@@ -25,8 +27,10 @@ from planlang import (
     wake_up,
     with_failure_handling,
 )
+from planlang.diagnostics import BadInput
 from planlang.failures import (
     ActionUnresolvable,
+    GoalNotAchieved,
     GraspMissed,
     GraspSlipped,
     HandoverNotTaken,
@@ -38,7 +42,9 @@ from planlang.failures import (
     ObjectUnreachable,
 )
 from planlang.kernel import DeadlockError, StepLimit
-from planlang.testing import Belief, Script, compiled, run_plan
+from planlang.resources import bundled
+from planlang.testing import Belief, Fault, Script, compiled, run_plan
+from planlang.testing.scripted import ScriptedExecutive
 
 BOTTLE = an_object("DrinkingBottle", "http://example.org/map#bottle1")
 PATIENT = a_person("Patient", "http://example.org/map#patient1")
@@ -302,3 +308,48 @@ def test_a_failure_between_places_is_one_of_the_script() -> None:
     run = run_plan(main, script=script)
     assert run.failure is None
     assert run.belief.base == (11.0, 0.0, 0.0)
+
+
+def test_a_plan_runs_with_an_executive_of_its_own_which_then_has_the_belief() -> None:
+    executive = ScriptedExecutive(Script().on("Reaching", returns="there"))
+    run = run_plan(reach, executive=executive, faults=[Fault("nothing", GraspMissed)])
+    assert run.value == "there"
+    assert run.unused == ("fault GraspMissed in nothing",)
+    with pytest.raises(ValueError, match="only a scripted robot has a belief"):
+        _ = run.belief
+
+
+def test_what_the_plan_asks_of_conditions_is_looked_up_among_the_facts() -> None:
+    fridge = Condition("open", (an_object("Refrigerator", "http://example.org/map#fridge1"),))
+    script = Script().performs("OpeningADoor")
+    open_door = partial(perform, action("OpeningADoor"))
+
+    async def main() -> None:
+        await achieve(fridge, open_door)
+
+    assert run_plan(main, script=script.fact("open(fridge1)")).never("OpeningADoor")
+    fails = run_plan(main, script=Script().performs("OpeningADoor"))
+    assert isinstance(fails.failure, GoalNotAchieved)
+    opens = Script().on("OpeningADoor", does=lambda belief, action: belief.facts.update({"open(fridge1)": True}))
+    assert run_plan(main, script=opens).failure is None
+
+
+def test_opening_a_gripper_lets_go_of_what_is_named_or_of_everything() -> None:
+    cup = an_object("Cup", "http://example.org/map#cup1")
+    grasp = partial(perform, action("GraspingSomething", object_acted_on=cup))
+
+    async def main(release: Action) -> None:
+        await grasp()
+        await perform(release)
+
+    script = Script().holding(BOTTLE).performs("GraspingSomething")
+    named = run_plan(partial(main, action("OpeningAGripper", object_acted_on=cup)), script=script)
+    assert named.belief.holding == ["bottle1"]
+    assert run_plan(partial(main, action("OpeningAGripper")), script=script).belief.holding == []
+
+
+def test_compiled_plans_come_from_bundled_recipes_and_from_files() -> None:
+    path = bundled("recipes") / "serve_a_drink.omn"
+    assert compiled(path).iri == serve_a_drink.iri
+    with pytest.raises(BadInput):
+        compiled(path.with_name("no_such_recipe.omn"))
