@@ -41,7 +41,7 @@ TESTS = [
     f"{LANGUAGE}/test_performing.py",
     f"{LANGUAGE}/test_recovery.py",
 ]
-SHORT = 6
+SHORT = 4
 
 # what is broken, file below planlang/, a text that stands there once, what replaces it
 MUTANTS = [
