@@ -39,12 +39,12 @@ class _PartialOrder(All):
 
     def _launch(self) -> None:
         """Start what is ready, the textually first first, as far as there are free slots."""
-        ready, limit, live = self.ready, self.limit, self.live
+        ready, limit, live, inputs, pop = self.ready, self.limit, self.live, self.inputs, heapq.heappop
         while ready and (limit is None or len(live) < limit):
-            number = heapq.heappop(ready)
+            number = pop(ready)
             name, step = self.steps[number]
-            if number in self.inputs:
-                step = partial(step, **{key: self.results[key] for key in self.inputs[number]})
+            if number in inputs:
+                step = partial(step, **{key: self.results[key] for key in inputs[number]})
             self.start(step, name, number)
 
     def decide(self, dead: list[Task]) -> None:
@@ -84,26 +84,31 @@ async def partial_order(
         raise ValueError(f"limit is a number of steps, at least 1, not {limit!r}")
     names = list(steps)
     rank = {step: number for number, step in enumerate(names)}
-    before: list[dict[int, None]] = [{} for _ in names]
     after: list[list[int]] = [[] for _ in names]
+    missing = [0] * len(names)
+    known: set[tuple[str, str]] = set()
     forward = True
     for first, second in orderings:
-        one, other = rank.get(first), rank.get(second)
-        if one is None or other is None:
-            unknown = first if one is None else second
-            raise ValueError(f"ordering ({first}, {second}): no step {unknown!r}; steps: {', '.join(steps)}")
-        earlier = before[other]
-        if one not in earlier:
-            earlier[one] = None
-            after[one].append(other)
-            forward = forward and one < other
-    missing = list(map(len, before))
+        ordering = first, second
+        if ordering in known:
+            continue
+        known.add(ordering)
+        try:
+            one, other = rank[first], rank[second]
+        except KeyError as unknown:
+            raise ValueError(f"ordering ({first}, {second}): no step {unknown}; steps: {', '.join(steps)}") from None
+        after[one].append(other)
+        missing[other] += 1
+        if one >= other:
+            forward = False
     if not forward:  # else there cannot be a cycle
-        _refuse_cycle(names, before, after, missing)
+        _refuse_cycle(names, after, missing)
     inputs: dict[int, list[str]] = {}
+    before: list[list[int]] | None = None
     for number, (step, branch) in enumerate(steps.items()):
         code = branch.__code__ if branch.__class__ is FunctionType else None
         if code is None or code.co_argcount or code.co_kwonlyargcount:
+            before = before or _turned(after)
             found = _inputs(step, branch, number, names, before)
             if found:
                 inputs[number] = found
@@ -112,7 +117,16 @@ async def partial_order(
     return result
 
 
-def _refuse_cycle(names: list[str], before: list[dict[int, None]], after: list[list[int]], missing: list[int]) -> None:
+def _turned(after: list[list[int]]) -> list[list[int]]:
+    """What each step is ordered after, from what each is ordered before."""
+    before: list[list[int]] = [[] for _ in after]
+    for one, later in enumerate(after):
+        for other in later:
+            before[other].append(one)
+    return before
+
+
+def _refuse_cycle(names: list[str], after: list[list[int]], missing: list[int]) -> None:
     left = list(missing)
     free = [step for step, number in enumerate(left) if not number]
     gone = 0
@@ -125,6 +139,7 @@ def _refuse_cycle(names: list[str], before: list[dict[int, None]], after: list[l
     if gone == len(names):
         return
     # every step that is left has a predecessor that is left: walking backwards must come back
+    before = _turned(after)
     step = next(step for step, number in enumerate(left) if number)
     walked: dict[int, None] = {}
     while step not in walked:
@@ -135,7 +150,7 @@ def _refuse_cycle(names: list[str], before: list[dict[int, None]], after: list[l
     raise ValueError(f"cycle in orderings: {' < '.join(cycle)}")
 
 
-def _inputs(step: str, branch: Step, number: int, names: list[str], before: list[dict[int, None]]) -> list[str]:
+def _inputs(step: str, branch: Step, number: int, names: list[str], before: list[list[int]]) -> list[str]:
     """Parameters of a step that are filled with results of steps before it."""
     try:
         parameters = inspect.signature(branch).parameters.values()
@@ -153,7 +168,7 @@ def _inputs(step: str, branch: Step, number: int, names: list[str], before: list
     return [parameter.name for parameter in wanted if parameter.name in earlier]
 
 
-def _all_before(step: int, names: list[str], before: list[dict[int, None]]) -> set[str]:
+def _all_before(step: int, names: list[str], before: list[list[int]]) -> set[str]:
     found: set[int] = set()
     stack = list(before[step])
     while stack:
