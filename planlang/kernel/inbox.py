@@ -33,8 +33,6 @@ class Inbox:
 
     def wait(self, seconds: float = PATIENCE) -> None:
         """Wait until something is there, but not longer than ``seconds`` and :data:`PATIENCE`."""
-        if self._seen:
-            return
         try:
             self._seen.append(self._queue.get(timeout=min(seconds, PATIENCE)))
         except Empty:

@@ -139,10 +139,9 @@ class Calls:
     def abandon(self, call: Call) -> None:
         """The caller does not wait any more. The thread goes on; its place is taken by another."""
         call.waiting = False
-        if call in self._flying:
-            del self._flying[call]
-            self._threads -= call.started
-            self._start()
+        del self._flying[call]
+        self._threads -= call.started
+        self._start()
 
     def arrived(self, call: Call) -> None:
         """A call has returned. In real time its caller goes on at once."""

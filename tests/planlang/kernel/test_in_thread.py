@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
@@ -21,6 +23,7 @@ from planlang import (
     Trace,
     VirtualHost,
     checkpoint,
+    evaporate,
     in_thread,
     now,
     par,
@@ -35,7 +38,7 @@ from planlang import (
     wait_for,
     wake_up,
 )
-from planlang.failures import GraspMissed
+from planlang.failures import BranchEvaporated, GraspMissed
 
 
 def go(plan: Any, **options: Any) -> Any:
@@ -424,3 +427,64 @@ def test_a_plan_failure_in_a_late_call_ends_nothing(gate: threading.Event) -> No
     run(plan, host=steered.host, trace=trace)
     (late,) = (event for event in trace.events if event["event"] == "returned")
     assert late["failure"]["message"] == "too late"
+
+
+def test_a_call_that_returns_together_with_the_evaporation_of_its_caller_is_late(gate: threading.Event) -> None:
+    steered, thread = Steered(), []  # type: ignore[var-annotated]
+    handles: list[Any] = []
+
+    def both() -> None:
+        steered.host.post(evaporate, handles[0])
+        released(gate, thread, steered.host)()
+
+    async def plan() -> None:
+        handles.append(task("call"))
+        with pytest.raises(BranchEvaporated):
+            await tag("call", partial(in_thread, blocking(gate, thread)))
+
+    trace = Trace()
+    steered.events.append((1.0, both))
+    run(plan, host=steered.host, trace=trace)
+    (late,) = (event for event in trace.events if event["event"] == "returned")
+    assert late["late"] is True
+
+
+def test_ctrl_c_during_a_call_in_simulation_evaporates_the_others_and_releases_the_caller_later() -> None:
+    log: list[str] = []
+    evaporated = threading.Event()
+
+    def call() -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        evaporated.wait(10)
+        log.append("call returned")
+
+    async def caller() -> None:
+        try:
+            await in_thread(call)
+        finally:
+            log.append("caller released")
+
+    async def other() -> None:
+        try:
+            await sleep(10)
+        finally:
+            log.append("other evaporated")
+            evaporated.set()
+
+    with pytest.raises(KeyboardInterrupt):
+        go(partial(par, other, caller))
+    assert log == ["other evaporated", "call returned", "caller released"]
+
+
+def test_ctrl_c_while_tasks_run_is_heeded_before_the_next_one_begins() -> None:
+    log: list[str] = []
+
+    async def presses() -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+
+    async def never_begins() -> None:
+        log.append("begun")
+
+    with pytest.raises(KeyboardInterrupt):
+        go(partial(par, presses, never_begins))
+    assert log == []

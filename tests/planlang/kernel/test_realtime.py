@@ -33,6 +33,7 @@ from planlang import (
     wake_up,
 )
 from planlang.failures import BranchEvaporated
+from planlang.kernel.inbox import Inbox
 
 
 class Clock:
@@ -287,18 +288,37 @@ def test_one_plan_runs_unchanged_on_all_hosts_and_gives_the_same_trace() -> None
     assert [e["event"] for e in texts[0]] == [e["event"] for e in texts[2]]
 
 
-def test_a_thread_that_posts_wakes_a_host_that_waits_for_its_inbox() -> None:
+def test_a_thread_that_posts_wakes_a_host_that_waits_for_its_inbox(monkeypatch: pytest.MonkeyPatch) -> None:
     host = RealTimeHost(clock=lambda: 0.0)  # a clock that stands still: only the inbox can end the wait
     door = Fluent(False)
     source = host.source("thread")
     thread = threading.Thread(target=lambda: source.post(door.set, True))
+    wait = host.inbox.wait
 
-    async def plan() -> Any:
-        thread.start()
-        return await wait_for(door)
+    def begin_and_wait(seconds: float) -> None:
+        if not thread.ident:
+            thread.start()
+        wait(seconds)
 
-    assert run(plan, host=host) is True
+    monkeypatch.setattr(host.inbox, "wait", begin_and_wait)
+    assert run(partial(wait_for, door), host=host) is True
     thread.join()
+
+
+def test_a_wait_for_the_inbox_ends_after_its_time_and_what_comes_first_is_taken_first() -> None:
+    inbox = Inbox()
+    inbox.wait(0.0)
+    assert not inbox.filled
+    log: list[int] = []
+    for number in range(3):
+        inbox.put(partial(log.append, number))
+    inbox.put(None)
+    inbox.wait(0.0)
+    assert inbox.filled
+    for item in inbox.take():
+        item()
+    assert log == [0, 1, 2]
+    assert not inbox.filled
 
 
 def test_tasks_that_spin_in_real_time_make_no_progress_either() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bdb
 import os
 import signal
 import sys
@@ -11,6 +10,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -205,6 +205,8 @@ def test_one_ctrl_c_is_never_insisted_on_and_the_second_after_a_tenth_of_a_secon
     assert summoned == []
     one.interrupts = 2
     assert watch.look(2.0) == dog.INSIST
+    watch.look(2.05)
+    assert summoned == []
     watch.look(2.11)
     assert summoned == [KeyboardInterrupt]
     one.interrupted = False
@@ -235,15 +237,16 @@ def test_a_summons_that_no_longer_applies_is_dropped_and_a_real_ctrl_c_is_told_a
 def test_code_that_stands_in_a_debugger_is_left_alone() -> None:
     assert not dog._debugged(sys._getframe())
 
-    class Debugger(bdb.Bdb):
-        seen = False
+    inside = SimpleNamespace(f_globals={"__name__": "pdb"}, f_back=None)
+    assert dog._debugged(SimpleNamespace(f_globals={"__name__": "plan"}, f_back=inside))  # type: ignore[arg-type]
 
-        def user_line(self, frame: Any) -> None:
-            self.seen = self.seen or dog._debugged(sys._getframe())
 
-    debugger = Debugger()
-    debugger.runeval("1 + 1")
-    assert debugger.seen
+def test_code_of_the_scheduler_itself_is_never_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    watch = dog.Watch(Run(), 10.0, by_signal=True)  # type: ignore[arg-type]
+    own = SimpleNamespace(f_code=SimpleNamespace(co_filename=dog.__file__))
+    monkeypatch.setattr(dog.sys, "_current_frames", lambda: {threading.get_ident(): own})
+    watch._summon(dog.Overdue)
+    assert watch._summons is None
 
 
 def test_the_thread_of_the_watchdog_ends_when_there_is_nothing_to_watch() -> None:
