@@ -318,3 +318,43 @@ def test_a_check_that_asks_for_the_value_of_a_failed_run_is_broken_by_it() -> No
 
     with pytest.raises(ScheduleDependence, match="an assertion does not hold"):
         explore(plan, check=silent)
+
+
+async def two_takers() -> list[str]:
+    """Whoever finds the gripper free waits a turn before taking it; usually it is being prepared by then."""
+    gripper: str | None = None
+    log: list[str] = []
+
+    async def prepare() -> None:
+        nonlocal gripper
+        await checkpoint()
+        gripper = "prepared"
+        await sleep(1)
+        gripper = None
+
+    async def take(who: str) -> None:
+        nonlocal gripper
+        await checkpoint()
+        await checkpoint()
+        if gripper is None:
+            await checkpoint()
+            gripper = who
+            log.append(who)
+            await sleep(0.1)
+            gripper = None
+
+    await par(prepare, cup=lambda: take("cup"), bowl=lambda: take("bowl"))
+    return log
+
+
+def test_a_race_that_first_come_first_served_never_shows_is_found_and_repeated() -> None:
+    def exclusive(run: PlanRun[list[str]]) -> None:
+        assert len(run.value) <= 1, f"two hold the gripper: {run.value}"
+
+    assert {tuple(run_plan(two_takers).value) for _ in range(20)} == {()}
+    with pytest.raises(ScheduleDependence, match="two hold the gripper") as raised:
+        explore(two_takers, check=exclusive)
+    choices = raised.value.choices
+    assert sorted(run_plan(two_takers, schedule=choices).value) == ["bowl", "cup"]
+    for shorter in (choices[:-1], choices[1:], (*choices[:-1], choices[-1] - 1)):
+        assert len(run_plan(two_takers, schedule=shorter).value) <= 1
