@@ -1,5 +1,6 @@
 # make demo    compile the bundled recipe, show the plan, run it
 # make test    the test suite          make lint    ruff, mypy --strict, import contracts
+# make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
 #
 # Everything happens in .venv, made on first use by python3.11, or python3 if that is 3.11 or newer.
@@ -16,7 +17,7 @@ SEEDS ?= 30
 JOBS ?= 2
 PYTEST_ARGS ?=
 
-.PHONY: help demo test lint bench seeds golden clean
+.PHONY: help demo test lint bench coverage mutants seeds golden clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -58,11 +59,26 @@ lint: $(VENV)/.dev-stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: $(VENV)/.dev-stamp
+$(VENV)/.bench-stamp: $(VENV)/.dev-stamp
+	@echo "installing what the kernel is measured against into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	@touch $@
+
+bench: $(VENV)/.bench-stamp
 	@set -e; for benchmark in tests/benchmarks/*.py; do \
 	    test "$$benchmark" = tests/benchmarks/seeds.py && continue; \
 	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
 	done
+
+# coverage run, not pytest --cov: our pytest plugin is imported before pytest-cov could look.
+# Plans that recurse without end come last: Python stops tracing when they overflow.
+coverage: $(VENV)/.dev-stamp
+	PLANLANG_EXAMPLES=300 $(BIN)/coverage run -m pytest -p no:cacheprovider tests/planlang/language \
+	    tests/planlang/kernel/test_[c-z]*.py tests/planlang/kernel/test_bad_plans.py
+	$(BIN)/coverage report
+
+mutants: $(VENV)/.dev-stamp
+	$(BIN)/python tests/mutants/run.py
 
 seeds: $(VENV)/.dev-stamp
 	$(BIN)/python tests/benchmarks/seeds.py --seeds $(SEEDS) --jobs $(JOBS)

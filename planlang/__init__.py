@@ -26,6 +26,7 @@ from planlang.kernel import (
     Host,
     NoProgress,
     PlanStructureError,
+    RealTimeHost,
     RunError,
     Signal,
     SimulationHost,
@@ -35,6 +36,7 @@ from planlang.kernel import (
     Trace,
     VirtualHost,
     checkpoint,
+    in_thread,
     now,
     rng,
     shield,
@@ -46,11 +48,14 @@ from planlang.language.budgets import budget
 from planlang.language.explaining import explain
 from planlang.language.goals import achieve
 from planlang.language.location import at_location
+from planlang.language.machine import state_machine
 from planlang.language.ordering import partial_order
 from planlang.language.parallel import par, par_each, pursue, race, try_all
 from planlang.language.performing import perform, perform_or
 from planlang.language.plans import Plan, plan
+from planlang.language.policies import Policy, with_policies
 from planlang.language.recovery import PROPAGATE, RETRY, Recovery, Return, retry, with_failure_handling
+from planlang.language.requests import Request, monitor, perform_async, with_requests
 from planlang.language.resources import using
 from planlang.language.restarting import retry_after_suspension
 from planlang.language.running import run
@@ -67,6 +72,7 @@ from planlang.language.tags import (
     task_suspended,
     wake_up,
 )
+from planlang.language.tasktree import TaskNode, TaskTree
 from planlang.language.waiting import whenever
 
 __all__ = [
@@ -88,9 +94,12 @@ __all__ = [
     "Plan",
     "PlanFailure",
     "PlanStructureError",
+    "Policy",
     "Posture",
+    "RealTimeHost",
     "Recovery",
     "Relation",
+    "Request",
     "Return",
     "RunError",
     "Signal",
@@ -98,6 +107,8 @@ __all__ = [
     "Status",
     "StepLimit",
     "StuckTask",
+    "TaskNode",
+    "TaskTree",
     "Trace",
     "VirtualHost",
     "a_device",
@@ -114,15 +125,18 @@ __all__ = [
     "explain",
     "holding",
     "ignore",
+    "in_thread",
     "join",
     "look_and_repeat",
     "look_from_another_place",
+    "monitor",
     "now",
     "on_suspension",
     "par",
     "par_each",
     "partial_order",
     "perform",
+    "perform_async",
     "perform_or",
     "plan",
     "pursue",
@@ -135,6 +149,7 @@ __all__ = [
     "seq",
     "shield",
     "sleep",
+    "state_machine",
     "suspend",
     "tag",
     "task",
@@ -149,4 +164,6 @@ __all__ = [
     "wake_up",
     "whenever",
     "with_failure_handling",
+    "with_policies",
+    "with_requests",
 ]

@@ -2,6 +2,7 @@
 
 General layout: ``scheduler`` runs tasks in rounds and steps the host; ``scope`` is what constructs are made of;
 ``evaporation`` and ``suspension`` say who is reached; ``primitives`` and ``fluent`` are what a task can wait for;
+``hosts`` and ``realtime`` let time pass; ``threads`` runs blocking calls; ``watchdog`` interrupts what never waits;
 ``park`` is the narrow place where tasks and scheduler meet; ``trace`` and ``listing`` tell what happened and where.
 """
 
@@ -17,13 +18,16 @@ from planlang.kernel.errors import (
     StuckTask,
 )
 from planlang.kernel.evaporation import shield
-from planlang.kernel.fluent import Fluent, Signal, WorldFluent, wait_for
+from planlang.kernel.expressions import Signal
+from planlang.kernel.fluent import Fluent, WorldFluent, wait_for
 from planlang.kernel.hosts import Host, SimulationHost, VirtualHost
 from planlang.kernel.park import checkpoint
 from planlang.kernel.primitives import now, record, rng, sleep
+from planlang.kernel.realtime import LiveHost, RealTimeHost, Source
 from planlang.kernel.scheduler import Scheduler
 from planlang.kernel.scope import All, Scope, failure_of
 from planlang.kernel.task import Status, Task
+from planlang.kernel.threads import in_thread
 from planlang.kernel.trace import Trace
 
 __all__ = [
@@ -34,13 +38,16 @@ __all__ = [
     "Evaporated",
     "Fluent",
     "Host",
+    "LiveHost",
     "NoProgress",
     "PlanStructureError",
+    "RealTimeHost",
     "RunError",
     "Scheduler",
     "Scope",
     "Signal",
     "SimulationHost",
+    "Source",
     "Status",
     "StepLimit",
     "StuckTask",
@@ -50,6 +57,7 @@ __all__ = [
     "WorldFluent",
     "checkpoint",
     "failure_of",
+    "in_thread",
     "now",
     "record",
     "rng",

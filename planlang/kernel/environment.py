@@ -7,6 +7,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 YOUNG = 50_000
 """Allocations before the collector looks: live tasks are no garbage, and looking at them costs more than they do."""
@@ -25,17 +26,20 @@ def quiet_collector() -> Iterator[None]:
 
 
 @contextmanager
-def signals(on_interrupt: Callable[[], None]) -> Iterator[None]:
-    """Call ``on_interrupt`` on Ctrl-C where Python's own handler is in place and this is the main thread."""
+def signals(on_interrupt: Callable[[FrameType | None], None]) -> Iterator[bool]:
+    """Call ``on_interrupt`` on Ctrl-C where Python's own handler is in place and this is the main thread.
+
+    The value is whether that is so.
+    """
     ours = (
         threading.current_thread() is threading.main_thread()
         and signal.getsignal(signal.SIGINT) is signal.default_int_handler
     )
     if not ours:
-        yield
+        yield False
         return
-    signal.signal(signal.SIGINT, lambda number, frame: on_interrupt())
+    signal.signal(signal.SIGINT, lambda number, frame: on_interrupt(frame))
     try:
-        yield
+        yield True
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -37,3 +37,8 @@ class StuckTask(RunError):
 
 class CutShort(UserWarning):
     """An unshielded await in a ``finally`` was cut short by evaporation."""
+
+
+def contrast(message: str, wrong: str, right: str) -> str:
+    """A message that shows the wrong and the right code."""
+    return f"{message}\n  wrong: {wrong}\n  right: {right}"

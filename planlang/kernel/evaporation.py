@@ -47,7 +47,8 @@ def evaporate(scheduler: Scheduler, root: Task, through_shields: bool = False) -
             scope.over = True
             stack.extend(reversed(scope.live))
         elif task is not scheduler.current and not task.woken:
-            scheduler.throw(task, scheduler.delivery(task))
+            if through_shields or not scheduler.calls.holds(task):
+                scheduler.throw(task, scheduler.delivery(task))
         elif through_shields and task.woken and not task.in_queue:
             scheduler.enqueue(task)
     return changed
@@ -56,6 +57,17 @@ def evaporate(scheduler: Scheduler, root: Task, through_shields: bool = False) -
 def review(scheduler: Scheduler, task: Task) -> None:
     """Work out again whether evaporation reaches the task now."""
     task.doomed = scheduler.draining or task.overrun is not None or (task.cancelled and not task.shields)
+
+
+def break_off(scheduler: Scheduler, task: Task, error: BaseException) -> None:
+    """Raise an error where the task waits, once what it waits for is dead, or else at its next checkpoint."""
+    task.overrun = error
+    task.doomed = True
+    scope = task.scope
+    if scope is not None and not scope.complete:
+        scope.close()
+    elif not task.woken and not scheduler.calls.holds(task):
+        scheduler.throw(task, scheduler.delivery(task))
 
 
 class shield:  # noqa: N801 - used like a function: with shield(within=10)
@@ -81,15 +93,9 @@ class shield:  # noqa: N801 - used like a function: with shield(within=10)
         review(self._scheduler, self._task)
 
     def _overrun(self) -> None:
-        scheduler, task = self._scheduler, self._task
-        line = line_of(task)
-        task.overrun = CleanupOverrun(f"shielded code in {task.path} took longer than {self.within} s, at {line}")
-        task.doomed = True
-        scope = task.scope
-        if scope is not None and not scope.complete:
-            scope.close()
-        elif not task.woken:
-            scheduler.throw(task, scheduler.delivery(task))
+        task = self._task
+        where = f"in {task.path} took longer than {self.within} s, at {line_of(task)}"
+        break_off(self._scheduler, task, CleanupOverrun(f"shielded code {where}"))
 
 
 def warn_cut_short(task: Task) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Protocol
 
+WATCHDOG = 10.0
+"""Seconds of the wall clock after which code that reaches no checkpoint is interrupted."""
+
 
 class Steps(Protocol):
     """The part of a world that a host needs; every ``planlang.protocols.World`` has it."""
@@ -22,8 +25,12 @@ class Host(Protocol):
     jumps: bool
     """Whether steps in which nothing is due may be taken at once."""
 
-    def advance(self, steps: int) -> None:
-        """Let this many steps pass; called only when no task can run."""
+    def advance(self, steps: int) -> int | None:
+        """Let this many steps pass; called only when no task can run.
+
+        A host that came back early returns the number of steps that have passed; None means all of them. Its attribute
+        ``watchdog``, if there is one, is the longest time [s] that code may run without reaching a checkpoint.
+        """
 
 
 class VirtualHost:
@@ -31,8 +38,9 @@ class VirtualHost:
 
     jumps = True
 
-    def __init__(self, rate: int = 240) -> None:
-        self.rate = _checked(rate)
+    def __init__(self, rate: int = 240, *, watchdog: float | None = WATCHDOG) -> None:
+        self.rate = checked(rate)
+        self.watchdog = watchdog
 
     def advance(self, steps: int) -> None:
         """Nothing has to be done."""
@@ -43,9 +51,10 @@ class SimulationHost:
 
     jumps = False
 
-    def __init__(self, world: Steps) -> None:
+    def __init__(self, world: Steps, *, watchdog: float | None = WATCHDOG) -> None:
         self.world = world
-        self.rate = _checked(world.rate)
+        self.rate = checked(world.rate)
+        self.watchdog = watchdog
         self._step = world.step
 
     def advance(self, steps: int) -> None:
@@ -54,7 +63,8 @@ class SimulationHost:
             self._step()
 
 
-def _checked(rate: int) -> int:
+def checked(rate: int) -> int:
+    """The rate, if it is one; ValueError otherwise."""
     if isinstance(rate, bool) or not isinstance(rate, int) or rate < 1:
         raise ValueError(f"a rate is an integer number of steps per second, at least 1, not {rate!r}")
     return rate

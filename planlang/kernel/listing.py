@@ -87,3 +87,19 @@ def locate(failure: PlanFailure, node: Node, revision: Callable[[], int] | None)
             file, line = os.path.basename(filename), traceback.tb_lineno
         traceback = traceback.tb_next
     failure.where = Where(node.path, file, line, revision() if revision is not None else None)
+
+
+def explain_recursion(error: RecursionError, path: str) -> None:
+    """Add a note that names the plan's functions that call each other without end, unless there is one."""
+    if getattr(error, "__notes__", None):
+        return
+    names: dict[str, int] = {}
+    traceback = error.__traceback__
+    while traceback is not None:
+        code = traceback.tb_frame.f_code
+        if not is_own(code.co_filename):
+            where = f"{code.co_qualname} at {os.path.basename(code.co_filename)}:{traceback.tb_lineno}"
+            names[where] = names.get(where, 0) + 1
+        traceback = traceback.tb_next
+    often = [where for where, times in names.items() if times > 10]
+    error.add_note(f"in {path}: recursion without end: {', then '.join(often[:SHOWN]) or 'of unknown functions'}")

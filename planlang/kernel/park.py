@@ -7,7 +7,7 @@ import types
 from collections.abc import Generator
 from typing import TYPE_CHECKING, Any
 
-from planlang.kernel.errors import Evaporated, PlanStructureError
+from planlang.kernel.errors import Evaporated, PlanStructureError, contrast
 
 if TYPE_CHECKING:
     from planlang.kernel.scheduler import Scheduler
@@ -31,8 +31,19 @@ def here() -> tuple[Scheduler, Task]:
     """The scheduler of this thread and the task that runs."""
     scheduler = running.scheduler
     if scheduler is None or scheduler.current is None:
-        raise PlanStructureError("no plan is running here; run one with planlang.run(plan, host=VirtualHost())")
+        raise PlanStructureError(
+            contrast(
+                "no plan is running here; what plans are made of works inside of planlang.run() only, in its thread",
+                "asyncio.run(serve())    or a thread of your own",
+                "run(serve, host=VirtualHost())",
+            )
+        )
     return scheduler, scheduler.current
+
+
+def serving() -> Scheduler:
+    """The scheduler of this thread, also where no task runs: in what a thread handed into the inbox."""
+    return running.scheduler or here()[0]
 
 
 @types.coroutine

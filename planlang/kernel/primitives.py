@@ -75,6 +75,12 @@ class inside:  # noqa: N801 - used like a function: with inside("plan", name)
         self._node = task.node = Node(task.node, self._kind, self._name)
         if scheduler.trace is not None:
             scheduler.trace.started(scheduler.now, self._node, **self._details)
+        if scheduler.on_start is not None:
+            try:
+                scheduler.on_start(self._node)
+            except BaseException as error:
+                self.__exit__(type(error), error, None)
+                raise
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

@@ -13,12 +13,13 @@ import math
 import sys
 from collections import deque
 from collections.abc import AsyncGenerator, Callable
-from random import Random
-from types import CoroutineType
+from contextvars import copy_context
+from types import CoroutineType, FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.failures import BranchEvaporated, PlanFailure
-from planlang.kernel import evaporation
+from planlang.kernel import evaporation, forgotten
+from planlang.kernel.choices import Schedule, source_of
 from planlang.kernel.closing import close_generators
 from planlang.kernel.environment import quiet_collector, signals
 from planlang.kernel.errors import (
@@ -28,23 +29,30 @@ from planlang.kernel.errors import (
     PlanStructureError,
     StepLimit,
     StuckTask,
+    contrast,
 )
-from planlang.kernel.listing import blocked, line_of, listing, locate
+from planlang.kernel.hosts import WATCHDOG
+from planlang.kernel.inbox import Inbox
+from planlang.kernel.listing import blocked, explain_recursion, line_of, listing, locate
 from planlang.kernel.park import PARKED, STUCK, running
-from planlang.kernel.task import Status, Task
+from planlang.kernel.realtime import LiveHost
+from planlang.kernel.task import EVAPORATED, FAILED, SUCCEEDED, Status, Task
+from planlang.kernel.threads import Calls
 from planlang.kernel.timers import Timer, TimerQueue
 from planlang.kernel.tree import name_of
+from planlang.kernel.watchdog import Overdue, Watch, watchdog, where
 
 if TYPE_CHECKING:
     from planlang.kernel.fluent import WorldFluent
     from planlang.kernel.hosts import Host
     from planlang.kernel.scope import Scope
     from planlang.kernel.trace import Trace
+    from planlang.kernel.tree import Node
 
 S = TypeVar("S")
 
 MAX_RESUMPTIONS = 100_000
-"""Resumptions in one world step after which the run is considered to make no progress."""
+"""Resumptions and decisions in one world step after which the run is considered to make no progress."""
 
 
 def _call(task: Task) -> object:
@@ -53,8 +61,12 @@ def _call(task: Task) -> object:
     if coroutine.__class__ is not CoroutineType and not hasattr(coroutine, "send"):
         if not hasattr(coroutine, "__await__"):
             raise TypeError(
-                f"branch {task.path} returned {type(coroutine).__name__}, which cannot be awaited; "
-                "a branch is a function written with async def"
+                contrast(
+                    f"branch {task.path} returned {type(coroutine).__name__}, which cannot be awaited; "
+                    "a branch is a function written with async def",
+                    f"def {task.base_name}(): ...",
+                    f"async def {task.base_name}(): ...",
+                )
             )
         coroutine = coroutine.__await__()
     task.coroutine = coroutine
@@ -84,7 +96,7 @@ class Scheduler:
         host: Host,
         *,
         seed: int = 0,
-        schedule: int | None = None,
+        schedule: Schedule = None,
         trace: Trace | None = None,
         max_steps: int | None = None,
     ) -> None:
@@ -95,23 +107,33 @@ class Scheduler:
         self.max_steps = max_steps
         self.current: Task | None = None
         self.timers = TimerQueue()
+        self.live = host if isinstance(host, LiveHost) else None
+        """The host, if things happen to it that no task has done."""
+        self.inbox = Inbox() if self.live is None else self.live.inbox
+        self.calls = Calls(self)
         self.draining = False
+        self.over = False
+        self.idle = False
+        """True while the host lets time pass or threads are waited for: no code of the plan runs."""
         self.interrupts = 0
         self.world_waits: dict[WorldFluent[Any], int] = {}
         """World fluents that someone waits for, with the number of waits."""
         self.vital_waits = 0
         """How many of these waits keep the run going; the others are only looked at when it goes on anyway."""
         self._services: dict[type, Any] = {}
-        self._choice = None if schedule is None else Random(f"schedule {schedule}")
+        self._choice = source_of(schedule)
         self._queue: deque[Task] = deque()
-        self._pool: list[Task] = []  # the queue when a schedule picks from it
+        self._pool: list[Task] = []  # the queue when a schedule picks from it, in order of coming
         self._dirty: list[tuple[int, int, Scope]] = []
         self._births = 0
         self._resumptions = 0
         self._fatal: BaseException | None = None
         self._heeded = 0
+        self._overdue: Task | None = None
         self.revision: Callable[[], int] | None = None
         """Where failures get the revision of the belief from."""
+        self.on_start: Callable[[Node], object] | None = None
+        """Called in its task when a node of the tree begins; what it raises is what the node fails with."""
 
     # -- time
 
@@ -196,8 +218,10 @@ class Scheduler:
         task.wait = None
         group = task.group
         if self.trace is not None:
-            self.trace.ended(self.now, task, outcome, task.result, task.crash or task.failure or task.cleanup_failure)
+            error = task.crash or task.failure or task.cleanup_failure
+            self.trace.ended(self.timers.now, task, outcome, task.result, error)
         if group is not None:
+            task.node = group  # no longer itself: what refers to itself only the collector frees
             del group.live[task]
             group.fresh.append(task)
             if not group.dirty:
@@ -225,17 +249,26 @@ class Scheduler:
             raise PlanStructureError("a plan is running already; await the inner plan instead of running it")
         root = Task(None, None, name_of(branch), branch, 0)
         running.scheduler = self
+        forgotten.watch()
+        period = getattr(self.host, "watchdog", WATCHDOG)
         hooks = sys.get_asyncgen_hooks()
         sys.set_asyncgen_hooks(firstiter=self._adopt, finalizer=_keep)
         try:
-            with quiet_collector(), signals(self._interrupt):
-                self.enqueue(root)
-                try:
-                    self._loop(root)
-                except BaseException as error:
-                    self._drain(root, error)
-                    raise
+            with quiet_collector(), signals(self._interrupt) as ours:
+                self._watch = Watch(self, period, ours)
+                with watchdog.watching(self._watch):
+                    self.enqueue(root)
+                    if self.live is not None:
+                        self.live.begin()
+                    try:
+                        self._loop(root)
+                    except BaseException as error:
+                        self._drain(root, error)
+                        if isinstance(error, Overdue):
+                            raise self._unresponsive(period, error) from None
+                        raise
         finally:
+            self.over = True
             sys.set_asyncgen_hooks(*hooks)
             running.scheduler = None
             if self.trace is not None:
@@ -267,7 +300,11 @@ class Scheduler:
         """Rounds, decisions and deadlines until nothing more can happen in this step."""
         while True:
             self._round(root)
-            if not self._decide() and (self.draining or not self.timers.expire()):
+            if self._decide():
+                continue
+            if self.calls.in_flight and self.calls.collect():
+                self._heed_interrupts(root)
+            elif self.draining or not self.timers.expire():
                 return
 
     def _round(self, root: Task) -> None:
@@ -275,18 +312,16 @@ class Scheduler:
         while queue or pool:
             if self.interrupts != self._heeded:
                 self._heed_interrupts(root)
-            self._resumptions += 1
             if self._resumptions > MAX_RESUMPTIONS and not self.draining:
                 raise NoProgress(listing("no progress within one world step; still running", [*queue, *pool]))
             if choice is None:
                 task = queue.popleft()
             else:
-                pick = choice.randrange(len(pool))
-                task, pool[pick] = pool[pick], pool[-1]
-                pool.pop()
+                task = pool.pop(choice.choose(pool) if len(pool) > 1 else 0)
             task.in_queue = False
             if task.holds or task.dead:
                 continue
+            self._resumptions += task.begun  # a beginning is no resumption: wide constructs are no loops
             self._resume(task)
             if self._fatal is not None:
                 fatal, self._fatal = self._fatal, None
@@ -301,24 +336,40 @@ class Scheduler:
         while dirty and dirty[0][0] == depth:
             scope = heapq.heappop(dirty)[2]
             scope.dirty = False
+            self._resumptions += 1
             scope.settle()
         return True
 
     def _advance(self, root: Task) -> None:
         """Let the world go on by one step, or jump to the next due one."""
-        timers = self.timers
+        timers, live = self.timers, self.live
+        if live is not None and self._attend():
+            return
         due = timers.next_due()
-        if due is None and not self.vital_waits:
+        outside = live is not None and (live.sources or self.calls.in_flight)
+        if due is None and not self.vital_waits and not outside:
             raise DeadlockError(listing("nothing can go on", blocked(root)))
         # without a world only tasks change what is read: one look after they have run is enough
         looked_at = self.vital_waits or (self.world_waits and self._resumptions)
-        if due is None or looked_at or not self.host.jumps:
+        if live is not None:
+            target = timers.now + (1 if self.world_waits else self.rate)
+            if due is not None:
+                target = max(min(due, target), timers.now + 1)
+            if self.max_steps is not None and target > self.max_steps > timers.now:
+                target = self.max_steps
+        elif due is None or looked_at or not self.host.jumps:
             target = timers.now + 1
         else:
             target = max(due, timers.now + 1)
         if self.max_steps is not None and target > self.max_steps:
             raise StepLimit(listing(f"more than {self.max_steps} world steps", blocked(root)))
-        self.host.advance(target - timers.now)
+        self.idle = True
+        passed = self.host.advance(target - timers.now)
+        self.idle = False
+        if passed is not None:
+            target = timers.now + passed
+            if not passed:
+                return
         timers.now = target
         self._resumptions = 0
         if self.world_waits:
@@ -328,6 +379,13 @@ class Scheduler:
                 fluent.notify()
         timers.ring()
 
+    def _attend(self) -> bool:
+        """Call what came into the inbox; False if there was nothing."""
+        items = self.inbox.take()
+        for item in items:
+            item()
+        return bool(items)
+
     # -- one task
 
     def _resume(self, task: Task) -> None:
@@ -336,17 +394,32 @@ class Scheduler:
         task.error = task.value = None
         self.current = task
         try:
-            if task.coroutine is None:
-                signal = self._begin(task)
+            coroutine = task.coroutine
+            if coroutine is None:
+                task.begun = True
+                if task.watched is not None:
+                    task.watched.set(Status.RUNNING)
+                if self.trace is not None:
+                    self.trace.started(self.timers.now, task)
+                if self.on_start is not None:
+                    self.on_start(task)
+                group = task.group
+                task.context = copy_context() if group is None else group.owner.context.copy()
+                signal = task.context.run(_call, task)
             elif error is None:
-                signal = task.context.run(task.coroutine.send, value)
+                signal = task.context.run(coroutine.send, value)
             else:
                 if error.__class__ is Evaporated:
                     task.thrown = True
                     task.deliveries += 1
-                signal = task.context.run(task.coroutine.throw, error)
+                signal = task.context.run(coroutine.throw, error)
         except StopIteration as stop:
-            self._returned(task, stop.value)
+            if task.thrown or task.generators or stop.value.__class__ is CoroutineType:
+                self._returned(task, stop.value)
+            else:
+                task.result = stop.value
+                del task.context
+                self.finish(task, SUCCEEDED)
         except BaseException as raised:
             self._raised(task, raised)
         else:
@@ -355,22 +428,16 @@ class Scheduler:
         finally:
             self.current = None
 
-    def _begin(self, task: Task) -> object:
-        task.begun = True
-        if task.watched is not None:
-            task.watched.set(Status.RUNNING)
-        if self.trace is not None:
-            self.trace.started(self.now, task)
-        return task.context.run(_call, task)
-
     def _returned(self, task: Task, value: Any) -> None:
         if task.generators and (left := _unfinished(task.generators)):
             self._close_first(task, left, value, None)
         elif task.thrown:
-            self.finish(task, Status.EVAPORATED)
+            self.finish(task, EVAPORATED)
+        elif value.__class__ is CoroutineType:
+            self._raised(task, forgotten.returned(task, value))
         else:
             task.result = value
-            self.finish(task, Status.SUCCEEDED)
+            self.finish(task, SUCCEEDED)
 
     def _raised(self, task: Task, error: BaseException) -> None:
         if task.generators and (left := _unfinished(task.generators)):
@@ -385,13 +452,19 @@ class Scheduler:
                 task.cleanup_failure = error
             else:
                 task.failure = error
+        elif isinstance(error, Overdue):
+            self._fatal = error
+            self._overdue = task
         elif isinstance(error, Evaporated):
             task.crash = PlanStructureError(f"{task.path} raised Evaporated itself; evaporate its handle instead")
         else:
             task.crash = error
+            if isinstance(error, RecursionError):
+                explain_recursion(error, task.path)
             if not isinstance(error, Exception):
                 self._fatal = error
-        self.finish(task, Status.EVAPORATED if task.thrown else Status.FAILED)
+            forgotten.explain(error)
+        self.finish(task, EVAPORATED if task.thrown else FAILED)
 
     def _unexpected(self, task: Task, signal: object) -> None:
         if signal is STUCK:
@@ -400,14 +473,18 @@ class Scheduler:
             task.crash = StuckTask(f"{task.path} does not end although it was evaporated 100 times, at {line}")
             task.generators = None
             self._fatal = self._fatal or task.crash
-            self.finish(task, Status.EVAPORATED)
+            self.finish(task, EVAPORATED)
             return
         where = line_of(task)
         self.throw(
             task,
             TypeError(
-                f"{where} awaits {type(signal).__module__}.{type(signal).__qualname__}, which belongs to another "
-                "event loop; plans await planlang's own sleep, wait_for and constructs"
+                contrast(
+                    f"{where} awaits {type(signal).__module__}.{type(signal).__qualname__}, which belongs to another "
+                    "event loop; plans await planlang's own sleep, wait_for and constructs",
+                    "await asyncio.sleep(1)",
+                    "await sleep(1)    after: from planlang import sleep",
+                )
             ),
         )
 
@@ -430,11 +507,22 @@ class Scheduler:
             task.doomed = False
         self.wake(task)
 
-    def _interrupt(self) -> None:
-        """Ctrl-C, called between byte codes: only takes note, unless the plan does not react at all."""
-        self.interrupts += 1
-        if self.interrupts > 2:
-            raise KeyboardInterrupt
+    @property
+    def interrupted(self) -> bool:
+        """True from a Ctrl-C until the scheduler has seen it."""
+        return self.interrupts != self._heeded
+
+    def progress(self) -> tuple[int, ...]:
+        """Another value whenever the run has moved; read by the watchdog."""
+        return self.timers.now, self._resumptions, self._births
+
+    def _interrupt(self, frame: FrameType | None) -> None:
+        """Ctrl-C, called between byte codes: only takes note. The watchdog insists where the plan does not react."""
+        if not self._watch.answer(frame):
+            self.interrupts += 1
+            self.inbox.put(None)
+            if self.interrupts > 1:
+                watchdog.nudge()
 
     def _heed_interrupts(self, root: Task) -> None:
         """The first Ctrl-C evaporates the plan, its cleanups run; the second one drains it."""
@@ -446,18 +534,28 @@ class Scheduler:
                 self.trace.write(self.now, "interrupted")
             self.evaporate(root)
 
+    def _unresponsive(self, period: float | None, error: Overdue) -> NoProgress:
+        task = "the run" if self._overdue is None else self._overdue.path
+        return NoProgress(
+            f"{task} did not reach a checkpoint for more than {period} s, at {where(error.__traceback__)}; "
+            "blocking code belongs into await in_thread(f), long loops await checkpoint() now and then"
+        )
+
     def _drain(self, root: Task, cause: BaseException) -> None:
         """Evaporate everything, shields or not; time stands still and every wait raises."""
-        if self.trace is not None:
+        if self.trace is not None and not isinstance(cause, Overdue):
             self.trace.write(self.now, "drained", because=type(cause).__name__)
         self.draining = True
+        self.idle = False
         self._fatal = None
+        self._heeded = self.interrupts
         stuck: BaseException | None = None
         while not root.dead:
             evaporation.evaporate(self, root, through_shields=True)
             try:
                 self._rest(root)
-            except Exception as error:  # of a task that would not end; all others still have to
+            except BaseException as error:  # of a task that would not end; all others still have to
+                self._heeded = self.interrupts
                 stuck = stuck or error
         if stuck is not None:
             raise stuck from cause

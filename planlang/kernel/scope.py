@@ -9,7 +9,7 @@ from planlang.failures import BranchEvaporated, PlanFailure
 from planlang.kernel.errors import Evaporated, PlanStructureError
 from planlang.kernel.listing import locate
 from planlang.kernel.park import checkpoint, deliver, here, park
-from planlang.kernel.task import Status, Task
+from planlang.kernel.task import SUCCEEDED, Status, Task
 from planlang.kernel.tree import Node
 
 MAX_DEPTH = 10_000
@@ -98,6 +98,8 @@ class Scope(Node):
         outer, outer_node = owner.scope, owner.node
         owner.scope, owner.node = self, self
         try:
+            if scheduler.on_start is not None and not self.transparent:
+                scheduler.on_start(self)
             try:
                 self.begin()
             except Exception as error:
@@ -124,7 +126,7 @@ class Scope(Node):
             raise
         owner.node = outer_node
         if trace is not None:
-            trace.ended(scheduler.now, self, Status.SUCCEEDED)
+            trace.ended(scheduler.now, self, Status.SUCCEEDED, result)
         return result
 
     def attach(self, failure: PlanFailure) -> PlanFailure:
@@ -173,7 +175,7 @@ class All(Scope):
     siblings: tuple[tuple[str, PlanFailure], ...] = ()
 
     def decide(self, dead: list[Task]) -> None:
-        failures = [task for task in dead if task.outcome is not Status.SUCCEEDED]
+        failures = [task for task in dead if task.outcome is not SUCCEEDED]
         if failures:
             self.fail(failures)
 

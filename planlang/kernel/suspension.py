@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 class Recheck:
     """A wait whose condition is looked at again when its task is no longer held."""
 
+    scheduler: Scheduler
+
     def recheck(self) -> None:
         """Wake the task if the condition is true now."""
         raise NotImplementedError

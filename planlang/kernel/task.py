@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextvars
-from collections.abc import AsyncGenerator, Callable, Coroutine, Generator
+from collections.abc import Callable, Coroutine, Generator
 from enum import Enum
 from random import Random
 from typing import TYPE_CHECKING, Any
@@ -34,7 +34,9 @@ class Status(Enum):
         return self in _FINAL
 
 
-_FINAL = frozenset({Status.SUCCEEDED, Status.FAILED, Status.EVAPORATED})
+# Members as plain names: looking one up on an Enum costs as much as starting a coroutine.
+SUCCEEDED, FAILED, EVAPORATED = Status.SUCCEEDED, Status.FAILED, Status.EVAPORATED
+_FINAL = frozenset({SUCCEEDED, FAILED, EVAPORATED})
 
 
 class Task(Node):
@@ -44,6 +46,8 @@ class Task(Node):
     """
 
     # Defaults live on the class: most tasks never touch most of them, and creating one stays cheap.
+    context: contextvars.Context
+    """Copied from the owner's when the task begins; until then the owner waits, so that it is as at creation."""
     begun: bool = False
     dead: bool = False
     outcome: Status | None = None
@@ -72,7 +76,7 @@ class Task(Node):
     deliveries: int = 0
     shields: int = 0
     overrun: BaseException | None = None
-    """A bound of a shield ran out while the task ran; raised at its next checkpoint."""
+    """What breaks the task off: a bound of a shield that ran out, an injected fault; raised at its next checkpoint."""
 
     count: int = 0
     """How often the task itself was suspended and not woken up."""
@@ -80,7 +84,8 @@ class Task(Node):
     timers: list[Timer] | None = None
     hooks: list[Callable[[], object]] | None = None
     """Called on suspension, last first."""
-    generators: list[AsyncGenerator[Any, Any]] | None = None
+    generators: list[Any] | None = None
+    """Async generators that it has iterated, to be closed before it counts as dead."""
     stream: Random | None = None
     watched: Fluent[Status] | None = None
     """The status as a fluent, once someone asked for it."""
@@ -90,13 +95,25 @@ class Task(Node):
     def __init__(
         self, group: Scope | None, parent: Node | None, name: str, branch: Callable[[], Any], index: int
     ) -> None:
-        Node.__init__(self, parent, "branch", name)
+        # as Node.__init__, without the call
+        self.parent = parent
+        self.kind = "branch"
+        self._name = name
+        self._counts = self._path = None
+        self._ordinal = 1
+        if parent is not None:
+            counts = parent._counts
+            if counts is None:
+                parent._counts = {name: 1}
+            elif name in counts:
+                self._ordinal = counts[name] = counts[name] + 1
+            else:
+                counts[name] = 1
         self.group = group
         self.branch = branch
         self.index = index
         self.node: Node = self
         """The innermost open node of this task."""
-        self.context: contextvars.Context = contextvars.copy_context() if group is None else group.owner.context.copy()
 
     @property
     def depth(self) -> int:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from numbers import Integral, Real
@@ -14,11 +15,10 @@ from types import TracebackType
 from typing import Any, Self, TextIO
 
 from planlang.failures import CompositeFailure, PlanFailure
-from planlang.kernel.task import Status
+from planlang.kernel.task import SUCCEEDED, Status
 from planlang.kernel.tree import Node
 
 SCHEMA = 1
-_WORDS = {status: status.value for status in Status}
 LONGEST = 256
 """Sequences longer than this are told by their length."""
 
@@ -34,9 +34,11 @@ class Trace:
         self, out: TextIO | list[dict[str, Any]] | None = None, header: Mapping[str, object] | None = None
     ) -> None:
         self.events: list[dict[str, Any]] = out if isinstance(out, list) else []
-        self._file = out if out is not None and not isinstance(out, list) else None
+        self._file: TextIO | io.FileIO | None = None
+        self._put: Callable[[str], object] | None = None
         self._header = dict(header or {})
-        self._owned = False
+        if out is not None and not isinstance(out, list):
+            self._file, self._put = out, _through(out)
 
     @classmethod
     def at(cls, path: str | os.PathLike[str], header: Mapping[str, object] | None = None) -> Self:
@@ -44,8 +46,9 @@ class Trace:
         target = Path(path)
         if target.exists():
             target.replace(target.with_name(target.name + ".old"))
-        trace = cls(target.open("w", encoding="utf-8", newline="\n"), header)
-        trace._owned = True
+        trace = cls(None, header)
+        trace._file = io.FileIO(target, "w")
+        trace._put = _unbuffered(trace._file)
         return trace
 
     def begin(self, **known: object) -> None:
@@ -57,41 +60,40 @@ class Trace:
         record: dict[str, Any] = {"step": step, "event": event}
         for key, value in details.items():
             record[key] = value if value.__class__ in _PLAIN else encode(value)
-        if self._file is None:
+        if self._put is None:
             self.events.append(record)
         else:
-            self._file.write(_line(record))
-            self._file.flush()
+            self._put(_line(record))
 
     def started(self, step: int, node: Node, **details: object) -> None:
         """A node of the tree begins."""
         if details:
             self.write(step, "started", kind=node.kind, path=node.path, **details)
-        elif self._file is None:
+        elif self._put is None:
             self.events.append({"step": step, "event": "started", "kind": node.kind, "path": node.path})
         else:  # the same bytes as write() gives, several times faster
-            self._file.write(
-                f'{{"step": {step}, "event": "started", "kind": "{node.kind}", "path": {_quoted(node.path)}}}\n'
-            )
-            self._file.flush()
+            self._put(f'{{"step": {step}, "event": "started", "kind": "{node.kind}", "path": {_quoted(node.path)}}}\n')
 
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
     ) -> None:
         """A node of the tree ends."""
-        word = _WORDS[outcome]
+        word = outcome._value_
         if failure is not None:
-            self.write(step, "ended", kind=node.kind, path=node.path, status=word, failure=failure)
-        elif result is not None and outcome is Status.SUCCEEDED:
+            try:
+                self.write(step, "ended", kind=node.kind, path=node.path, status=word, failure=failure)
+                return
+            except RecursionError:  # too deep to tell why it ended, not to tell that it did
+                result = None
+        if result is not None and outcome is SUCCEEDED:
             self.write(step, "ended", kind=node.kind, path=node.path, status=word, result=result)
-        elif self._file is None:
+        elif self._put is None:
             self.events.append({"step": step, "event": "ended", "kind": node.kind, "path": node.path, "status": word})
         else:
-            self._file.write(
+            self._put(
                 f'{{"step": {step}, "event": "ended", "kind": "{node.kind}", "path": {_quoted(node.path)}, '
                 f'"status": "{word}"}}\n'
             )
-            self._file.flush()
 
     def text(self) -> str:
         """The kept records as JSON Lines."""
@@ -104,7 +106,7 @@ class Trace:
 
     def close(self) -> None:
         """Close a file that :meth:`at` opened."""
-        if self._owned and self._file is not None:
+        if isinstance(self._file, io.FileIO):
             self._file.close()
 
     def __enter__(self) -> Self:
@@ -117,6 +119,25 @@ class Trace:
 _PLAIN = frozenset({str, int, bool, type(None)})
 _json = json.JSONEncoder(ensure_ascii=False).encode
 _quoted = json.encoder.encode_basestring
+
+
+def _through(file: TextIO) -> Callable[[str], object]:
+    def put(text: str) -> None:
+        file.write(text)
+        file.flush()
+
+    return put
+
+
+def _unbuffered(file: io.FileIO) -> Callable[[str], object]:
+    write = file.write
+
+    def put(text: str) -> None:
+        data = text.encode()
+        while data:  # a full disk takes a part, and refuses the rest
+            data = data[write(data) :]
+
+    return put
 
 
 def _line(record: dict[str, Any]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any
 
 
@@ -45,7 +46,8 @@ class Node:
             return self._path
         parent = self.parent
         if parent is not None and parent._path is not None:
-            path = self._path = f"{parent._path}/{self.name}"
+            name = self._name if self._ordinal == 1 else f"{self._name}#{self._ordinal}"
+            path = self._path = f"{parent._path}/{name}"
             return path
         names: list[str] = []
         node: Node | None = self
@@ -67,7 +69,7 @@ def name_of(branch: Callable[..., Any]) -> str:
     """The path element of a branch: its function's name, ``lambda:LINE`` for a lambda, the class's name otherwise."""
     while isinstance(branch, functools.partial):
         branch = branch.func
-    name = getattr(branch, "__name__", None)
+    name: object = branch.__name__ if branch.__class__ is FunctionType else getattr(branch, "__name__", None)
     if name == "<lambda>":
         code = getattr(branch, "__code__", None)
         return f"lambda:{code.co_firstlineno}" if code is not None else "lambda"

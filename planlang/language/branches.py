@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from typing import Any
 
+from planlang.kernel.errors import contrast
 from planlang.kernel.tree import name_of
 
 Branch = Callable[[], Awaitable[Any]]
@@ -24,14 +25,35 @@ def check(construct: str, branches: Iterable[object]) -> None:
         return
     if inspect.iscoroutine(wrong):
         name = wrong.__name__
-        raise TypeError(f"you called {name}(); pass {name} or partial({name}, ...) to {construct}")
-    raise TypeError(f"{construct} takes branches, that is async functions without arguments, not {wrong!r}")
+        raise TypeError(
+            contrast(
+                f"you called {name}(); pass {name} or partial({name}, ...) to {construct}",
+                f"await {construct}({name}())",
+                f"await {construct}({name})    or    await {construct}(partial({name}, ...))",
+            )
+        )
+    raise TypeError(
+        contrast(
+            f"{construct} takes branches, that is async functions without arguments, not {wrong!r}",
+            f"await {construct}(await reach(cup))",
+            f"await {construct}(partial(reach, cup))",
+        )
+    )
 
 
 def named_branches(
-    construct: str, branches: tuple[Branch, ...], named: Mapping[str, Branch]
+    construct: str, branches: tuple[Branch, ...], named: Mapping[str, Branch], name: str | None = None
 ) -> list[tuple[str, Branch]]:
-    """Name and branch of each, positional ones first."""
+    """Name and branch of each, positional ones first; ``name`` is the construct's own."""
+    for reserved, taken in (("name", not (name is None or isinstance(name, str))), ("limit", "limit" in named)):
+        if taken:
+            raise TypeError(
+                contrast(
+                    f"{reserved!r} is reserved; a branch cannot be named so",
+                    f"await {construct}({reserved}=reach)",
+                    f"await {construct}(the_{reserved}=reach)",
+                )
+            )
     check(construct, branches)
     check(construct, named.values())
     return [(name_of(branch), branch) for branch in branches] + list(named.items())

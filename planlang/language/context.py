@@ -6,6 +6,8 @@ from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
 from planlang.kernel import PlanStructureError
+from planlang.kernel.errors import contrast
+from planlang.kernel.park import here, running
 
 if TYPE_CHECKING:
     from planlang.protocols import Executive
@@ -17,5 +19,13 @@ def executive_for(construct: str) -> Executive:
     """The current executive; PlanStructureError when the plan runs without one."""
     executive = current.get()
     if executive is None:
-        raise PlanStructureError(f"{construct} needs an executive: run(plan, host=..., executive=...)")
+        if running.scheduler is None:
+            here()
+        raise PlanStructureError(
+            contrast(
+                f"{construct} needs an executive: run(plan, host=..., executive=...)",
+                "run(serve, host=host)",
+                "run(serve, host=host, executive=executive)",
+            )
+        )
     return executive

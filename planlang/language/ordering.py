@@ -6,6 +6,7 @@ import heapq
 import inspect
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from functools import partial
+from types import FunctionType
 from typing import Any
 
 from planlang.kernel import All, Task
@@ -18,21 +19,19 @@ class _PartialOrder(All):
     def __init__(
         self,
         steps: Mapping[str, Step],
-        after: dict[str, list[str]],
-        missing: dict[str, int],
-        inputs: dict[str, list[str]],
+        after: list[list[int]],
+        missing: list[int],
+        inputs: dict[int, list[str]],
         limit: int | None,
         name: str | None,
     ) -> None:
         super().__init__("partial_order", name)
-        self.steps = steps
-        self.names = list(steps)
-        self.rank = {step: index for index, step in enumerate(self.names)}
+        self.steps = list(steps.items())
         self.after = after
         self.missing = missing
         self.inputs = inputs
         self.limit = limit
-        self.ready = [self.rank[step] for step in self.names if not missing[step]]
+        self.ready = [number for number, left in enumerate(missing) if not left]
         self.results: dict[str, Any] = {}
 
     def begin(self) -> None:
@@ -40,31 +39,31 @@ class _PartialOrder(All):
 
     def _launch(self) -> None:
         """Start what is ready, the textually first first, as far as there are free slots."""
-        while self.ready and (self.limit is None or len(self.live) < self.limit):
-            index = heapq.heappop(self.ready)
-            name = self.names[index]
-            step = self.steps[name]
-            inputs = self.inputs.get(name)
-            if inputs:
-                step = partial(step, **{key: self.results[key] for key in inputs})
-            self.start(step, name, index)
+        ready, limit, live, inputs, pop = self.ready, self.limit, self.live, self.inputs, heapq.heappop
+        while ready and (limit is None or len(live) < limit):
+            number = pop(ready)
+            name, step = self.steps[number]
+            if number in inputs:
+                step = partial(step, **{key: self.results[key] for key in inputs[number]})
+            self.start(step, name, number)
 
     def decide(self, dead: list[Task]) -> None:
         super().decide(dead)
         if self.over:
             return
+        missing, ready = self.missing, self.ready
         for task in dead:
-            name = self.names[task.index]
-            self.results[name] = task.result
-            for later in self.after[name]:
-                self.missing[later] -= 1
-                if not self.missing[later]:
-                    heapq.heappush(self.ready, self.rank[later])
+            number = task.index
+            self.results[self.steps[number][0]] = task.result
+            for later in self.after[number]:
+                missing[later] -= 1
+                if not missing[later]:
+                    heapq.heappush(ready, later)
         self._launch()
 
     def finish(self) -> dict[str, Any]:
         self.raise_failure()
-        return {name: self.results[name] for name in self.names}
+        return {name: self.results[name] for name, _ in self.steps}
 
 
 async def partial_order(
@@ -83,53 +82,76 @@ async def partial_order(
     check("partial_order", steps.values())
     if limit is not None and limit < 1:
         raise ValueError(f"limit is a number of steps, at least 1, not {limit!r}")
-    before: dict[str, dict[str, None]] = {step: {} for step in steps}
-    after: dict[str, list[str]] = {step: [] for step in steps}
+    names = list(steps)
+    rank = {step: number for number, step in enumerate(names)}
+    after: list[list[int]] = [[] for _ in names]
+    missing = [0] * len(names)
+    known: set[tuple[str, str]] = set()
+    forward = True
     for first, second in orderings:
-        for step in (first, second):
-            if step not in before:
-                raise ValueError(f"ordering ({first}, {second}): no step {step!r}; steps: {', '.join(steps)}")
-        if first not in before[second]:
-            before[second][first] = None
-            after[first].append(second)
-    missing = {step: len(earlier) for step, earlier in before.items()}
-    _refuse_cycle(before, after, missing)
-    inputs = {step: found for step, branch in steps.items() if (found := _inputs(step, branch, before))}
+        ordering = first, second
+        if ordering in known:
+            continue
+        known.add(ordering)
+        try:
+            one, other = rank[first], rank[second]
+        except KeyError as unknown:
+            raise ValueError(f"ordering ({first}, {second}): no step {unknown}; steps: {', '.join(steps)}") from None
+        after[one].append(other)
+        missing[other] += 1
+        if one >= other:
+            forward = False
+    if not forward:  # else there cannot be a cycle
+        _refuse_cycle(names, after, missing)
+    inputs: dict[int, list[str]] = {}
+    before: list[list[int]] | None = None
+    for number, (step, branch) in enumerate(steps.items()):
+        code = branch.__code__ if branch.__class__ is FunctionType else None
+        if code is None or code.co_argcount or code.co_kwonlyargcount:
+            before = before or _turned(after)
+            found = _inputs(step, branch, number, names, before)
+            if found:
+                inputs[number] = found
     scope = _PartialOrder(steps, after, missing, inputs, limit, name)
     result: dict[str, Any] = await scope.execute()
     return result
 
 
-def _refuse_cycle(
-    before: Mapping[str, Mapping[str, None]], after: Mapping[str, list[str]], missing: Mapping[str, int]
-) -> None:
-    left = dict(missing)
-    free = [step for step, number in left.items() if not number]
+def _turned(after: list[list[int]]) -> list[list[int]]:
+    """What each step is ordered after, from what each is ordered before."""
+    before: list[list[int]] = [[] for _ in after]
+    for one, later in enumerate(after):
+        for other in later:
+            before[other].append(one)
+    return before
+
+
+def _refuse_cycle(names: list[str], after: list[list[int]], missing: list[int]) -> None:
+    left = list(missing)
+    free = [step for step, number in enumerate(left) if not number]
+    gone = 0
     while free:
-        step = free.pop()
-        del left[step]
-        for later in after[step]:
+        gone += 1
+        for later in after[free.pop()]:
             left[later] -= 1
             if not left[later]:
                 free.append(later)
-    if not left:
+    if gone == len(names):
         return
     # every step that is left has a predecessor that is left: walking backwards must come back
-    step = next(iter(left))
-    walked: dict[str, None] = {}
+    before = _turned(after)
+    step = next(step for step, number in enumerate(left) if number)
+    walked: dict[int, None] = {}
     while step not in walked:
         walked[step] = None
-        step = next(earlier for earlier in before[step] if earlier in left)
+        step = next(earlier for earlier in before[step] if left[earlier])
     path = list(walked)
-    cycle = [step, *reversed(path[path.index(step) :])]
+    cycle = [names[one] for one in (step, *reversed(path[path.index(step) :]))]
     raise ValueError(f"cycle in orderings: {' < '.join(cycle)}")
 
 
-def _inputs(step: str, branch: Step, before: Mapping[str, Mapping[str, None]]) -> list[str]:
+def _inputs(step: str, branch: Step, number: int, names: list[str], before: list[list[int]]) -> list[str]:
     """Parameters of a step that are filled with results of steps before it."""
-    code = getattr(branch, "__code__", None)
-    if code is not None and not code.co_argcount and not code.co_kwonlyargcount:
-        return []
     try:
         parameters = inspect.signature(branch).parameters.values()
     except (TypeError, ValueError):
@@ -137,7 +159,7 @@ def _inputs(step: str, branch: Step, before: Mapping[str, Mapping[str, None]]) -
     wanted = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
     if not wanted:
         return []
-    earlier = _all_before(step, before)
+    earlier = _all_before(number, names, before)
     for parameter in wanted:
         if parameter.default is parameter.empty and parameter.name not in earlier:
             raise ValueError(
@@ -146,12 +168,12 @@ def _inputs(step: str, branch: Step, before: Mapping[str, Mapping[str, None]]) -
     return [parameter.name for parameter in wanted if parameter.name in earlier]
 
 
-def _all_before(step: str, before: Mapping[str, Mapping[str, None]]) -> set[str]:
-    found: set[str] = set()
+def _all_before(step: int, names: list[str], before: list[list[int]]) -> set[str]:
+    found: set[int] = set()
     stack = list(before[step])
     while stack:
         one = stack.pop()
         if one not in found:
             found.add(one)
             stack.extend(before[one])
-    return found
+    return {names[one] for one in found}

@@ -7,7 +7,8 @@ from functools import partial
 from typing import Any, TypeVar, overload
 
 from planlang.failures import CompositeFailure, PlanFailure
-from planlang.kernel import All, Scope, Status, Task, failure_of
+from planlang.kernel import All, Scope, Task, failure_of
+from planlang.kernel.task import FAILED, SUCCEEDED
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch, check, named_branches
 
@@ -31,10 +32,10 @@ class _Par(All):
     def decide(self, dead: list[Task]) -> None:
         results = self.results
         for task in dead:
-            if task.outcome is Status.SUCCEEDED:
+            if task.outcome is SUCCEEDED:
                 results[task.index] = task.result
             else:
-                self.fail([one for one in dead if one.outcome is not Status.SUCCEEDED])
+                self.fail([one for one in dead if one.outcome is not SUCCEEDED])
                 return
 
     def finish(self) -> list[Any]:
@@ -65,7 +66,7 @@ async def par(*branches: Branch, name: str | None = None, **named: Branch) -> An
     that died at the same decision are attached to it as ``siblings``. (Two to four positional branches are typed as
     a tuple, so that ``a, b = await par(f, g)`` is typed; at run time it is a list too.)
     """
-    return await _Par(name, named_branches("par", branches, named)).execute()
+    return await _Par(name, named_branches("par", branches, named, name)).execute()
 
 
 class _Pursue(Scope):
@@ -83,28 +84,37 @@ class _Pursue(Scope):
             self.start(branch, name, index)
 
     def decide(self, dead: list[Task]) -> None:
-        failed = [task for task in dead if task.outcome is Status.FAILED]
+        failed = [task for task in dead if task.outcome is FAILED]
         if failed:
             self.failed = failed[0]
             self.siblings = tuple((task.name, failure_of(task)) for task in failed[1:])
             self.close()
             return
         for task in dead:
-            if task.outcome is Status.SUCCEEDED:
+            if task.outcome is SUCCEEDED:
                 self.winner = task
                 self.close()
                 return
             self.evaporated = self.evaporated or task
 
-    def finish(self) -> tuple[str, Any]:
+    def finish(self) -> Any:
         if self.winner is not None:
-            return self.winner.name, self.winner.result
+            return self.outcome_of(self.winner)
         lost = self.failed or self.evaporated
         if lost is None:
             raise CompositeFailure()
         failure = failure_of(lost)
         failure.siblings += tuple((name, other) for name, other in self.siblings if other is not failure)
         raise self.attach(failure)
+
+    def outcome_of(self, winner: Task) -> Any:
+        """What is returned."""
+        return winner.result
+
+
+class _Race(_Pursue):
+    def outcome_of(self, winner: Task) -> tuple[str, Any]:
+        return winner.name, winner.result
 
 
 async def pursue(
@@ -115,15 +125,15 @@ async def pursue(
     A failure before any success is raised; of what is simultaneous, failure beats success, then the textually first
     counts. Without branches: CompositeFailure without members.
     """
-    _, result = await _Pursue("pursue", name, named_branches("pursue", branches, named)).execute()
-    return result  # type: ignore[no-any-return]
+    result: V = await _Pursue("pursue", name, named_branches("pursue", branches, named, name)).execute()
+    return result
 
 
 async def race(
     *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
 ) -> tuple[str, V]:
     """As :func:`pursue`, but returns the name of the branch that won and its result."""
-    result: tuple[str, V] = await _Pursue("race", name, named_branches("race", branches, named)).execute()
+    result: tuple[str, V] = await _Race("race", name, named_branches("race", branches, named, name)).execute()
     return result
 
 
@@ -141,7 +151,7 @@ class _TryAll(Scope):
 
     def decide(self, dead: list[Task]) -> None:
         for task in dead:
-            if task.outcome is Status.SUCCEEDED:
+            if task.outcome is SUCCEEDED:
                 self.winner = task
                 self.close()
                 return
@@ -165,7 +175,7 @@ async def try_all(
 
     When all fail: CompositeFailure with their failures in textual order.
     """
-    result: V = await _TryAll(name, named_branches("try_all", branches, named)).execute()
+    result: V = await _TryAll(name, named_branches("try_all", branches, named, name)).execute()
     return result
 
 

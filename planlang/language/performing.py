@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from contextvars import ContextVar
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from planlang.designators import Action, local_name
 from planlang.failures import ActionUnresolvable, PlanFailure
-from planlang.kernel import PlanStructureError
+from planlang.kernel import Fluent, PlanStructureError
 from planlang.kernel.primitives import inside, record
 from planlang.language.branches import check
 from planlang.language.budgets import spend
@@ -47,6 +48,7 @@ async def perform(action: Action, name: str | None = None) -> Any:
     resources = tuple(module.resources(action))
     here = place.get()
     if here is not None and here.displaced and "base" not in resources:
+        announce()
         await here.establish()
     releases = here is not None and executive.releases(action)
     if here is not None and releases and (refused := here.refusal(action, executive)) is not None:
@@ -83,7 +85,19 @@ class _Perform(Restarting):
         return {"action": self.action}
 
 
+asked: ContextVar[Fluent[bool] | None] = ContextVar("asked", default=None)
+"""Set to true when a request takes its place in the queue of its module, or something has to be done before."""
+
+
+def announce() -> None:
+    """Say that the request of the running task is on its way."""
+    fluent = asked.get()
+    if fluent is not None:
+        fluent.set(True)
+
+
 async def _request(module: ProcessModule, action: Action, resources: tuple[str, ...]) -> Any:
+    announce()
     async with using(f"module {module.name}", *resources):
         record("request", module=module.name, action=action)
         try:

@@ -19,13 +19,23 @@ R = TypeVar("R")
 
 
 class Frame:
-    """One entry of a plan function: the tags in it."""
+    """One entry of a plan function: the tags in it, and what plans inside it have asked for and nobody knew yet."""
 
-    __slots__ = ("outer", "tags")
+    __slots__ = ("asked", "outer", "tags")
 
     def __init__(self, outer: Frame | None) -> None:
         self.outer = outer
         self.tags: dict[str, Handle] = {}
+        self.asked: dict[str, dict[Handle, None]] = {}
+
+    def leave(self) -> None:
+        """The plan function has ended: nothing it has asked for has to be found any more."""
+        around = self.outer
+        while around is not None:
+            for name, handle in self.tags.items():
+                if name in around.asked:
+                    around.asked[name].pop(handle, None)
+            around = around.outer
 
 
 frame: ContextVar[Frame | None] = ContextVar("frame", default=None)
@@ -42,7 +52,9 @@ class Plan(Generic[P, R]):
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Coroutine[Any, Any, R]:
         """The plan as a coroutine; to run it side by side with others pass the plan itself, not a call."""
-        return self._execute(args, kwargs)
+        coroutine = self._execute(args, kwargs)
+        coroutine.__name__ = self.name  # type: ignore[attr-defined]  # which every coroutine of Python has
+        return coroutine
 
     async def _execute(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> R:
         task = here()[1]
@@ -53,7 +65,8 @@ class Plan(Generic[P, R]):
             details["arguments"] = args
         if kwargs:
             details["parameters"] = kwargs
-        token = frame.set(Frame(frame.get()))
+        own = Frame(frame.get())
+        token = frame.set(own)
         try:
             if isinstance(task.node, Task) and task.node.unused and task.node.base_name == self.name:
                 record("plan", **details)  # the branch is this plan: one node in the tree
@@ -62,6 +75,7 @@ class Plan(Generic[P, R]):
                 node.result = await self.function(*args, **kwargs)
             return node.result  # type: ignore[no-any-return]
         finally:
+            own.leave()
             frame.reset(token)
 
     def __repr__(self) -> str:

@@ -72,6 +72,7 @@ class Recovery:
         for kind in kinds:
             if not (isinstance(kind, type) and issubclass(kind, PlanFailure)):
                 raise TypeError(f"a recovery is for plan failures, which {kind!r} is not; programming errors are fixed")
+        check("Recovery", (self.do,))
         if self.attempts < 0:
             raise ValueError(f"attempts is a number of times, at least 0, not {self.attempts}")
 

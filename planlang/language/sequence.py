@@ -19,13 +19,14 @@ V = TypeVar("V")
 async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> list[Any]:
     """Run branches one after another; returns the list of their results; the first failure is raised at once."""
     results: list[Any] = []
-    with inside("seq", name or "seq"):
-        for branch_name, branch in named_branches("seq", branches, named):
+    with inside("seq", name or "seq") as construct:
+        for branch_name, branch in named_branches("seq", branches, named, name):
             with inside("branch", branch_name) as node:
                 node.result = await branch()
                 results.append(node.result)
         if not results:
             await checkpoint()
+        construct.result = results
     return results
 
 
@@ -36,7 +37,7 @@ async def try_in_order(
 
     A failed branch is fully unwound before the next starts. When all fail: CompositeFailure in order.
     """
-    result: V = await _first("try_in_order", name, named_branches("try_in_order", branches, named))
+    result: V = await _first("try_in_order", name, named_branches("try_in_order", branches, named, name))
     return result
 
 
@@ -56,8 +57,9 @@ async def _first(kind: str, name: str | None, branches: Iterable[tuple[str, Bran
     names: list[str] = []
     with inside(kind, name or kind) as construct:
         for branch_name, branch in branches:
+            node = inside("branch", branch_name)
             try:
-                with inside("branch", branch_name) as node:
+                with node:
                     construct.result = node.result = await branch()
                     return node.result
             except PlanFailure as failure:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from typing import Any, TypeVar
 
 from planlang.failures import BranchEvaporated, PlanFailure
-from planlang.kernel import All, Fluent, PlanStructureError, Status, Task, suspension, wait_for
-from planlang.kernel.fluent import Expression, Signal
-from planlang.kernel.park import here
+from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, Task, suspension, wait_for
+from planlang.kernel.expressions import Expression, Signal
+from planlang.kernel.park import here, serving
+from planlang.kernel.suspension import Recheck
 from planlang.language.branches import Branch, check
 from planlang.language.plans import Frame, frame
 
@@ -25,18 +27,22 @@ class Handle:
         self._status: Fluent[Status] = Fluent(Status.CREATED, f"the status of {name}")
         self._suspensions = 0
         self._evaporated = False
+        self.home: Frame | None = None
+        """The plan whose tag this stands for."""
+        self.joined = False
+        """Whether someone was given the task's failure."""
         if task is not None:
             self.bind(task)
 
     def bind(self, task: Task) -> None:
         """Stand for this task from now on."""
+        scheduler = here()[0]
         self._task = task
         if task.watched is None:
             task.watched = self._status
-            self._status.set(task.status)
-        else:
-            self._status = task.watched
-        scheduler = here()[0]
+        elif task.watched is not self._status:
+            task.watched.watch(_Mirror(scheduler, self, task))
+        self._status.set(task.status)
         for _ in range(self._suspensions):
             suspension.suspend(scheduler, task)
         self._suspensions = 0
@@ -78,7 +84,7 @@ class Handle:
 
     def _suspend(self) -> bool:
         if self._task is not None:
-            return suspension.suspend(here()[0], self._task)
+            return suspension.suspend(serving(), self._task)
         if self._evaporated:
             return False
         self._suspensions += 1
@@ -86,7 +92,7 @@ class Handle:
 
     def _wake_up(self) -> bool:
         if self._task is not None:
-            return suspension.wake_up(here()[0], self._task)
+            return suspension.wake_up(serving(), self._task)
         if not self._suspensions:
             return False
         self._suspensions -= 1
@@ -94,7 +100,7 @@ class Handle:
 
     def _evaporate(self) -> bool:
         if self._task is not None:
-            return here()[0].evaporate(self._task)
+            return serving().evaporate(self._task)
         changed, self._evaporated, self._suspensions = not self._evaporated, True, 0
         return changed
 
@@ -102,19 +108,44 @@ class Handle:
         return f"<task {self.path or self.name}, {self._status.value.value}>"
 
 
+class _Mirror(Recheck):
+    """Shows the status of a task in a further handle of it."""
+
+    def __init__(self, scheduler: Scheduler, handle: Handle, task: Task) -> None:
+        self.scheduler = scheduler
+        self.handle = handle
+        self.task = task
+
+    def recheck(self) -> None:
+        """The status has changed."""
+        if self.handle._task is self.task:
+            self.handle._status.set(self.task.status)
+
+
 class _Tag(All):
     transparent = True
 
-    def __init__(self, body: Branch, handle: Handle) -> None:
+    def __init__(self, body: Branch, handle: Handle, home: Frame) -> None:
         super().__init__("tag")
         self.body = body
         self.handle = handle
+        self.home = home
         self.result: Any = None
 
     def begin(self) -> None:
-        if self.handle.live:
-            raise PlanStructureError(f"two live tasks tagged {self.handle.name!r} in one plan; give them two names")
-        self.handle.bind(self.start(self.body, self.handle.name, 0))
+        handle = self.handle
+        name = handle.name
+        if handle.live and handle.home is self.home:
+            raise PlanStructureError(
+                f"two live tasks tagged {name!r} in one plan; give them two names\n"
+                f'  wrong: par(partial(tag, "{name}", reach), partial(tag, "{name}", look))\n'
+                f'  right: par(partial(tag, "{name}", reach), partial(tag, "{name} 2", look))'
+            )
+        task = self.start(self.body, name, 0)
+        for one in (handle, *self.home.asked.pop(name, ())):
+            if one is handle or not one.live:
+                one.home = self.home
+                one.bind(task)
 
     def decide(self, dead: list[Task]) -> None:
         super().decide(dead)
@@ -127,17 +158,23 @@ class _Tag(All):
 
 async def tag(name: str, body: Callable[[], Awaitable[V]]) -> V:
     """Run a body as a named task, whose handle ``task(name)`` gives in the same plan; returns its result."""
+    if not isinstance(name, str):
+        raise TypeError(f"a tag is named by a string, not {name!r}: tag(name, body)")
     check("tag", (body,))
-    tags = _frame().tags
-    handle = tags.get(name)
+    own = _frame()
+    handle = own.tags.get(name)
     if handle is None:
-        handle = tags[name] = Handle(name)
-    result: V = await _Tag(body, handle).execute()
+        handle = own.tags[name] = Handle(name)
+    result: V = await _Tag(body, handle, own).execute()
     return result
 
 
 def task(name: str) -> Handle:
-    """The handle of a tagged task: of the nearest enclosing plan that knows the name, else of this plan's to come."""
+    """The handle of a tagged task: of the nearest enclosing plan that knows the name.
+
+    If none does yet, it will stand for the task that is first tagged so in this plan or one around it.
+    """
+    here()
     own = _frame()
     around: Frame | None = own
     while around is not None:
@@ -145,6 +182,10 @@ def task(name: str) -> Handle:
             return around.tags[name]
         around = around.outer
     handle = own.tags[name] = Handle(name)
+    around = own.outer
+    while around is not None:
+        around.asked.setdefault(name, {})[handle] = None
+        around = around.outer
     return handle
 
 
@@ -154,7 +195,11 @@ async def join(handle: Handle) -> Any:
     await wait_for(over)
     if handle.status.value is Status.SUCCEEDED:
         return handle.result
+    joined = handle._task
+    if joined is not None and joined.crash is not None:
+        raise joined.crash
     if handle.failure is not None:
+        handle.joined = True
         raise handle.failure
     raise BranchEvaporated(path=handle.path)
 
@@ -177,17 +222,26 @@ def evaporate(handle: Handle) -> bool:
 @asynccontextmanager
 async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
     """``async with task_suspended(h):`` holds the task while the block runs, and always wakes it up."""
+    held = handle._task
     changed = suspend(handle)
     try:
         yield handle
     finally:
-        if changed:
+        if changed and (held is None or held is handle._task):
             wake_up(handle)
 
 
 @asynccontextmanager
 async def on_suspension(function: Callable[[], object]) -> AsyncIterator[None]:
     """``async with on_suspension(f):`` calls the plain function whenever the task gets held inside the block."""
+    if inspect.iscoroutine(function):
+        function.close()
+    if not callable(function) or inspect.iscoroutinefunction(function):
+        raise TypeError(
+            f"on_suspension takes a plain function, which is called at once by the suspender, not {function!r}\n"
+            "  wrong: async with on_suspension(stop()):    or with an async def\n"
+            "  right: async with on_suspension(stop):      with def stop() -> None"
+        )
     owner = here()[1]
     if owner.hooks is None:
         owner.hooks = []

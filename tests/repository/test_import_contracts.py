@@ -19,6 +19,7 @@ BREACHES = {
     "the compiler reads recipes, recipes read ontologies": ("planlang/ontology", "import planlang.recipe"),
     "the language stands on the kernel and knows no recipe": ("planlang/kernel", "import planlang.language"),
     "the language does not know recipes": ("planlang/language", "import planlang.recipe"),
+    "only tests use planlang.testing": ("executive", "import planlang.testing"),
 }
 """Contract -> a package and an import that it must not contain."""
 

@@ -1,8 +1,4 @@
-"""What CRAM's own tests of process modules say, P1-P16, as far as there is a counterpart; and resources.
-
-Without counterpart: P9-P12, asynchronous requests and their monitoring, which the language does not have (a request
-beside others is a branch of ``par``); P16, starting and stopping modules, which here live as long as the run.
-"""
+"""What CRAM's own tests of process modules say, P1-P8 and P13-P15; and resources. The others: test_requests."""
 
 from __future__ import annotations
 

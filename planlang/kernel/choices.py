@@ -1,0 +1,62 @@
+"""Where the order of tasks that can run comes from: first come first served, a stream of numbers, or a list.
+
+A choice is the place, in order of coming, of the task that runs next. It is asked for only where there is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from random import Random
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from planlang.kernel.task import Task
+
+
+class ChoiceSource(Protocol):
+    """Picks among tasks that can run; its text is what the trace's header says of it."""
+
+    def choose(self, ready: Sequence[Task]) -> int:
+        """The place in ``ready``, two or more tasks in order of coming, of the one that runs next."""
+
+
+Schedule = int | Sequence[int] | ChoiceSource | None
+"""None is first come, first served; a number is that stream; a list is taken one by one, then as None."""
+
+
+class Stream:
+    """Picks at random, by a stream of numbers of its own."""
+
+    def __init__(self, number: int) -> None:
+        self._random = Random(f"schedule {number}")
+
+    def choose(self, ready: Sequence[Task]) -> int:
+        """Any of them."""
+        return self._random.randrange(len(ready))
+
+
+class Recorded:
+    """Takes choices from a list, then first come, first served; a choice beyond the last task is the last task."""
+
+    def __init__(self, choices: Sequence[int]) -> None:
+        if any(isinstance(choice, bool) or not isinstance(choice, int) or choice < 0 for choice in choices):
+            raise ValueError(f"a schedule is a list of places, whole numbers from 0, not {list(choices)!r}")
+        self._choices = iter(tuple(choices))
+
+    def choose(self, ready: Sequence[Task]) -> int:
+        """The next of the list."""
+        return min(next(self._choices, 0), len(ready) - 1)
+
+
+def source_of(schedule: Schedule) -> ChoiceSource | None:
+    """What picks, or None for first come, first served."""
+    if schedule is None or hasattr(schedule, "choose"):
+        return schedule
+    if isinstance(schedule, int):
+        return Stream(schedule)
+    return Recorded(schedule)
+
+
+def described(schedule: Schedule) -> object:
+    """What the header of a trace says about the schedule: enough to repeat it, unless it is somebody else's source."""
+    return str(schedule) if hasattr(schedule, "choose") else schedule

@@ -1,0 +1,209 @@
+"""Calls in threads: blocking code that a task waits for without stopping the others.
+
+In simulation the world stands still until all calls in flight have returned, and their callers go on in order of
+submission, so threads do not make a run depend on timing. In real time callers go on as their calls return.
+"""
+
+from __future__ import annotations
+
+import contextvars
+import inspect
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from planlang.kernel.park import deliver, here, park
+from planlang.kernel.tree import name_of
+
+if TYPE_CHECKING:
+    from planlang.kernel.scheduler import Scheduler
+    from planlang.kernel.task import Task
+
+R = TypeVar("R")
+
+MOST_THREADS = 256
+"""Calls of one run that are executed at the same time; further ones begin as earlier ones return."""
+
+
+class Call:
+    """One call in flight. ``waiting``: its caller still waits for it, and goes on when it is handed over."""
+
+    def __init__(self, scheduler: Scheduler, task: Task, function: Callable[[], Any], name: str, number: int) -> None:
+        self.task = task
+        self.name = name
+        self.number = number
+        self.path = task.node.path
+        self.waiting = True
+        self.started = False
+        self.returned = False
+        self._scheduler = scheduler
+        self._function = function
+        self._context = contextvars.copy_context()
+        self._value: Any = None
+        self._error: BaseException | None = None
+
+    def start(self) -> None:
+        """Begin, on a thread that does not keep the process alive."""
+        self.started = True
+        threading.Thread(target=self._work, name=f"planlang {self.name}", daemon=True).start()
+
+    def _work(self) -> None:
+        try:
+            self._value = self._context.run(self._function)
+        except BaseException as error:
+            self._error = error
+        self._scheduler.inbox.put(self._arrive)
+
+    def _arrive(self) -> None:
+        """In the run's thread: the call has returned."""
+        self.returned = True
+        if inspect.iscoroutine(self._value):
+            self._value.close()
+            self._value = None
+            self._error = TypeError(
+                f"you called in_thread({self.name}), but {self.name} is async: write await {self.name}(), or pass a "
+                "plain function"
+            )
+        self._scheduler.calls.arrived(self)
+
+    def hand_over(self) -> None:
+        """Let the caller go on with what the call gave. One that was evaporated is evaporated, the result is late."""
+        scheduler, task = self._scheduler, self.task
+        taken = self.waiting and not task.doomed and not task.woken
+        if scheduler.trace is not None:
+            outcome = {"result": self._value} if self._error is None else {"failure": self._error}
+            late = {} if taken else {"late": True}
+            scheduler.trace.write(
+                scheduler.now, "returned", path=self.path, call=self.number, function=self.name, **outcome, **late
+            )
+        if not self.waiting:
+            return
+        self.waiting = False
+        if task.woken:
+            return
+        if not taken:
+            scheduler.throw(task, scheduler.delivery(task))
+        elif self._error is not None:
+            scheduler.throw(task, self._error)
+        else:
+            scheduler.wake(task, self._value)
+
+    def __str__(self) -> str:
+        return f"the call of {self.name} in a thread"
+
+
+class Calls:
+    """The calls of one run, in order of submission."""
+
+    def __init__(self, scheduler: Scheduler) -> None:
+        self._scheduler = scheduler
+        self._numbers = 0
+        self._flying: dict[Call, None] = {}
+        self._queued: deque[Call] = deque()
+        self._threads = 0
+
+    def submit(self, task: Task, function: Callable[[], Any], name: str) -> Call:
+        """Begin a call, now or when there is a thread for it."""
+        self._numbers += 1
+        call = Call(self._scheduler, task, function, name, self._numbers)
+        trace = self._scheduler.trace
+        if trace is not None:
+            trace.write(self._scheduler.now, "called", path=call.path, call=call.number, function=name)
+        self._flying[call] = None
+        self._queued.append(call)
+        try:
+            self._start()
+        except RuntimeError:  # the system gives no more threads
+            self.abandon(call)
+            raise
+        return call
+
+    def _start(self) -> None:
+        while self._queued and self._threads < MOST_THREADS:
+            call = self._queued.popleft()
+            if call in self._flying and not call.task.doomed:
+                self._threads += 1
+                call.start()
+
+    @property
+    def in_flight(self) -> bool:
+        """True while a caller waits."""
+        return bool(self._flying)
+
+    def holds(self, task: Task) -> bool:
+        """Whether a task has to be left alone until its call has returned."""
+        wait = task.wait
+        return isinstance(wait, Call) and wait.started and wait in self._flying and self._scheduler.live is None
+
+    def abandon(self, call: Call) -> None:
+        """The caller does not wait any more. The thread goes on; its place is taken by another."""
+        call.waiting = False
+        del self._flying[call]
+        self._threads -= call.started
+        self._start()
+
+    def arrived(self, call: Call) -> None:
+        """A call has returned. In real time its caller goes on at once."""
+        if call in self._flying:
+            self._threads -= 1
+            self._start()
+            if self._scheduler.live is None:
+                return
+            del self._flying[call]
+        if not self._scheduler.over:
+            call.hand_over()
+
+    def collect(self) -> bool:
+        """In simulation: wait until all calls have returned, then let their callers go on; False if there are none.
+
+        Comes back early after Ctrl-C.
+        """
+        scheduler, flying = self._scheduler, self._flying
+        if not flying or scheduler.live is not None or scheduler.draining:
+            return False
+        scheduler.idle = True
+        try:
+            while not all(call.returned for call in flying):
+                scheduler.inbox.wait()
+                for item in scheduler.inbox.take():
+                    item()
+                if scheduler.interrupted:
+                    return True
+        finally:
+            scheduler.idle = False
+        calls = tuple(flying)
+        flying.clear()
+        for call in calls:
+            call.hand_over()
+        return True
+
+
+async def in_thread(function: Callable[..., R], /, *arguments: Any, **named: Any) -> R:
+    """Call blocking code on a thread of its own and wait for what it returns or raises.
+
+    In simulation the call takes no plan time: the world stands still until all calls in flight have returned, callers
+    go on in order of submission, and an evaporated caller is released when its call has returned. In real time an
+    evaporated caller leaves its call behind on a daemon thread; a late result is told in the trace only. At most 256
+    calls of a run are executed at the same time.
+
+    Raises TypeError if ``function`` is async or not callable, before or after the call.
+    """
+    scheduler, task = here()
+    name = name_of(function)
+    if inspect.iscoroutine(function):
+        name = function.__name__
+        function.close()
+        raise TypeError(f"you called {name}(): write await {name}(), or pass a plain function to in_thread")
+    if not callable(function):
+        raise TypeError(f"in_thread calls a function, not {function!r}: write await in_thread(read, port)")
+    if inspect.iscoroutinefunction(function):
+        raise TypeError(f"in_thread({name}): {name} is async; write await {name}(), or pass a plain function")
+    if task.doomed:
+        await deliver(task)
+    call = scheduler.calls.submit(task, lambda: function(*arguments, **named), name)
+    try:
+        return await park(call)  # type: ignore[no-any-return]
+    finally:
+        if call.waiting:
+            scheduler.calls.abandon(call)

@@ -1,0 +1,254 @@
+"""with_policies: conditions that must not come true while a body runs."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from planlang.failures import PlanFailure, PolicyViolated
+from planlang.kernel import All, Evaporated, PlanStructureError, Signal, Status, Task, failure_of, shield
+from planlang.kernel.fluent import Source, tracked
+from planlang.kernel.park import park
+from planlang.kernel.primitives import inside, record
+from planlang.kernel.suspension import Recheck
+from planlang.kernel.tree import name_of
+from planlang.language.branches import Branch, check
+
+V = TypeVar("V")
+
+
+@dataclass(frozen=True)
+class Policy:
+    """A condition that violates the policy as soon as it is true, and what belongs to it.
+
+    ``check`` is a fluent, or a function that reads fluents: it is called again whenever one of those it has read
+    changes, and never otherwise. Without check the policy cannot be violated. ``init`` runs before the body,
+    ``recover`` after a violation of this policy, ``clean_up`` at the end in any case, shielded; all are branches.
+    """
+
+    name: str
+    check: Signal[Any] | Callable[[], object] | None = None
+    init: Branch | None = None
+    recover: Branch | None = None
+    clean_up: Branch | None = None
+
+    def __post_init__(self) -> None:
+        check(f"policy {self.name!r}", [one for one in (self.init, self.recover, self.clean_up) if one is not None])
+        if not (self.check is None or isinstance(self.check, Signal) or callable(self.check)):
+            raise TypeError(
+                f"the check of policy {self.name!r} is {self.check!r}, which does not change\n"
+                f"  wrong: Policy({self.name!r}, distance.value < 0.1)\n"
+                f"  right: Policy({self.name!r}, distance < 0.1), or lambda: distance.value < 0.1"
+            )
+
+
+async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable[V]]) -> V:
+    """Run a body under policies; returns its result. Raises PolicyViolated when one is violated.
+
+    The inits run first, in order; if one fails, the clean_ups of those before it run, and its failure is raised. A
+    check that is true then keeps the body from starting. A violation beats an end of the body at the same decision;
+    of several the textually first counts, the others are its siblings. The body is evaporated with its cleanup, then
+    ``recover`` of that policy runs, then the clean_ups in reverse order, then PolicyViolated is raised. Failures of
+    ``recover`` and the clean_ups are attached to what is raised as ``cleanup_failures``; if the body succeeded, the
+    first of them is raised. A clean_up that takes longer than 10 s of plan time is a programming error.
+    """
+    check("with_policies", (body,))
+    names = [policy.name for policy in policies]
+    for name in names:
+        if names.count(name) > 1:
+            raise PlanStructureError(
+                f"two policies named {name!r} around one body\n"
+                f'  wrong: with_policies([Policy("{name}", ...), Policy("{name}", ...)], body)\n'
+                f'  right: with_policies([Policy("{name}", ...), Policy("{name} 2", ...)], body)'
+            )
+    with inside("with_policies", "with_policies", policies=names) as node:
+        begun: list[Policy] = []
+        error: BaseException | None = None
+        try:
+            for policy in policies:
+                await _part("init", policy.init, policy)
+                begun.append(policy)
+            node.result = await _run(policies, body)
+        except GeneratorExit:
+            raise
+        except BaseException as raised:
+            error = raised
+        await _clean_up(begun, error)
+    return node.result  # type: ignore[no-any-return]
+
+
+async def _part(kind: str, branch: Branch | None, policy: Policy) -> None:
+    if branch is not None:
+        with inside(kind, f"{kind} {policy.name}"):
+            await branch()
+
+
+async def _run(policies: Sequence[Policy], body: Branch) -> Any:
+    scope = _Guarded(policies, body)
+    result = await scope.execute()
+    if not scope.violated:
+        return result
+    first, *others = scope.violated
+    violation = PolicyViolated(policy=first.name)
+    violation.siblings = tuple((other.name, PolicyViolated(policy=other.name)) for other in others)
+    if scope.lost is not None:
+        violation.siblings += ((scope.lost.name, failure_of(scope.lost)),)
+    scope.attach(violation)
+    record("policy violated", policy=first.name)
+    try:
+        await _part("recover", first.recover, first)
+    except PlanFailure as failure:
+        violation.cleanup_failures += (failure,)
+    raise violation
+
+
+async def _clean_up(begun: list[Policy], error: BaseException | None) -> None:
+    """Run all clean_ups, whatever happens, and raise what there is to raise: programming errors first."""
+    failures: list[PlanFailure] = []
+    for policy in reversed(begun):
+        try:
+            with shield():
+                await _part("clean_up", policy.clean_up, policy)
+        except PlanFailure as failure:
+            failures.append(failure)
+        except Evaporated as evaporated:
+            error = error or evaporated
+        except Exception as crash:
+            if error is None or isinstance(error, (PlanFailure, Evaporated)):
+                crash.__cause__ = error
+                error = crash
+    if failures and (error is None or isinstance(error, Evaporated)):
+        error = failures.pop(0)  # in an evaporated task: recorded there
+    if isinstance(error, PlanFailure):
+        error.cleanup_failures += tuple(failures)
+    if error is not None:
+        raise error
+
+
+class _Guarded(All):
+    """The body and, beside it, a watch over each check, armed before the body starts."""
+
+    transparent = True
+
+    def __init__(self, policies: Sequence[Policy], body: Branch) -> None:
+        super().__init__("branch")
+        self.policies = policies
+        self.body = body
+        self.watches: list[_Watch] = []
+        self.violated: list[Policy] = []
+        self.lost: Task | None = None
+        """The body, if it failed at the very decision at which a policy was violated."""
+        self.result: Any = None
+
+    def begin(self) -> None:
+        for index, policy in enumerate(self.policies):
+            if policy.check is not None:
+                watch = _Watch(self, policy.check, policy.name)
+                self.watches.append(watch)
+                watch.index = index
+                if watch.look():
+                    self.violated.append(policy)
+        if self.violated:
+            return
+        for watch in self.watches:
+            watch.task = self.start(watch.wait, watch.name, watch.index + 1)
+        self.start(self.body, name_of(self.body), 0)
+
+    def decide(self, dead: list[Task]) -> None:
+        watching = [task for task in dead if task.index]
+        self.violated = [self.policies[task.index - 1] for task in watching if task.outcome is Status.SUCCEEDED]
+        body = dead[0] if not dead[0].index else None
+        if self.violated:
+            self.lost = body if body is not None and body.outcome is Status.FAILED else None
+            self.close()
+            return
+        super().decide(dead)
+        if not self.over and body is not None:
+            self.result = body.result
+            self.close()
+
+    async def execute(self) -> Any:
+        try:
+            return await super().execute()
+        finally:
+            for watch in self.watches:
+                watch.follow({})
+
+    def finish(self) -> Any:
+        self.raise_failure()
+        return self.result
+
+
+class _Watch(Recheck):
+    """Looks at a check whenever one of its inputs changes; the first time that it is true counts.
+
+    Invariant: it is told of changes of exactly the fluents in ``inputs``.
+    """
+
+    index = 0
+
+    def __init__(self, scope: _Guarded, condition: Signal[Any] | Callable[[], object], name: str) -> None:
+        self.scheduler = scope.scheduler
+        self.task: Task | None = None
+        self.name = name
+        self.condition = condition
+        self.inputs: dict[Source[Any], None] = {}
+        self.true = False
+        self.error: Exception | None = None
+        if isinstance(condition, Signal):
+            condition.arm()
+
+    def look(self) -> bool:
+        """Whether the check is true now; raises what it raises."""
+        reads: dict[Source[Any], None] = {}
+        before, tracked.reads = tracked.reads, reads
+        try:
+            if isinstance(self.condition, Signal):
+                found = bool(self.condition.value)
+                reads.update(self.condition.sources())
+            else:
+                found = bool(self.condition())
+        finally:
+            tracked.reads = before
+            self.follow(reads)
+        if not reads:
+            raise PlanStructureError(
+                f"the check of policy {self.name!r} reads no fluent, so nothing tells when to look again\n"
+                f"  wrong: Policy({self.name!r}, lambda: world.distance() < 0.1)\n"
+                f"  right: distance = Fluent(read=world.distance); Policy({self.name!r}, distance < 0.1)"
+            )
+        return found
+
+    def follow(self, inputs: dict[Source[Any], None]) -> None:
+        """Be told of changes of these fluents, and no others."""
+        before, self.inputs = self.inputs, inputs
+        for source in inputs:
+            if source not in before:
+                source.watch(self)
+        for source in before:
+            if source not in inputs:
+                source.unwatch(self)
+
+    def recheck(self) -> None:
+        """An input has changed."""
+        task = self.task
+        if self.true or self.error is not None or task is None or task.holds or task.dead:
+            return
+        try:
+            self.true = self.look()
+        except Exception as error:
+            self.error = error
+        if (self.true or self.error is not None) and task.wait is self:
+            self.scheduler.wake(task)
+
+    async def wait(self) -> None:
+        """Return when the check has become true."""
+        self.recheck()
+        if not self.true and self.error is None:
+            await park(self)
+        if self.error is not None:
+            raise self.error
+
+    def __str__(self) -> str:
+        return f"a violation of policy {self.name!r}"

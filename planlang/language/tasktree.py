@@ -1,0 +1,198 @@
+"""The task tree of a run, read from its trace, and its exports: JSON Lines, dot, Mermaid."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from planlang.kernel.trace import Trace
+
+_KNOWN = ("step", "event", "kind", "path")
+
+
+@dataclass(eq=False)
+class TaskNode:
+    """A construct, branch, tag, plan function, perform or state of a run.
+
+    ``status`` is succeeded, failed or evaporated; running if the trace ends before it. ``start`` and ``end`` are plan
+    time [s], None if it never began or has not ended. ``parameters`` is what the trace tells about the start.
+    """
+
+    path: str
+    kind: str
+    parent: TaskNode | None = None
+    parameters: dict[str, Any] = field(default_factory=dict)
+    status: str = "running"
+    result: Any = None
+    failure: dict[str, Any] | None = None
+    start: float | None = None
+    end: float | None = None
+    children: list[TaskNode] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """The path element."""
+        return self.path if self.parent is None else self.path[len(self.parent.path) + 1 :]
+
+    @property
+    def reason(self) -> str:
+        """Why it ended as it did: ``TYPE: MESSAGE`` of its failure; empty if it has none."""
+        return "" if self.failure is None else f"{self.failure['type']}: {self.failure['message']}"
+
+    def record(self) -> dict[str, Any]:
+        """A JSON object, keys in a fixed order; result and failure where there is one."""
+        told: dict[str, Any] = {
+            "path": self.path,
+            "parent": None if self.parent is None else self.parent.path,
+            "kind": self.kind,
+            "name": self.name,
+            "status": self.status,
+            "start": self.start,
+            "end": self.end,
+        }
+        for key, value in (("parameters", self.parameters), ("result", self.result), ("failure", self.failure)):
+            if value not in (None, {}):
+                told[key] = value
+        return told
+
+
+class TaskTree:
+    """All nodes of a run in order of beginning; ``roots`` has one, the top-level plan."""
+
+    def __init__(self, events: Iterable[Mapping[str, Any]]) -> None:
+        self.nodes: dict[str, TaskNode] = {}
+        self.roots: list[TaskNode] = []
+        self._rate = 1
+        for event in events:
+            self._add(event)
+
+    @classmethod
+    def of(cls, trace: Trace | Iterable[Mapping[str, Any]]) -> TaskTree:
+        """The tree of a trace that keeps its records, or of the records themselves.
+
+        Raises ValueError for a trace that was written to a file: read that with :meth:`read`.
+        """
+        if not isinstance(trace, Trace):
+            return cls(trace)
+        if not trace.events:
+            raise ValueError(
+                "this trace keeps no records\n"
+                '  wrong: TaskTree.of(Trace.at("run.jsonl"))\n'
+                '  right: TaskTree.read("run.jsonl"), or Trace() without a file'
+            )
+        return cls(trace.events)
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> TaskTree:
+        """The tree of a trace file; a last line that was cut off in a crash is left out.
+
+        Raises ValueError, with file and line, for what is no trace.
+        """
+        with Path(path).open(encoding="utf-8") as file:
+            return cls(_records(str(path), file))
+
+    def _add(self, event: Mapping[str, Any]) -> None:
+        kind = event["event"]
+        if kind == "header":
+            self._rate = event["rate"]
+        elif kind in ("started", "ended"):
+            node = self.nodes.get(event["path"])
+            if node is None:
+                node = self._new(event["path"], event["kind"])
+            if kind == "started":
+                node.start = event["step"] / self._rate
+                node.parameters.update((key, value) for key, value in event.items() if key not in _KNOWN)
+            else:
+                node.end = event["step"] / self._rate
+                node.status = event["status"]
+                node.result = event.get("result")
+                node.failure = event.get("failure")
+        elif kind == "plan" and event["path"] in self.nodes:
+            node = self.nodes[event["path"]]
+            node.kind = "plan"
+            node.parameters.update((key, value) for key, value in event.items() if key not in _KNOWN)
+
+    def _new(self, path: str, kind: str) -> TaskNode:
+        head = path
+        parent: TaskNode | None = None
+        while parent is None and "/" in head:  # names may contain a slash: the longest known head is the parent
+            head = head.rpartition("/")[0]
+            parent = self.nodes.get(head)
+        node = self.nodes[path] = TaskNode(path, kind, parent)
+        (self.roots if parent is None else parent.children).append(node)
+        return node
+
+    def __iter__(self) -> Iterator[TaskNode]:
+        """Nodes from the root, children in order of beginning."""
+        stack = list(reversed(self.roots))
+        while stack:
+            node = stack.pop()
+            yield node
+            stack.extend(reversed(node.children))
+
+    def json_lines(self) -> str:
+        """One JSON object per node, parents first: path, parent, kind, name, status, start, end [s], and more."""
+        return "".join(json.dumps(node.record(), ensure_ascii=False) + "\n" for node in self)
+
+    def dot(self) -> str:
+        """A graph for Graphviz's ``dot``; colour shows the status."""
+        numbers = {node: number for number, node in enumerate(self)}
+        lines = ["digraph plan {", '  node [shape=box, style=filled, fontname="sans-serif"];']
+        for node, number in numbers.items():
+            label = "\\n".join(_dot_text(line) for line in _lines(node))
+            lines.append(f'  n{number} [label="{label}", fillcolor="{_COLOURS[node.status]}"];')
+        lines += [f"  n{numbers[node.parent]} -> n{number};" for node, number in numbers.items() if node.parent]
+        return "\n".join([*lines, "}", ""])
+
+    def mermaid(self) -> str:
+        """A flowchart for Mermaid, as Markdown renderers show it; colour shows the status."""
+        numbers = {node: number for number, node in enumerate(self)}
+        lines = ["flowchart TD"]
+        lines += [f"  classDef {status} fill:{colour},color:#000" for status, colour in _COLOURS.items()]
+        for node, number in numbers.items():
+            label = "<br>".join(_mermaid_text(line) for line in _lines(node))
+            lines.append(f'  n{number}["{label}"]:::{node.status}')
+        lines += [f"  n{numbers[node.parent]} --> n{number}" for node, number in numbers.items() if node.parent]
+        return "\n".join([*lines, ""])
+
+
+_COLOURS = {"succeeded": "#c8e6c9", "failed": "#ffcdd2", "evaporated": "#e0e0e0", "running": "#fff9c4"}
+
+
+def _lines(node: TaskNode) -> Iterator[str]:
+    """The label of a node."""
+    yield node.name if node.kind in ("branch", node.name.partition("#")[0]) else f"{node.kind} {node.name}"
+    if node.start is None:
+        yield f"{node.status}, never begun"
+    else:
+        yield f"{node.status} {node.start:g}-{'' if node.end is None else format(node.end, 'g')} s"
+    if node.failure is not None:
+        yield node.reason
+
+
+def _dot_text(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+
+
+def _mermaid_text(text: str) -> str:
+    """Everything but letters, digits, and some signs that have no meaning in Mermaid, as its numeric entities."""
+    return "".join(
+        one if one.isalnum() or one in " _-.,:/()" else "<br>" if one == "\n" else f"#{ord(one)};" for one in text
+    )
+
+
+def _records(name: str, lines: Iterable[str]) -> Iterator[dict[str, Any]]:
+    for number, line in enumerate(lines, 1):
+        try:
+            record = json.loads(line)
+            if "event" not in record or (number == 1 and record["event"] != "header"):
+                raise ValueError
+        except (ValueError, TypeError):
+            if number > 1 and not line.endswith("\n"):
+                return
+            raise ValueError(f"{name}:{number}: this is no line of a trace") from None
+        yield record

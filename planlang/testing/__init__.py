@@ -1,0 +1,37 @@
+"""Testing plans: in virtual time, with scripted robots, injected faults, and every order that tasks could run in.
+
+General layout: ``running`` runs a plan; ``script``, ``scripted`` and ``belief`` are the robot, ``faults`` what goes
+wrong; ``history``, ``steps`` and ``verdicts`` answer questions from the trace; ``exploring`` looks for schedules that
+matter, with ``schedules``, ``shrinking`` and ``columns``; ``extensions`` are orders, ``plugin`` is for pytest.
+"""
+
+from planlang.testing.belief import Belief
+from planlang.testing.exploring import Exploration, ScheduleDependence, explore
+from planlang.testing.extensions import Extensions, all_linear_extensions
+from planlang.testing.faults import Fault
+from planlang.testing.history import History
+from planlang.testing.recipes import compiled
+from planlang.testing.running import PlanRun, run_plan
+from planlang.testing.script import Rule, Script
+from planlang.testing.steps import Step
+from planlang.testing.verdicts import Count, NoSuchStep, Verdict
+
+__all__ = [
+    "Belief",
+    "Count",
+    "Exploration",
+    "Extensions",
+    "Fault",
+    "History",
+    "NoSuchStep",
+    "PlanRun",
+    "Rule",
+    "ScheduleDependence",
+    "Script",
+    "Step",
+    "Verdict",
+    "all_linear_extensions",
+    "compiled",
+    "explore",
+    "run_plan",
+]

@@ -1,0 +1,162 @@
+"""explore: whether what a plan does depends on the order in which tasks that could run did run."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter, deque
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from planlang.failures import PlanFailure
+from planlang.kernel.choices import ChoiceSource, Recorded, Stream
+from planlang.kernel.trace import encode
+from planlang.testing.columns import side_by_side
+from planlang.testing.faults import Fault
+from planlang.testing.running import PlanRun, attempt, made
+from planlang.testing.schedules import Priorities, Recorder, trimmed
+from planlang.testing.shrinking import Choices, Shrinker, continued
+
+if TYPE_CHECKING:
+    from planlang.testing.script import Script
+
+V = TypeVar("V")
+Check = Callable[[PlanRun[Any]], object]
+
+
+class ScheduleDependence(AssertionError):
+    """What a plan does depends on the schedule.
+
+    ``usual`` is the run first come, first served, ``other`` the one with ``choices``, the shortest list found for
+    which the outcome differs or an assertion does not hold.
+    """
+
+    def __init__(self, message: str, usual: PlanRun[Any], other: PlanRun[Any], choices: Choices) -> None:
+        super().__init__(message)
+        self.usual = usual
+        self.other = other
+        self.choices = choices
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """Schedules that all gave the same: how many were run, how many of them differed, whether these are all."""
+
+    outcome: str
+    runs: int
+    different: int
+    complete: bool
+
+    def __str__(self) -> str:
+        if self.complete:
+            return f"{self.outcome}, under all {self.different} schedules"
+        return f"{self.outcome}, in {self.runs} runs with {self.different} different schedules"
+
+
+def explore(
+    plan: Callable[[], Awaitable[V]],
+    schedules: int = 200,
+    *,
+    check: Check | None = None,
+    script: Script | None = None,
+    faults: Sequence[Fault] = (),
+    seed: int = 0,
+    within: float = 86_400.0,
+    shrinking_runs: int = 1000,
+) -> Exploration:
+    """Run a plan under all schedules if they are few, else under some.
+
+    Of these half are random, half follow priorities that change now and then.
+
+    With ``check`` an assertion about each run (``def check(run): assert ...``) has to hold under all of them; without
+    it the outcome, value or failure, has to be the same. Otherwise raises :class:`ScheduleDependence`, whose message
+    shows the shortest list of choices that does it and the two traces side by side; ``run_plan(plan, schedule=list)``
+    repeats it. The plan has to make what it changes anew each time; ValueError if two equal runs differ.
+    """
+
+    def once(source: ChoiceSource | None) -> tuple[PlanRun[V], Recorder]:
+        recorder = Recorder(source)
+        ended = attempt(plan, script=script, faults=faults, seed=seed, schedule=recorder, within=within)
+        ended.schedule = trimmed(recorder.choices)
+        return ended, recorder
+
+    usual, first = once(None)
+    made.append(usual)
+    if usual.error is not None:
+        raise usual.error
+    if check is not None:
+        check(usual)
+    again, _ = once(None)
+    if again.trace.text() != usual.trace.text():
+        raise ValueError(
+            "two runs with the same choices differ: the plan, or what it calls, keeps something between runs or reads "
+            f"a clock or random numbers of its own\n{side_by_side(usual, again)}"
+        )
+    expected = outcome_of(usual)
+
+    def wrong(run: PlanRun[V]) -> str | None:
+        """What is wrong with a run, or None."""
+        if check is None:
+            outcome = outcome_of(run)
+            return None if outcome == expected else f"{outcome} instead of {expected}"
+        if run.error is not None:
+            return f"{type(run.error).__name__}: {run.error}"
+        try:
+            check(run)
+        except AssertionError as broken:
+            return str(broken) or "an assertion does not hold"
+        except Exception as raised:
+            return f"{type(raised).__name__}: {raised}"
+        return None
+
+    seen = Counter({trimmed(first.choices): 1})
+    left = deque(continued((), first.sizes) if math.prod(first.sizes) <= schedules else ())
+    complete = len(left) > 0 or not first.sizes
+    number = 0
+    while seen.total() < schedules and not (complete and not left):
+        if left:
+            source: ChoiceSource = Recorded(left.popleft())
+        else:
+            source = Stream(number) if number % 2 == 0 else Priorities(number, len(first.choices))
+            number += 1
+        run, recorder = once(source)
+        choices = trimmed(recorder.choices)
+        seen[choices] += 1
+        if wrong(run) is not None:
+            break
+        if complete:
+            left.extend(continued(choices, recorder.sizes))
+    else:
+        return Exploration(expected, seen.total(), len(seen), complete and not left)
+
+    def breaks(choices: Choices) -> tuple[bool, Sequence[int]]:
+        run, recorder = once(Recorded(choices))
+        return wrong(run) is not None, recorder.sizes
+
+    shrinker = Shrinker(breaks, shrinking_runs)
+    choices = shrinker.shrink(choices)
+    other, _ = once(Recorded(choices))
+    made.append(other)
+    reason = wrong(other)
+    shortest = "the shortest list of choices" if shrinker.proven else "a short list of choices"
+    raise ScheduleDependence(
+        f"the outcome depends on the schedule: {reason}\n"
+        f"found in run {seen.total()} of {schedules}; {shortest} is {list(choices)}; "
+        f"repeat it with run_plan({usual.name}, schedule={list(choices)})\n"
+        f"{side_by_side(usual, other)}",
+        usual,
+        other,
+        choices,
+    )
+
+
+def outcome_of(run: PlanRun[Any]) -> str:
+    """A run's value or failure, as text that can be compared."""
+    if run.failure is not None:
+        return f"{type(run.failure).__name__}: {run.failure}"
+    if run.error is not None:
+        return f"{type(run.error).__name__}: {str(run.error).splitlines()[0] if str(run.error) else ''}"
+    value = run.value
+    text = repr(value) if isinstance(value, PlanFailure) else json.dumps(encode(value), ensure_ascii=False)
+    return f"returned {text}"

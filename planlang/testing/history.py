@@ -1,0 +1,185 @@
+"""Questions about a run, answered from its trace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from planlang.failures import PlanFailure
+from planlang.testing.steps import Step, read_steps, tree_of
+from planlang.testing.verdicts import Count, NoSuchStep, Verdict
+
+Event = Mapping[str, Any]
+What = str | Step
+"""A step told by its name, ``parent/name``, its action's class, or itself."""
+LONGEST = 60
+"""Reasons show as much of a failure's message: pytest cuts what is longer than 240 characters in the middle."""
+SHOWN = 3
+"""Reasons tell as many runs of a step."""
+
+
+class History:
+    """What happened in a run.
+
+    A step is told by its name in the task tree (all runs of it), by ``parent/name``, by the class of a performed
+    action, or is a :class:`Step` from :meth:`steps`. Asking about a step that never ran raises :class:`NoSuchStep`;
+    :meth:`attempts` and :meth:`never` may be asked about anything.
+    """
+
+    def __init__(self, events: Sequence[Event], rate: int) -> None:
+        self.events = events
+        """The trace, one mapping per record."""
+        self.rate = rate
+        self._steps: list[Step] = []
+        self._read = 0
+
+    def steps(self, what: What | None = None) -> list[Step]:
+        """The runs of a step, in the order in which they began; all steps without a name."""
+        if self._read != len(self.events):
+            self._steps, self._read = read_steps(self.events, self.rate), len(self.events)
+        if what is None:
+            return list(self._steps)
+        if isinstance(what, Step):
+            return [what]
+        found = [step for step in self._steps if step.called(what)]
+        return [step for step in found if not _stands_for_its_branch(step, what)]
+
+    def happened_before(self, first: What, second: What) -> Verdict:
+        """Whether the first run of one step had ended before any run of the other began."""
+        one, other = self._begun(first)[0], self._begun(second)[0]
+        holds = one.last < other.first
+        return Verdict(holds, f"{_name(first)} ({_told(one)}); {_name(second)} ({_told(other)})")
+
+    def overlapped(self, first: What, second: What) -> Verdict:
+        """Whether a run of one step had begun and not ended when a run of the other one began, or the reverse."""
+        ones, others = self._begun(first), self._begun(second)
+        for one in ones:
+            for other in others:
+                if one is not other and one.first < other.last and other.first < one.last:
+                    return Verdict(True, f"{_name(first)} ({_told(one)}), {_name(second)} ({_told(other)})")
+        return Verdict(False, f"{_name(first)} ({_all(ones)}), {_name(second)} ({_all(others)})")
+
+    def attempts(self, what: What) -> Count:
+        """How often a step began; for with_failure_handling, how often it ran its body."""
+        steps = [step for step in self.steps(what) if step.begin is not None]
+        told = [
+            line
+            for step in steps
+            for line in ([f"{time:g} s" for time in step.repeats] if step.repeats else [step.told()])
+        ]
+        return Count(_name(what), told)
+
+    def evaporated(self, what: What) -> Verdict:
+        """Whether a run of the step was evaporated."""
+        return self._ended(what, "evaporated")
+
+    def succeeded(self, what: What) -> Verdict:
+        """Whether a run of the step succeeded."""
+        return self._ended(what, "succeeded")
+
+    def failed_with(
+        self, what: What, kind: type[PlanFailure], *, because_of: type[PlanFailure] | None = None
+    ) -> Verdict:
+        """Whether a run of the step failed with a failure of a class, or of several all of that class.
+
+        With ``because_of`` a failure of that class has to be among its causes.
+        """
+        steps = self._of(what)
+        failures = [step.failure for step in steps if step.failure is not None and step.status == "failed"]
+        holds = any(_is(failure, kind) and (because_of is None or _caused(failure, because_of)) for failure in failures)
+        return Verdict(holds, f"{_name(what)} ({_all(steps)})")
+
+    def never(
+        self, what: What | type[PlanFailure] | Callable[[Event], object], *, during: What | None = None
+    ) -> Verdict:
+        """Whether something did not happen: a step, a failure of a class anywhere, or a record for which a test holds.
+
+        With ``during`` only what overlapped a run of that step counts.
+        """
+        spans = [(0, len(self.events))] if during is None else [(s.first, s.last) for s in self._begun(during)]
+        when = "" if during is None else f" during {_name(during)}"
+        if isinstance(what, (str, Step)):
+            for step in self.steps(what):
+                if step.begin is not None and any(step.first < last and first < step.last for first, last in spans):
+                    return Verdict(False, f"{_name(what)} ran{when}: {_told(step)}")
+            return Verdict(True, f"{_name(what)} did not run{when}")
+        for place, event in enumerate(self.events):
+            if any(first <= place <= last for first, last in spans):
+                if isinstance(what, type) and issubclass(what, PlanFailure):
+                    failure = event.get("failure")
+                    found = isinstance(failure, Mapping) and (_is(failure, what) or _caused(failure, what))
+                else:
+                    found = bool(what(event))  # type: ignore[call-arg]
+                if found:
+                    where = event.get("path", "the run")
+                    return Verdict(False, f"{_word(what)}{when}: {event['step'] / self.rate:g} s, {where}")
+        return Verdict(True, f"no {_word(what)}{when}")
+
+    def tree(self) -> str:
+        """The task tree as indented text."""
+        return tree_of(self.steps())
+
+    def _of(self, what: What) -> list[Step]:
+        found = self.steps(what)
+        if not found:
+            assert isinstance(what, str)
+            raise NoSuchStep(what, [name for step in self.steps() for name in (step.name, step.action) if name])
+        return found
+
+    def _begun(self, what: What) -> list[Step]:
+        found = [step for step in self._of(what) if step.begin is not None]
+        if not found:
+            raise NoSuchStep(_name(what), [step.name for step in self.steps() if step.begin is not None])
+        return found
+
+    def _ended(self, what: What, status: str) -> Verdict:
+        steps = self._of(what)
+        return Verdict(any(step.status == status for step in steps), f"{_name(what)} ({_all(steps)})")
+
+
+def _stands_for_its_branch(step: Step, query: str) -> bool:
+    """A plan that is a branch of the same name counts once."""
+    parent = step.parent
+    return parent is not None and parent.kind == "branch" and step.kind == "plan" and parent.called(query)
+
+
+def _name(what: What) -> str:
+    return what if isinstance(what, str) else what.path
+
+
+def _word(what: object) -> str:
+    return getattr(what, "__name__", None) or str(what)
+
+
+def _told(step: Step) -> str:
+    return step.told(LONGEST)
+
+
+def _all(steps: Sequence[Step]) -> str:
+    more = f"; and {len(steps) - SHOWN} more" if len(steps) > SHOWN else ""
+    return "; ".join(map(_told, steps[:SHOWN])) + more
+
+
+def _names(kind: type) -> set[str]:
+    found: set[str] = set()
+    stack = [kind]
+    while stack:
+        one = stack.pop()
+        found.add(one.__name__)
+        stack.extend(one.__subclasses__())
+    return found
+
+
+def _is(failure: Event, kind: type[PlanFailure]) -> bool:
+    names = _names(kind)
+    members = [str(member).split(":", 1)[0] for member in failure.get("members", {}).values()]
+    return failure["type"] in names or (bool(members) and all(member in names for member in members))
+
+
+def _caused(failure: Event, kind: type[PlanFailure]) -> bool:
+    cause = failure.get("cause")
+    while cause is not None:
+        if _is(cause, kind):
+            return True
+        cause = cause.get("cause")
+    return False

@@ -1,0 +1,152 @@
+"""run_plan: a plan in virtual time, with a scripted robot, to a result that can be asked."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Awaitable, Callable, Sequence
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from planlang.failures import PlanFailure
+from planlang.kernel import Trace, VirtualHost
+from planlang.kernel.choices import Schedule
+from planlang.kernel.tree import name_of
+from planlang.language.running import run
+from planlang.testing.faults import Fault, Injector
+from planlang.testing.history import History
+
+if TYPE_CHECKING:
+    from planlang.protocols import Executive
+    from planlang.testing.belief import Belief
+    from planlang.testing.script import Script
+
+V = TypeVar("V")
+
+made: deque[PlanRun[Any]] = deque(maxlen=5)
+"""The last runs, for ``pytest --plan-trace``."""
+
+
+class PlanRun(History, Generic[V]):
+    """A run that has ended: its value or failure, and its history.
+
+    ``failure`` is the plan failure that left the plan, ``error`` what else ended the run; at most one is not None.
+    """
+
+    def __init__(self, name: str, trace: Trace, rate: int, schedule: Schedule) -> None:
+        super().__init__(trace.events, rate)
+        self.name = name
+        self.trace = trace
+        self.schedule = schedule
+        self.failure: PlanFailure | None = None
+        self.error: BaseException | None = None
+        self.unused: tuple[str, ...] = ()
+        """Rules and faults of the script that never applied: maybe they name no step of the plan."""
+        self._value: V | None = None
+        self._belief: Belief | None = None
+
+    @property
+    def value(self) -> V:
+        """What the plan returned; raises its failure if it failed."""
+        raised = self.failure or self.error
+        if raised is not None:
+            raise raised
+        return self._value  # type: ignore[return-value]
+
+    @property
+    def belief(self) -> Belief:
+        """The scripted robot's belief at the end; ValueError if the run had an executive of its own."""
+        if self._belief is None:
+            raise ValueError("only a scripted robot has a belief that can be asked here")
+        return self._belief
+
+    @property
+    def seconds(self) -> float:
+        """How long the run took, in plan time."""
+        return self.events[-1]["step"] / self.rate if self.events else 0.0
+
+    def tree(self) -> str:
+        """The task tree as indented text, and what of the script never applied."""
+        return "\n".join([super().tree(), *(f"never applied: {what}" for what in self.unused)])
+
+    def __repr__(self) -> str:
+        raised = self.failure or self.error
+        how = f"returned {self._value!r}" if raised is None else f"raised {type(raised).__name__}"
+        return f"<run of {self.name}: {how} after {self.seconds:g} s>"
+
+
+def run_plan(
+    plan: Callable[[], Awaitable[V]],
+    *,
+    script: Script | None = None,
+    executive: Executive | None = None,
+    faults: Sequence[Fault] = (),
+    seed: int = 0,
+    schedule: Schedule = None,
+    rate: int = 240,
+    within: float = 86_400.0,
+) -> PlanRun[V]:
+    """Run a plan in virtual time and return how it went.
+
+    ``script`` says what process modules do (an empty one without it), unless an ``executive`` is given. ``faults``
+    are added to those of the script. ``schedule`` as in :func:`planlang.run`. A plan failure is part of the result;
+    what else ends the run is raised: programming errors, DeadlockError, StepLimit after ``within`` seconds of plan
+    time, NoProgress.
+    """
+    ended = attempt(
+        plan,
+        script=script,
+        executive=executive,
+        faults=faults,
+        seed=seed,
+        schedule=schedule,
+        rate=rate,
+        within=within,
+    )
+    made.append(ended)
+    if ended.error is not None:
+        raise ended.error
+    return ended
+
+
+def attempt(
+    plan: Callable[[], Awaitable[V]],
+    *,
+    script: Script | None = None,
+    executive: Executive | None = None,
+    faults: Sequence[Fault] = (),
+    seed: int = 0,
+    schedule: Schedule = None,
+    rate: int = 240,
+    within: float = 86_400.0,
+) -> PlanRun[V]:
+    """As :func:`run_plan`, but whatever ends the run is part of the result."""
+    from planlang.testing.script import Script
+    from planlang.testing.scripted import ScriptedExecutive
+
+    scripted = None
+    if executive is None:
+        script = script or Script()
+        executive = scripted = ScriptedExecutive(script)
+        faults = (*script.faults, *faults)
+    injector = Injector(faults)
+    trace = Trace()
+    ended: PlanRun[V] = PlanRun(name_of(plan), trace, rate, schedule)
+    host = VirtualHost(rate)
+    try:
+        ended._value = run(
+            plan,
+            host=host,
+            executive=executive,
+            seed=seed,
+            schedule=schedule,
+            trace=trace,
+            max_steps=round(within * rate),
+            on_start=injector if faults else None,
+        )
+    except PlanFailure as failure:
+        ended.failure = failure
+    except Exception as error:
+        ended.error = error
+    rules = () if scripted is None else scripted.unused
+    ended.unused = (*(f"rule {rule}" for rule in rules), *(f"fault {fault}" for fault in injector.unused))
+    ended._belief = None if scripted is None else scripted.belief
+    return ended

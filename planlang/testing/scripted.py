@@ -1,0 +1,162 @@
+"""The executive of scripted runs: process modules that do what a script says."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from planlang.designators import Action, Condition, Location, action, local_name
+from planlang.failures import LocationUnresolvable, PlanFailure
+from planlang.kernel import now, sleep
+from planlang.kernel.park import here
+from planlang.kernel.tree import Node
+from planlang.protocols import Solution
+from planlang.testing.belief import Belief
+from planlang.testing.faults import made
+from planlang.testing.script import Rule, Script
+
+ORDINARY: Mapping[str, tuple[str, ...]] = {
+    "navigation": ("Translation-LocationChange",),
+    "arm": ("Reaching",),
+    "gripper": ("OpeningAGripper", "ClosingAGripper"),
+    "head": ("LookingAtSomething",),
+    "perception": ("LookingForSomething", "Perceiving"),
+    "handover": ("HandingOverAnObject",),
+}
+"""Process modules that every scripted robot has, with their classes of actions."""
+NEEDS: Mapping[str, tuple[str, ...]] = {"navigation": ("base",), "head": ("head",), "perception": ("head",)}
+RELEASING = ("OpeningAGripper", "HandingOverAnObject", "PuttingDownAnObject")
+
+
+@dataclass(eq=False)
+class ScriptedModule:
+    """Performs classes of actions as the script of its executive says."""
+
+    name: str
+    actions: Sequence[str]
+    executive: ScriptedExecutive
+    failures: Sequence[type[Exception]] = (PlanFailure,)
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """The base, the head, or the device of the action."""
+        if self.name in ("arm", "gripper", "handover"):
+            device = action.get("device_used")
+            return (str(device) if device is not None else "arm",)
+        return NEEDS.get(self.name, ())
+
+    async def execute(self, action: Action) -> Any:
+        """Wait, change the belief, and return or raise what the script says."""
+        executive = self.executive
+        rule = executive.rule_for(action, _step_name())
+        seconds = rule.after if rule is not None and rule.after is not None else executive.script.takes
+        await sleep(seconds)
+        result = None
+        if rule is None or rule.fails is None:
+            executive.belief.done(action)
+        if rule is not None and rule.does is not None:
+            result = rule.does(executive.belief, action)
+            if inspect.isawaitable(result):
+                result = await result
+        executive.changed()
+        if rule is None:
+            return None
+        if rule.fails is not None:
+            raise made(rule.fails)
+        return rule.returns if result is None else result
+
+
+class ScriptedExecutive:
+    """Implements :class:`planlang.protocols.Executive` by a script, for one run."""
+
+    def __init__(self, script: Script) -> None:
+        self.script = script
+        self.belief: Belief = script.belief()
+        self._left = [rule.times for rule in script.rules]
+        self._used = [False] * len(script.rules)
+        self._write: Callable[[str, Mapping[str, Any]], None] | None = None
+        self._told = self.belief.revision
+        known = {cls for classes in ORDINARY.values() for cls in classes}
+        others = dict.fromkeys([*script.classes, *(rule.step for rule in script.rules)])
+        self.modules: Sequence[ScriptedModule] = [
+            *(ScriptedModule(name, classes, self) for name, classes in ORDINARY.items()),
+            *(ScriptedModule(cls, (cls,), self) for cls in others if cls not in known),
+        ]
+
+    @property
+    def unused(self) -> tuple[Rule, ...]:
+        """Rules that never applied."""
+        return tuple(rule for rule, used in zip(self.script.rules, self._used, strict=True) if not used)
+
+    def rule_for(self, action: Action, step: str | None) -> Rule | None:
+        """The rule that applies now to what begins; it is used once more."""
+        names = {step, action.name, *self.ancestors(action.type)}
+        for number, rule in enumerate(self.script.rules):
+            left = self._left[number]
+            if rule.step in names and rule.since <= now() < rule.until and left != 0:
+                self._used[number] = True
+                if left is not None:
+                    self._left[number] = left - 1
+                return rule
+        return None
+
+    def changed(self) -> None:
+        """Tell the trace when the belief has changed."""
+        if self.belief.revision != self._told and self._write is not None:
+            self._told = self.belief.revision
+            belief = self.belief
+            self._write("belief", {"revision": self._told, "holding": belief.holding, "at": belief.at})
+
+    def ancestors(self, action_type: str) -> Sequence[str]:
+        """The class, its local name, and what the script says is above it."""
+        short = local_name(action_type)
+        return tuple(dict.fromkeys((action_type, short, *self.script.ancestors.get(short, ()))))
+
+    def revision(self) -> int:
+        """Counts changes of the belief."""
+        return self.belief.revision
+
+    def solutions(self, location: Location) -> Iterator[Solution]:
+        """The places that the script names, or made-up ones; then LocationUnresolvable."""
+        places = self.belief.places_of(location)
+        for base in places:
+            yield Solution(base, self.belief.revision, {})
+        raise LocationUnresolvable(designator=str(location), counts={"tried": len(places)} if places else {})
+
+    def move_to(self, solution: Solution) -> Action:
+        """The base motion that goes to a solution."""
+        x, y, yaw = solution.base
+        return action("Translation-LocationChange", x=float(x), y=float(y), yaw=float(yaw))
+
+    def is_at(self, solution: Solution) -> bool:
+        """True while the base is where the solution put it."""
+        return self.belief.base == solution.base
+
+    def holds(self, condition: Condition) -> bool:
+        """Whether the belief says so."""
+        return self.belief.holds(condition)
+
+    def before_retry(self) -> Iterable[Action]:
+        """Nothing: a scripted robot can drive in any posture."""
+        return ()
+
+    def held(self) -> Sequence[str]:
+        """Names of what the robot holds."""
+        return tuple(self.belief.holding)
+
+    def releases(self, action: Action) -> bool:
+        """Whether the action lets go of something."""
+        return any(cls in RELEASING for cls in self.ancestors(action.type))
+
+    def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
+        """Changes of the belief are written into the trace."""
+        self._write = write
+
+
+def _step_name() -> str | None:
+    """The name of the perform that asks."""
+    node: Node | None = here()[1].node
+    while node is not None and node.kind != "perform":
+        node = node.parent
+    return None if node is None else node.base_name

@@ -1,0 +1,59 @@
+from functools import partial
+
+import pytest
+
+from planlang import *
+from planlang.failures import ContainerStuck, GraspSlipped, HandoverNotTaken, ObjectUndeliverable
+from planlang.testing import explore
+
+BOTTLE, DOOR, PATIENT = an_object("DrinkingBottle"), an_object("Door"), a_person("Patient")
+
+
+@plan
+async def fetch():
+    await perform(action("GraspingSomething", object_acted_on=BOTTLE), name="Grasp")
+    await perform(action("Reaching", to_location=a_posture("carrying")), name="Lift")
+
+
+@plan
+async def serve():
+    opened = partial(perform, action("OpeningADoor", object_acted_on=DOOR), name="OpenDoor")
+    fetched = partial(achieve, holding(BOTTLE), fetch)
+    give = action("HandingOverAnObject", object_acted_on=BOTTLE, recipient=PATIENT)
+    await par(
+        fetching=partial(with_failure_handling, fetched, Recovery(GraspSlipped, attempts=2)),
+        door=partial(with_failure_handling, opened, Recovery(ContainerStuck, attempts=9, within=20)),
+    )
+    await with_failure_handling(
+        partial(at_location, a_location(in_reach_of=PATIENT), partial(perform, give, name="Offer")),
+        Recovery(HandoverNotTaken, attempts=1, otherwise=ObjectUndeliverable),
+    )
+
+
+@pytest.fixture
+def script(script):
+    return script.performs("GraspingSomething", "OpeningADoor")
+
+
+def test_a_bottle_that_slips_is_grasped_again(plan, script):
+    script.on("Lift", fails=GraspSlipped, after=0.5, times=1, does=lambda belief, action: belief.drop())
+    run = plan(serve)
+    assert run.attempts("Grasp") == 2 and run.failed_with("fetch", GraspSlipped)
+    assert run.belief.at == {"DrinkingBottle": "Patient"}
+
+
+def test_the_robot_leaves_when_a_late_door_is_open_and_fetches_meanwhile(plan, script):
+    script.on("OpenDoor", fails=ContainerStuck, until=5)
+    run = plan(serve)
+    assert run.attempts("OpenDoor") == 6 and run.overlapped("fetching", "door")
+    assert run.happened_before("OpenDoor#6", "Translation-LocationChange")
+
+
+def test_a_patient_who_does_not_take_it_is_asked_twice_whatever_the_schedule(script):
+    script.on("Offer", fails=HandoverNotTaken, after=10)
+
+    def check(run):
+        assert isinstance(run.failure, ObjectUndeliverable) and run.attempts("Offer") == 2
+        assert run.never("OpeningAGripper") and run.belief.holding == ["DrinkingBottle"]
+
+    explore(serve, schedules=50, check=check, script=script)

@@ -1,0 +1,490 @@
+"""in_thread: the world stands still in simulation, abandoned calls in real time, errors and misuse."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
+from functools import partial
+from typing import Any
+
+import pytest
+
+from planlang import (
+    DeadlockError,
+    Fluent,
+    PlanFailure,
+    PlanStructureError,
+    RealTimeHost,
+    SimulationHost,
+    StepLimit,
+    Trace,
+    VirtualHost,
+    checkpoint,
+    evaporate,
+    in_thread,
+    now,
+    par,
+    pursue,
+    run,
+    shield,
+    sleep,
+    suspend,
+    tag,
+    task,
+    timeout,
+    wait_for,
+    wake_up,
+)
+from planlang.failures import BranchEvaporated, GraspMissed
+
+
+def go(plan: Any, **options: Any) -> Any:
+    return run(plan, host=VirtualHost(), **options)
+
+
+class World:
+    """Counts its steps, and what was going on in each."""
+
+    rate = 240
+
+    def __init__(self) -> None:
+        self.steps = 0
+        self.log: list[str] = []
+
+    def step(self) -> None:
+        self.steps += 1
+        self.log.append("step")
+
+
+@pytest.fixture
+def gate() -> Iterator[threading.Event]:
+    """Opened at the end of a test at the latest, so that no thread stays behind."""
+    event = threading.Event()
+    yield event
+    event.set()
+
+
+def test_a_call_gives_its_value_with_its_arguments() -> None:
+    async def plan() -> Any:
+        return await in_thread(divmod, 17, 5), await in_thread(sorted, [1, 3, 2], reverse=True)
+
+    assert go(plan) == ((3, 2), [3, 2, 1])
+
+
+def test_a_call_runs_on_another_thread_that_does_not_keep_the_process_alive() -> None:
+    async def plan() -> threading.Thread:
+        return await in_thread(threading.current_thread)
+
+    thread = go(plan)
+    assert thread is not threading.current_thread()
+    assert thread.daemon
+
+
+def test_a_failure_in_the_thread_reaches_the_caller_as_itself() -> None:
+    failure = GraspMissed("closed on nothing")
+
+    def grasp() -> None:
+        raise failure
+
+    async def plan() -> Any:
+        try:
+            await in_thread(grasp)
+        except GraspMissed as caught:
+            return caught
+
+    assert go(plan) is failure
+
+
+def test_a_programming_error_in_the_thread_is_raised_at_the_await() -> None:
+    with pytest.raises(ZeroDivisionError):
+        go(partial(in_thread, divmod, 1, 0))
+
+
+def test_in_simulation_the_world_stands_still_until_all_calls_have_returned() -> None:
+    world = World()
+    second_called = threading.Event()
+
+    def first() -> None:
+        second_called.wait(10)
+        world.log.append("first returned")
+
+    def second() -> None:
+        world.log.append("second runs")
+        second_called.set()
+
+    async def plan() -> None:
+        await par(partial(in_thread, first), partial(in_thread, second), partial(sleep, 1 / 240))
+
+    run(plan, host=SimulationHost(world))
+    assert world.log == ["second runs", "first returned", "step"]
+
+
+def test_in_simulation_a_call_takes_no_plan_time() -> None:
+    async def plan() -> float:
+        await sleep(1)
+        await in_thread(int)
+        return now()
+
+    assert go(plan) == 1.0
+
+
+@pytest.mark.parametrize("host", [VirtualHost(), SimulationHost(World())], ids=["virtual", "simulation"])
+def test_in_simulation_results_come_in_order_of_submission_however_the_threads_end(host: Any) -> None:
+    order: list[int] = []
+    returned = [threading.Event() for _ in range(6)]
+    returned[5].set()
+
+    def call(number: int) -> int:
+        returned[number + 1].wait(10)  # the last one returns first
+        returned[number].set()
+        return number
+
+    async def branch(number: int) -> None:
+        order.append(await in_thread(call, number))
+
+    run(partial(par, *[partial(branch, number) for number in range(5)]), host=host)
+    assert order == [0, 1, 2, 3, 4]
+
+
+def test_in_simulation_an_evaporated_caller_is_released_after_its_call_has_returned() -> None:
+    log: list[str] = []
+    evaporated = threading.Event()
+
+    def call() -> None:
+        evaporated.wait(10)
+        log.append("call returned")
+
+    async def caller() -> None:
+        try:
+            await in_thread(call)
+            log.append("never")
+        finally:
+            log.append("caller released")
+
+    async def wins() -> None:
+        evaporated.set()
+
+    trace = Trace()
+    go(partial(pursue, caller, wins), trace=trace)
+    assert log == ["call returned", "caller released"]
+    (late,) = (event for event in trace.events if event["event"] == "returned")
+    assert late["late"] is True
+
+
+def test_a_shielded_caller_gets_its_value_although_it_is_being_evaporated() -> None:
+    log: list[Any] = []
+
+    async def caller() -> None:
+        with shield():
+            log.append(await in_thread(int, "7"))
+        await checkpoint()
+        log.append("never")
+
+    async def wins() -> None:
+        pass
+
+    go(partial(pursue, caller, wins))
+    assert log == [7]
+
+
+def test_a_body_whose_call_returns_in_the_step_of_its_deadline_is_in_time() -> None:
+    assert go(partial(timeout, 0, partial(in_thread, int, "3"))) == 3
+
+
+def test_a_suspended_caller_gets_its_value_after_it_was_woken_up() -> None:
+    log: list[Any] = []
+
+    async def caller() -> None:
+        log.append(await in_thread(int, "3"))
+        log.append(now())
+
+    async def suspends() -> None:
+        await checkpoint()
+        suspend(task("call"))
+        await sleep(2)
+        log.append("still held")
+        wake_up(task("call"))
+
+    go(partial(par, partial(tag, "call", caller), suspends))
+    assert log == ["still held", 3, 2.0]
+
+
+def test_more_calls_than_threads_are_all_made() -> None:
+    async def plan() -> Any:
+        return await par(*[partial(in_thread, abs, -number) for number in range(600)])
+
+    assert go(plan) == list(range(600))
+
+
+def test_the_trace_of_calls_is_the_same_in_every_run() -> None:
+    def text() -> str:
+        trace = Trace()
+        go(partial(par, *[partial(in_thread, abs, -number) for number in range(20)]), trace=trace)
+        return trace.text()
+
+    assert text() == text()
+    assert '"event": "called", "path": "par/par/in_thread#2", "call": 2, "function": "abs"' in text()
+
+
+def test_context_variables_are_seen_by_the_thread_and_not_changed_for_the_plan() -> None:
+    who: ContextVar[str] = ContextVar("who_thread", default="nobody")
+
+    def tell() -> str:
+        heard = who.get()
+        who.set("thread")
+        return heard
+
+    async def plan() -> Any:
+        who.set("plan")
+        return await in_thread(tell), who.get()
+
+    assert go(plan) == ("plan", "plan")
+
+
+def test_a_primitive_called_in_the_thread_says_that_no_plan_runs_there() -> None:
+    with pytest.raises(PlanStructureError, match="no plan is running here"):
+        go(partial(in_thread, task, "x"))
+
+
+def test_misuse_is_refused_with_the_right_code() -> None:
+    async def drives() -> None:
+        pass
+
+    async def called() -> None:
+        await in_thread(drives())  # type: ignore[arg-type]
+
+    with pytest.raises(TypeError, match=r"you called drives\(\): write await drives\(\)"):
+        go(called)
+    with pytest.raises(TypeError, match=r"drives is async; write await drives\(\)"):
+        go(partial(in_thread, drives))
+    with pytest.raises(TypeError, match=r"but lambda:\d+ is async"):
+        go(partial(in_thread, lambda: drives()))
+    with pytest.raises(TypeError, match="calls a function, not 7"):
+        go(partial(in_thread, 7))  # type: ignore[arg-type]
+
+
+def test_when_the_system_gives_no_more_threads_the_caller_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(self: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    async def plan() -> str:
+        monkeypatch.setattr(threading.Thread, "start", refuse)
+        with pytest.raises(RuntimeError, match="new thread"):
+            await in_thread(int)
+        monkeypatch.undo()
+        return "went on"
+
+    assert go(plan) == "went on"
+
+
+def test_a_call_in_flight_is_no_deadlock_and_when_it_is_gone_it_is() -> None:
+    door = Fluent(False, "door")
+
+    async def plan() -> None:
+        await in_thread(int)
+        await wait_for(door)
+
+    for host in (VirtualHost(), RealTimeHost(clock=lambda: 0.0)):
+        with pytest.raises(DeadlockError, match="waits for door"):
+            run(plan, host=host)
+
+
+# -- real time
+
+
+class Steered:
+    """A real-time host whose clock moves a step whenever the host sleeps; gates let calls return."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.events: list[tuple[float, Callable[[], object]]] = []
+        self.host = RealTimeHost(clock=lambda: self.now, sleep=self.sleep)
+
+    def sleep(self, seconds: float) -> None:
+        if self.events and self.events[0][0] <= self.now:
+            self.events.pop(0)[1]()
+        self.now += min(seconds, 1 / 240)
+
+
+def released(gate: threading.Event, thread: list[threading.Thread], host: RealTimeHost) -> Callable[[], None]:
+    """Let a call return and wait until its thread has handed in the result."""
+
+    def release() -> None:
+        gate.set()
+        thread[0].join(10)
+
+    return release
+
+
+def blocking(gate: threading.Event, thread: list[threading.Thread], value: object = "late") -> Callable[[], object]:
+    def call() -> object:
+        thread.append(threading.current_thread())
+        gate.wait(10)
+        return value
+
+    return call
+
+
+def test_in_real_time_the_plan_goes_on_while_a_call_is_in_flight(gate: threading.Event) -> None:
+    steered, thread = Steered(), []  # type: ignore[var-annotated]
+    log: list[Any] = []
+
+    async def caller() -> None:
+        log.append(await in_thread(blocking(gate, thread, "value")))
+        log.append(now())
+
+    async def other() -> None:
+        await sleep(1)
+        log.append("other")
+
+    steered.events.append((2.0, released(gate, thread, steered.host)))
+    run(partial(par, caller, other), host=steered.host)
+    assert log[:2] == ["other", "value"]
+    assert log[2] == pytest.approx(2.0, abs=0.02)
+
+
+def test_in_real_time_an_evaporated_caller_is_released_at_once_and_its_call_abandoned(gate: threading.Event) -> None:
+    steered, thread = Steered(), []  # type: ignore[var-annotated]
+
+    async def plan() -> float:
+        await pursue(partial(in_thread, blocking(gate, thread)), partial(sleep, 0.5))
+        return now()
+
+    assert run(plan, host=steered.host) == 0.5
+    assert thread[0].is_alive()
+    assert thread[0].daemon
+
+
+def test_in_real_time_a_late_result_goes_to_the_trace_only_and_wakes_no_later_wait(gate: threading.Event) -> None:
+    steered, thread = Steered(), []  # type: ignore[var-annotated]
+    told: list[float] = []
+
+    async def caller() -> None:
+        try:
+            await in_thread(blocking(gate, thread))
+        finally:
+            with shield():
+                before = now()
+                await sleep(2)
+                told.append(now() - before)
+
+    trace = Trace()
+    steered.events.append((1.0, released(gate, thread, steered.host)))
+    run(partial(pursue, caller, partial(sleep, 0.5)), host=steered.host, trace=trace)
+    assert told == [2.0]
+    (late,) = (event for event in trace.events if event["event"] == "returned")
+    assert (late["result"], late["late"]) == ("late", True)
+    assert 240 <= late["step"] < 250
+
+
+def test_a_result_that_comes_after_the_run_is_dropped_by_the_next_one(gate: threading.Event) -> None:
+    steered, thread = Steered(), []  # type: ignore[var-annotated]
+    trace = Trace()
+    run(partial(pursue, partial(in_thread, blocking(gate, thread)), partial(sleep, 0.5)), host=steered.host)
+    released(gate, thread, steered.host)()
+    run(partial(sleep, 1), host=steered.host, trace=trace)
+    assert not [event for event in trace.events if event["event"] == "returned"]
+
+
+def test_in_real_time_the_step_limit_abandons_calls_in_flight(gate: threading.Event) -> None:
+    steered, thread = Steered(), []  # type: ignore[var-annotated]
+    with pytest.raises(StepLimit, match="waits for the call of call in a thread"):
+        run(partial(in_thread, blocking(gate, thread)), host=steered.host, max_steps=100)
+
+
+def test_abandoned_calls_do_not_keep_later_ones_from_a_thread(
+    gate: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("planlang.kernel.threads.MOST_THREADS", 1)
+    steered, thread = Steered(), []  # type: ignore[var-annotated]
+
+    async def plan() -> Any:
+        blocked = partial(in_thread, blocking(gate, thread))
+        await pursue(blocked, blocked, partial(sleep, 0.5))
+        return await in_thread(int, "5")
+
+    assert run(plan, host=steered.host) == 5
+    assert len(thread) == 1
+
+
+def test_a_plan_failure_in_a_late_call_ends_nothing(gate: threading.Event) -> None:
+    steered, thread = Steered(), []  # type: ignore[var-annotated]
+
+    def fails() -> None:
+        blocking(gate, thread)()
+        raise PlanFailure("too late")
+
+    trace = Trace()
+    steered.events.append((1.0, released(gate, thread, steered.host)))
+
+    async def plan() -> None:
+        await pursue(partial(in_thread, fails), partial(sleep, 0.5))
+        await sleep(1)
+
+    run(plan, host=steered.host, trace=trace)
+    (late,) = (event for event in trace.events if event["event"] == "returned")
+    assert late["failure"]["message"] == "too late"
+
+
+def test_a_call_that_returns_together_with_the_evaporation_of_its_caller_is_late(gate: threading.Event) -> None:
+    steered, thread = Steered(), []  # type: ignore[var-annotated]
+    handles: list[Any] = []
+
+    def both() -> None:
+        steered.host.post(evaporate, handles[0])
+        released(gate, thread, steered.host)()
+
+    async def plan() -> None:
+        handles.append(task("call"))
+        with pytest.raises(BranchEvaporated):
+            await tag("call", partial(in_thread, blocking(gate, thread)))
+
+    trace = Trace()
+    steered.events.append((1.0, both))
+    run(plan, host=steered.host, trace=trace)
+    (late,) = (event for event in trace.events if event["event"] == "returned")
+    assert late["late"] is True
+
+
+def test_ctrl_c_during_a_call_in_simulation_evaporates_the_others_and_releases_the_caller_later() -> None:
+    log: list[str] = []
+    evaporated = threading.Event()
+
+    def call() -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        evaporated.wait(10)
+        log.append("call returned")
+
+    async def caller() -> None:
+        try:
+            await in_thread(call)
+        finally:
+            log.append("caller released")
+
+    async def other() -> None:
+        try:
+            await sleep(10)
+        finally:
+            log.append("other evaporated")
+            evaporated.set()
+
+    with pytest.raises(KeyboardInterrupt):
+        go(partial(par, other, caller))
+    assert log == ["other evaporated", "call returned", "caller released"]
+
+
+def test_ctrl_c_while_tasks_run_is_heeded_before_the_next_one_begins() -> None:
+    log: list[str] = []
+
+    async def presses() -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+
+    async def never_begins() -> None:
+        log.append("begun")
+
+    with pytest.raises(KeyboardInterrupt):
+        go(partial(par, presses, never_begins))
+    assert log == []

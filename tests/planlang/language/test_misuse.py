@@ -1,0 +1,396 @@
+"""Misuse: each error shows the wrong and the right code."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import gc
+import subprocess
+import sys
+import threading
+import warnings
+from functools import partial
+from typing import Any
+
+import pytest
+
+import planlang
+from planlang import (
+    PlanFailure,
+    PlanStructureError,
+    Policy,
+    Recovery,
+    VirtualHost,
+    action,
+    checkpoint,
+    monitor,
+    now,
+    par,
+    par_each,
+    partial_order,
+    perform,
+    plan,
+    pursue,
+    race,
+    run,
+    seq,
+    sleep,
+    tag,
+    timeout,
+    try_all,
+    try_in_order,
+    unwind_protect,
+    wait_for,
+    with_failure_handling,
+)
+from planlang.failures import GraspMissed
+from planlang.kernel.errors import contrast
+
+
+def go(body: Any, **options: Any) -> Any:
+    return run(body, host=VirtualHost(), **options)
+
+
+async def reach() -> str:
+    await sleep(1)
+    return "reached"
+
+
+@plan
+async def serve(*, cup: str = "a") -> None:
+    await sleep(1)
+
+
+def shows(wrong: str, right: str) -> str:
+    """A pattern for the two lines of an error."""
+    import re
+
+    return f"(.|\n)*wrong: {re.escape(wrong)}\n  right: {re.escape(right)}"
+
+
+def test_an_error_shows_wrong_and_right_code_on_lines_of_their_own() -> None:
+    assert contrast("no", "a()", "await a()") == "no\n  wrong: a()\n  right: await a()"
+
+
+# -- a forgotten await
+
+
+def test_a_forgotten_await_is_an_error_at_the_next_checkpoint_with_its_line() -> None:
+    times: list[float] = []
+
+    async def body() -> None:
+        await sleep(1)
+        sleep(5)  # the mistake
+        times.append(now())
+        await sleep(1)
+        times.append(now())
+
+    with pytest.raises(PlanStructureError, match=r"test_misuse\.py:\d+ calls sleep\(\) without await") as caught:
+        go(body)
+    assert "  wrong: sleep(5)  # the mistake\n  right: await sleep(5)  # the mistake" in str(caught.value)
+    assert times == [1.0]
+
+
+def test_a_forgotten_await_of_a_plan_function_is_named_by_the_plan() -> None:
+    async def body() -> None:
+        serve(cup="b")
+        await sleep(1)
+
+    with pytest.raises(PlanStructureError, match=shows('serve(cup="b")', 'await serve(cup="b")')):
+        go(body)
+
+
+def test_a_forgotten_await_of_a_name_in_a_module_is_shown_as_a_whole() -> None:
+    async def body() -> None:
+        planlang.par(reach, reach)
+        await sleep(1)
+
+    with pytest.raises(
+        PlanStructureError, match=shows("planlang.par(reach, reach)", "await planlang.par(reach, reach)")
+    ):
+        go(body)
+
+
+def test_a_forgotten_await_at_the_end_of_a_branch_is_an_error_too() -> None:
+    async def body() -> None:
+        await sleep(1)
+        sleep(1)
+
+    with pytest.raises(PlanStructureError, match=shows("sleep(1)", "await sleep(1)")):
+        go(partial(par, body, partial(sleep, 9)))
+
+
+def test_a_forgotten_await_before_a_failure_beats_the_failure() -> None:
+    async def body() -> None:
+        reach()
+        raise GraspMissed
+
+    with pytest.raises(PlanStructureError, match="reach"):
+        go(partial(try_all, body, partial(sleep, 9)))
+
+
+def test_a_forgotten_await_in_a_branch_evaporates_the_others() -> None:
+    log: list[str] = []
+
+    async def forgets() -> None:
+        await sleep(1)
+        reach()
+        await checkpoint()
+        log.append("went on")
+
+    async def other() -> None:
+        try:
+            await sleep(9)
+        finally:
+            log.append(f"stopped {now():g}")
+
+    with pytest.raises(PlanStructureError):
+        go(partial(par, forgets, other))
+    assert log == ["stopped 1"]
+
+
+def test_every_checkpoint_raises_what_was_forgotten_before_it() -> None:
+    fluent = planlang.Fluent(True)
+    for waits in (checkpoint, partial(sleep, 0), partial(wait_for, fluent), partial(par, reach), partial(seq)):
+
+        async def body(waits: Any = waits) -> None:
+            reach()
+            await waits()
+            raise AssertionError
+
+        with pytest.raises(PlanStructureError, match=r"without await"):
+            go(body)
+
+
+def test_a_forgotten_await_of_an_evaporated_task_is_left_to_python() -> None:
+    async def body() -> None:
+        try:
+            await sleep(9)
+        finally:
+            reach()
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        go(partial(pursue, body, partial(sleep, 1)))
+    assert [str(one.message) for one in caught] == ["coroutine 'reach' was never awaited"]
+
+
+def test_outside_of_plans_python_warns_as_ever() -> None:
+    go(reach)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        reach()
+        gc.collect()
+    assert [str(one.message) for one in caught] == ["coroutine 'reach' was never awaited"]
+
+
+def test_a_coroutine_that_is_closed_is_not_forgotten() -> None:
+    async def body() -> str:
+        reach().close()
+        await sleep(1)
+        return "done"
+
+    assert go(body) == "done"
+
+
+def test_a_coroutine_kept_and_awaited_later_is_not_forgotten() -> None:
+    async def body() -> str:
+        later = reach()
+        await sleep(1)
+        return await later
+
+    assert go(body) == "reached"
+
+
+def test_a_coroutine_in_a_reference_cycle_is_not_blamed_on_who_runs_when_it_is_collected() -> None:
+    class Cycle:
+        def __init__(self) -> None:
+            self.me = self
+            self.coroutine = reach()
+
+    async def body() -> str:
+        Cycle()
+        gc.collect()  # reach( is not made here
+        await sleep(1)
+        return "done"
+
+    with warnings.catch_warnings(record=True):
+        warnings.simplefilter("always")
+        assert go(body) == "done"
+
+
+def test_without_source_the_name_alone_tells() -> None:
+    space: dict[str, Any] = {"sleep": sleep}
+    exec("async def body():\n    sleep(3)\n    await sleep(1)\n", space)
+    with pytest.raises(PlanStructureError, match=shows("sleep(...)", "await sleep(...)")):
+        go(space["body"])
+
+
+def test_returning_a_call_instead_of_its_result_is_an_error() -> None:
+    async def body() -> Any:
+        return reach()
+
+    with pytest.raises(PlanStructureError, match=shows("return reach(...)", "return await reach(...)")):
+        go(partial(par, body))
+
+
+def test_a_forgotten_await_prints_nothing_and_leaves_nothing_unclosed() -> None:
+    code = (
+        "from planlang import *\n"
+        "async def body():\n    sleep(1)\n    await sleep(1)\n"
+        "try:\n    run(body, host=VirtualHost())\nexcept PlanStructureError as error:\n    print(type(error))\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert (ended.stdout, ended.stderr) == ("<class 'planlang.kernel.errors.PlanStructureError'>\n", "")
+
+
+# -- a called coroutine where a callable is meant
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("par", lambda: par(reach, reach())),
+        ("seq", lambda: seq(reach())),
+        ("pursue", lambda: pursue(reach())),
+        ("race", lambda: race(only=reach())),
+        ("try_all", lambda: try_all(reach())),
+        ("try_in_order", lambda: try_in_order(reach())),
+        ("par_each", lambda: par_each([1], reach())),
+        ("partial_order", lambda: partial_order({"a": reach()}, [])),
+        ("timeout", lambda: timeout(1, reach())),
+        ("tag", lambda: tag("a", reach())),
+        ("unwind_protect", lambda: unwind_protect(reach, reach())),
+        ("with_failure_handling", lambda: with_failure_handling(reach())),
+    ],
+)
+def test_a_called_coroutine_is_refused_and_closed(name: str, call: Any) -> None:
+    with pytest.raises(TypeError) as caught:
+        go(call)
+    assert str(caught.value) == (
+        f"you called reach(); pass reach or partial(reach, ...) to {name}\n"
+        f"  wrong: await {name}(reach())\n"
+        f"  right: await {name}(reach)    or    await {name}(partial(reach, ...))"
+    )
+
+
+def test_a_called_plan_is_named_by_the_plan() -> None:
+    with pytest.raises(TypeError, match=r"you called serve\(\); pass serve or partial\(serve, \.\.\.\) to par"):
+        go(lambda: par(serve(cup="b")))
+
+
+def test_a_called_coroutine_given_to_run_is_refused() -> None:
+    with pytest.raises(TypeError, match=r"you called reach\(\); pass reach"):
+        go(reach())
+
+
+def test_a_result_where_a_branch_is_meant_is_refused_with_the_right_form() -> None:
+    async def body() -> None:
+        await par(await reach())  # type: ignore[arg-type]
+
+    with pytest.raises(
+        TypeError, match=r"par takes branches.*not 'reached'" + shows("await par(await reach(cup))", "")
+    ):
+        go(body)
+
+
+def test_called_coroutines_in_policies_and_recoveries_are_refused() -> None:
+    with pytest.raises(TypeError, match=r"you called reach\(\).* to policy 'a'"):
+        Policy("a", None, reach())  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"you called reach\(\).* to Recovery"):
+        Recovery(PlanFailure, reach())  # type: ignore[arg-type]
+
+
+def test_a_plain_function_as_branch_is_refused_with_the_right_form() -> None:
+    def plain() -> int:
+        return 3
+
+    with pytest.raises(TypeError, match=r"plain returned int" + shows("def plain(): ...", "async def plain(): ...")):
+        go(partial(par, plain))
+
+
+@pytest.mark.parametrize("construct", [par, seq, pursue, race, try_all, try_in_order])
+@pytest.mark.parametrize("word", ["name", "limit"])
+def test_reserved_words_do_not_name_branches(construct: Any, word: str) -> None:
+    with pytest.raises(TypeError, match=f"'{word}' is reserved(.|\n)*wrong(.|\n)*right: .*the_{word}=reach"):
+        go(partial(construct, **{word: reach}))
+
+
+# -- a construct outside a plan
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        partial(par, reach),
+        partial(sleep, 1),
+        partial(wait_for, planlang.Fluent(False)),
+        partial(timeout, 1, reach),
+        partial(seq, reach),
+        partial(with_failure_handling, reach),
+        serve,
+        partial(perform, action("Reaching")),
+        checkpoint,
+    ],
+)
+def test_a_construct_outside_a_plan_says_how_to_run_one(call: Any) -> None:
+    with pytest.raises(PlanStructureError) as caught:
+        asyncio.run(call())
+    assert "wrong: " in str(caught.value)
+    assert "run(" in str(caught.value).splitlines()[-1]
+
+
+def test_a_construct_in_a_thread_of_its_own_is_outside_the_plan() -> None:
+    caught: list[BaseException] = []
+
+    def thread() -> None:
+        try:
+            planlang.rng()
+        except PlanStructureError as error:
+            caught.append(error)
+
+    async def body() -> None:
+        one = threading.Thread(target=thread)
+        one.start()
+        one.join()
+
+    go(body)
+    assert "in its thread" in str(caught[0])
+
+
+# -- a foreign awaitable
+
+
+def test_asyncios_sleep_zero_is_refused_at_its_line_with_the_right_form() -> None:
+    async def body() -> None:
+        await asyncio.sleep(0)
+
+    with pytest.raises(TypeError, match=r"another event loop" + shows("await asyncio.sleep(1)", "await sleep(1)")):
+        go(body)
+
+
+def test_what_needs_asyncios_loop_fails_with_a_note_about_plans() -> None:
+    async def body() -> None:
+        await asyncio.sleep(1)
+
+    with pytest.raises(RuntimeError) as caught:
+        go(partial(par, body))
+    assert any("right: await sleep(1)" in note for note in caught.value.__notes__)
+
+
+def test_a_future_of_another_loop_is_refused_at_its_line() -> None:
+    loop = asyncio.new_event_loop()
+
+    async def body() -> None:
+        await loop.create_future()
+
+    try:
+        with pytest.raises(TypeError, match=r"test_misuse\.py:\d+ awaits \S*Future"):
+            go(body)
+    finally:
+        loop.close()
+
+
+def test_monitoring_what_is_no_request_is_refused() -> None:
+    with pytest.raises(TypeError, match="monitor takes a request"):
+        go(functools.partial(monitor, "x"))

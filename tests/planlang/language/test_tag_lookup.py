@@ -1,0 +1,234 @@
+"""task(name): which task a name stands for, before and after it has run, in nested plans; what handles tell."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import pytest
+
+from planlang import (
+    Handle,
+    PlanStructureError,
+    Status,
+    VirtualHost,
+    evaporate,
+    join,
+    now,
+    on_suspension,
+    par,
+    plan,
+    run,
+    sleep,
+    suspend,
+    tag,
+    task,
+    task_suspended,
+    try_all,
+    wake_up,
+)
+from planlang.failures import BranchEvaporated
+
+
+def go(body: Any, **options: Any) -> Any:
+    return run(body, host=VirtualHost(), **options)
+
+
+def test_a_name_asked_for_in_an_inner_plan_before_it_has_run_stands_for_the_outer_plans_task() -> None:
+    @plan
+    async def watcher() -> float:
+        handle = task("drive")
+        assert (handle.path, handle.status.value) == (None, Status.CREATED)
+        await join(handle)
+        assert handle.path == "body/par/later/drive"
+        return now()
+
+    async def later() -> None:
+        await sleep(1)
+        await tag("drive", partial(sleep, 2))
+
+    async def body() -> float:
+        return (await par(watcher, later))[0]
+
+    assert go(body) == 3
+
+
+def test_of_two_plans_that_tag_the_same_name_the_nearest_enclosing_one_is_meant() -> None:
+    seen: list[str | None] = []
+
+    @plan
+    async def inner() -> None:
+        async def look() -> None:
+            await sleep(0.1)
+            seen.append(task("same").path)
+
+        await par(partial(tag, "same", partial(sleep, 1)), look)
+
+    async def body() -> None:
+        await par(partial(tag, "same", partial(sleep, 1)), inner)
+        seen.append(task("same").path)
+
+    go(body)
+    assert seen == ["body/par/inner/par/tag/same", "body/par/tag/same"]
+
+
+def test_a_handle_bound_to_an_outer_task_is_rebound_by_the_inner_plans_own_tag() -> None:
+    @plan
+    async def inner() -> tuple[str | None, str | None]:
+        handle = task("same")
+        await sleep(1)
+        before = handle.path
+        await tag("same", partial(sleep, 0.1))
+        return before, handle.path
+
+    async def body() -> Any:
+        async def later() -> None:
+            await sleep(0.5)
+            await tag("same", partial(sleep, 5))
+
+        return (await par(inner, later))[0]
+
+    assert go(body) == ("body/par/later/same", "body/par/inner/same")
+
+
+def test_all_who_asked_see_the_status_of_the_task() -> None:
+    @plan
+    async def watcher() -> float:
+        await join(task("drive"))
+        return now()
+
+    async def body() -> Any:
+        async def later() -> None:
+            await sleep(1)
+            await tag("drive", partial(sleep, 1))
+
+        own = task("drive")
+        return [*(await par(watcher, watcher, later, lambda: join(own)))[:2], own.status.value]
+
+    assert go(body) == [2, 2, Status.SUCCEEDED]
+
+
+def test_suspending_a_task_that_nobody_has_tagged_yet_holds_it_from_its_beginning() -> None:
+    @plan
+    async def controller() -> None:
+        handle = task("drive")
+        suspend(handle)
+        await sleep(3)
+        wake_up(handle)
+
+    async def body() -> float:
+        async def later() -> None:
+            await sleep(1)
+            await tag("drive", partial(sleep, 0))
+
+        await par(controller, later)
+        return now()
+
+    assert go(body) == 3
+
+
+def test_a_task_evaporated_before_it_is_tagged_never_begins() -> None:
+    begun: list[str] = []
+
+    async def drive() -> None:
+        begun.append("drive")
+
+    async def body() -> Status:
+        handle = task("drive")
+        assert evaporate(handle)
+        assert not evaporate(handle)
+        assert not suspend(handle)
+        with pytest.raises(BranchEvaporated):
+            await tag("drive", drive)
+        return handle.status.value
+
+    assert go(body) is Status.EVAPORATED
+    assert begun == []
+
+
+def test_what_an_ended_plan_asked_for_is_forgotten() -> None:
+    @plan
+    async def asks() -> Handle:
+        return task("later")
+
+    async def body() -> str | None:
+        handle = await asks()
+        await tag("later", partial(sleep, 0))
+        return handle.path
+
+    assert go(body) is None
+
+
+def test_join_raises_the_programming_error_of_the_task() -> None:
+    async def broken() -> None:
+        await sleep(1)
+        raise KeyError("broken")
+
+    seen: list[str] = []
+
+    async def body() -> None:
+        async def joins() -> None:
+            try:
+                await join(task("broken"))
+            except KeyError:
+                seen.append("key error")
+                raise
+
+        await par(partial(tag, "broken", broken), joins)
+
+    with pytest.raises(KeyError, match="broken"):
+        go(body)
+
+
+def test_task_suspended_wakes_only_what_it_has_suspended() -> None:
+    async def body() -> float:
+        handle = task("worker")
+
+        async def worker() -> None:
+            for _ in range(2):
+                await try_all(partial(tag, "worker", partial(sleep, 1)), partial(sleep, 5))
+
+        async def control() -> None:
+            await sleep(0.5)
+            async with task_suspended(handle):
+                await sleep(1)
+                evaporate(handle)
+            await sleep(6)
+
+        await par(worker, control)
+        return now()
+
+    assert go(body) == 7.5
+
+
+def test_two_live_tags_of_one_name_are_refused_with_the_right_form() -> None:
+    async def body() -> None:
+        await par(partial(tag, "same", partial(sleep, 1)), partial(tag, "same", partial(sleep, 1)))
+
+    with pytest.raises(PlanStructureError, match=r"tagged 'same'(.|\n)*wrong(.|\n)*right.*same 2"):
+        go(body)
+
+
+def test_a_tag_is_named_by_a_string() -> None:
+    with pytest.raises(TypeError, match="named by a string"):
+        go(partial(tag, partial(sleep, 1), "name"))
+
+
+async def stop() -> None:
+    """Not a plain function."""
+
+
+@pytest.mark.parametrize("called", [False, True])
+def test_on_suspension_takes_a_plain_function(called: bool) -> None:
+    async def body() -> None:
+        wrong: Any = stop() if called else stop
+        async with on_suspension(wrong):
+            pass
+
+    with pytest.raises(TypeError, match=r"plain function(.|\n)*wrong(.|\n)*right"):
+        go(body)
+
+
+def test_a_task_is_asked_for_in_a_plan_only() -> None:
+    with pytest.raises(PlanStructureError, match="no plan is running"):
+        task("drive")

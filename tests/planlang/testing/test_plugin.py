@@ -1,0 +1,136 @@
+"""The pytest plugin: installed is enough; fixtures, readable failures, task trees."""
+
+from __future__ import annotations
+
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+
+PLAN = """
+    from functools import partial
+    from planlang import *
+    from planlang.failures import GraspMissed
+
+    async def serve():
+        close = partial(perform, action("ClosingAGripper"), name="CloseGripper")
+        await with_failure_handling(close, Recovery(GraspMissed, attempts=2))
+        await par(look=partial(sleep, 1), listen=partial(sleep, 2))
+        return "served"
+"""
+
+
+def test_installing_planlang_is_enough(pytester: pytest.Pytester) -> None:
+    (found,) = [point for point in entry_points(group="pytest11") if point.name == "planlang"]
+    assert found.value == "planlang.testing.plugin"
+    pytester.makepyfile(PLAN + "    def test_it(plan):\n        assert plan(serve).value == 'served'\n")
+    result = pytester.runpytest_subprocess("-W", "error", "-p", "no:cacheprovider")
+    result.assert_outcomes(passed=1)
+    assert result.ret == 0
+
+
+def test_fixtures_give_a_runner_and_its_script(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(
+        PLAN
+        + """
+    def test_script(plan, script):
+        script.on("CloseGripper", fails=GraspMissed, times=1)
+        run = plan(serve, seed=3)
+        assert run.attempts("CloseGripper") == 2
+        assert run.events[0]["seed"] == 3
+
+    def test_the_script_of_another_test_is_gone(plan):
+        assert plan(serve).attempts("CloseGripper") == 1
+
+    def test_another_script(plan):
+        from planlang.testing import Script
+        assert plan(serve, script=Script(takes=5)).seconds == 7
+"""
+    )
+    pytester.runpytest_inprocess().assert_outcomes(passed=3)
+
+
+FAILING = (
+    PLAN
+    + """
+    def test_count(plan, script):
+        script.on("CloseGripper", fails=GraspMissed, times=1)
+        assert plan(serve).attempts("CloseGripper") == 3
+
+    def test_order(plan):
+        assert plan(serve).happened_before("look", "CloseGripper")
+
+    def test_failure(plan, script):
+        script.on("CloseGripper", fails=GraspMissed)
+        assert plan(serve).value == "served"
+"""
+)
+
+
+def test_a_wrong_number_of_attempts_says_how_each_went(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(FAILING)
+    result = pytester.runpytest_inprocess("-k", "count")
+    result.stdout.fnmatch_lines(
+        [
+            "*assert CloseGripper began 2 times: 2 == 3",
+            "*CloseGripper, attempt 1: 0 to 1 s, failed with GraspMissed: the gripper closed on nothing",
+            "*CloseGripper, attempt 2: 1 to 2 s, succeeded",
+        ]
+    )
+    assert "plan trace" not in result.stdout.str()
+
+
+def test_a_wrong_answer_says_why(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(FAILING)
+    result = pytester.runpytest_inprocess("-k", "order")
+    result.stdout.fnmatch_lines(["*assert <no: look (1 to 2 s, succeeded); CloseGripper (0 to 1 s, succeeded)>"])
+
+
+def test_plan_trace_shows_the_task_tree_of_a_failing_test(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(FAILING)
+    result = pytester.runpytest_inprocess("--plan-trace", "-k", "failure")
+    result.stdout.fnmatch_lines(
+        [
+            "*plan trace*",
+            "<run of serve: raised GraspMissed after 3 s>",
+            "serve: 0 to 3 s, failed",
+            "  with_failure_handling: 0 to 3 s, failed",
+            "    CloseGripper, ClosingAGripper(): 0 to 1 s, failed with GraspMissed: *",
+            "    CloseGripper#2, ClosingAGripper(): 1 to 2 s, failed with GraspMissed: *",
+        ]
+    )
+
+
+def test_plan_trace_shows_only_the_runs_of_the_failing_test(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(
+        PLAN
+        + """
+    def test_good(plan):
+        assert plan(serve).value == "served"
+
+    def test_two_runs(plan, script):
+        plan(serve)
+        script.on("CloseGripper", fails=GraspMissed)
+        assert plan(serve).failure is None
+
+    def test_without_a_plan():
+        assert 1 == 2
+
+    def test_a_programming_error(plan):
+        async def wrong():
+            await sleep(1)
+            return 1 / 0
+        plan(wrong)
+"""
+    )
+    result = pytester.runpytest_inprocess("--plan-trace")
+    result.assert_outcomes(passed=1, failed=3)
+    result.stdout.fnmatch_lines(["*plan trace 1 of 2*", "*plan trace 2 of 2*", "<run of wrong: raised ZeroDivision*"])
+    assert result.stdout.str().count("plan trace") == 3
+
+
+def test_the_example_of_the_documentation_is_the_file_that_runs_and_short() -> None:
+    checkout = Path(__file__).resolve().parents[3]
+    example = (checkout / "tests" / "examples" / "test_serving.py").read_text(encoding="utf-8")
+    assert f"```python\n{example}```" in (checkout / "docs" / "testing.md").read_text(encoding="utf-8")
+    assert len(example.splitlines()) < 60
