@@ -70,9 +70,7 @@ async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable
                 await _part("init", policy.init, policy)
                 begun.append(policy)
             node.result = await _run(policies, body)
-        except GeneratorExit:
-            raise
-        except BaseException as raised:
+        except (Exception, Evaporated, KeyboardInterrupt, SystemExit) as raised:
             error = raised
         await _clean_up(begun, error)
     return node.result  # type: ignore[no-any-return]

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planlang import Fluent, VirtualHost, now, par, run, sleep, wait_for
+from planlang import Fluent, VirtualHost, achieve, now, par, run, sleep, wait_for
 
 BINARY: list[Callable[[Any, Any], Any]] = [
     operator.add,
@@ -171,3 +172,51 @@ def test_changed_is_true_for_another_value_and_again_false_when_it_is_back() -> 
 def test_the_timeout_of_a_wait_is_a_duration(seconds: float) -> None:
     with pytest.raises(ValueError, match="a duration"):
         go(partial(wait_for, Fluent(False), seconds))
+
+
+def test_an_expression_as_goal_is_read_anew_from_the_world() -> None:
+    height = [1.0]
+    fluent = Fluent(read=lambda: height[0], name="height")
+
+    async def body() -> float:
+        assert not (fluent > 2).value
+
+        async def rise() -> None:
+            height[0] = 3.0
+
+        await achieve(fluent > 2, rise)
+        return fluent.value
+
+    assert go(body) == 1.0  # sampled once in the step
+    assert fluent.value == 3.0
+
+
+def test_signals_say_what_they_are() -> None:
+    fluent = Fluent(1, "count")
+    assert [str(fluent.changed()), str(fluent.pulsed()), repr(fluent + 1)] == [
+        "a change of count",
+        "a pulse of count",
+        "<(count + 1)>",
+    ]
+
+
+def test_a_change_of_an_expression_can_be_waited_for() -> None:
+    fluent = Fluent(1)
+
+    async def body() -> float:
+        changed = (fluent + 1).changed()
+
+        async def change() -> None:
+            await sleep(1)
+            fluent.set(2)
+
+        await par(partial(wait_for, changed), change)
+        return now()
+
+    assert go(body) == 1
+
+
+def test_values_that_cannot_be_compared_as_a_whole_count_as_changed() -> None:
+    fluent = Fluent(np.zeros(2))
+    fluent.set(np.zeros(2))
+    assert fluent.changes == 1

@@ -244,6 +244,47 @@ def test_a_forgotten_await_prints_nothing_and_leaves_nothing_unclosed() -> None:
     assert (ended.stdout, ended.stderr) == ("<class 'planlang.kernel.errors.PlanStructureError'>\n", "")
 
 
+def test_a_coroutine_dropped_elsewhere_than_where_it_was_made_is_left_to_python() -> None:
+    async def body() -> str:
+        kept = [reach()]
+        kept.clear()
+        await sleep(1)
+        return "done"
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert go(body) == "done"
+    assert len(caught) == 1
+
+
+def test_results_that_are_coroutines_are_left_to_python_where_the_language_drops_them() -> None:
+    async def returns() -> Any:
+        return reach()
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        with pytest.raises(GraspMissed):
+            go(partial(seq, returns, fails))
+        gc.collect()
+    assert len(caught) == 1
+
+
+async def fails() -> None:
+    raise GraspMissed
+
+
+def test_without_the_interpreters_hook_nothing_is_watched(monkeypatch: pytest.MonkeyPatch) -> None:
+    from planlang.kernel import forgotten
+
+    monkeypatch.setattr(forgotten._Watch, "warn", None)
+    monkeypatch.delattr(warnings, "_warn_unawaited_coroutine")
+    forgotten.watch()
+    assert not hasattr(warnings, "_warn_unawaited_coroutine")
+    coroutine = reach()
+    forgotten._dropped(coroutine)
+    coroutine.close()
+
+
 # -- a called coroutine where a callable is meant
 
 

@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 
 from planlang import (
     CleanupOverrun,
+    DeadlockError,
     Fluent,
     PlanFailure,
     PlanStructureError,
     Policy,
+    StepLimit,
     Trace,
     VirtualHost,
     now,
@@ -27,6 +29,7 @@ from planlang import (
     task,
     task_suspended,
     unwind_protect,
+    wait_for,
     with_policies,
 )
 from planlang.failures import GraspMissed, GraspSlipped, ObjectNotFound, PolicyViolated
@@ -415,3 +418,14 @@ def test_random_policies_keep_the_order_of_their_parts(
         assert outcome == f"PolicyViolated p{checks.index(first)}"
     else:
         assert outcome == ("GraspMissed" if fails else "done")
+
+
+def test_a_drained_clean_up_ends_the_run_without_the_waits_of_the_others() -> None:
+    policies = [full([], "a"), Policy("b", clean_up=partial(sleep, 5))]
+    with pytest.raises(StepLimit):
+        go(partial(with_policies, policies, notes([], "body")), max_steps=240)
+
+
+def test_a_deadlock_under_policies_names_them() -> None:
+    with pytest.raises(DeadlockError, match="waits for a violation of policy 'a'"):
+        go(partial(with_policies, [Policy("a", Fluent(False))], partial(wait_for, Fluent(False))))

@@ -232,3 +232,18 @@ def test_on_suspension_takes_a_plain_function(called: bool) -> None:
 def test_a_task_is_asked_for_in_a_plan_only() -> None:
     with pytest.raises(PlanStructureError, match="no plan is running"):
         task("drive")
+
+
+def test_a_handle_and_a_plan_tell_what_they_are() -> None:
+    @plan
+    async def named() -> None: ...
+
+    async def body() -> list[str]:
+        handle = task("drive")
+        before = repr(handle)
+        assert handle.children == ()
+        assert not wake_up(handle)
+        await tag("drive", partial(sleep, 0))
+        return [before, repr(handle), repr(named)]
+
+    assert go(body) == ["<task drive, created>", "<task body/drive, succeeded>", "<plan named>"]

@@ -120,6 +120,10 @@ def test_a_task_that_never_began_has_no_start() -> None:
 
     node = tree_of(body).nodes["body/never"]
     assert (node.status, node.start, node.end) == ("evaporated", None, 0)
+    trace = Trace()
+    run(partial(pursue, partial(sleep, 0)), host=VirtualHost(), trace=trace)
+    trace.write(0, "ended", kind="branch", path="pursue/late", status="evaporated")
+    assert "late\\nevaporated, never begun" in TaskTree.of(trace.events).dot()
 
 
 def test_json_lines_have_one_object_per_node_parents_first_with_keys_in_a_fixed_order() -> None:
