@@ -49,7 +49,7 @@ class Belief:
         self.tell: Callable[[str, Mapping[str, Any]], None] = _ignore
         """Where changes are written: event, details."""
         self._poses: dict[str, Pose] = {name: world.pose(name) for name in world.names()}
-        self._with: dict[str, str] = {}
+        self._taken: set[str] = set()
         """Things that a person has taken."""
         self._seen: dict[str, int] = {}
         self._moves = 0
@@ -140,6 +140,7 @@ class Belief:
 
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
         """A hand holds a thing from now on."""
+        self._taken.discard(name)
         self.held[name] = Grip(arm, link, offset, self._poses[name])
         self._changed("grasped", name=name, arm=arm)
 
@@ -148,7 +149,7 @@ class Belief:
         self.held.pop(name, None)
         self._poses[name] = pose
         if to is not None:
-            self._with[name] = to
+            self._taken.add(name)
         self._changed("released", name=name, pose=pose, to=to)
 
     def _put(self, name: str, pose: Pose, how: str) -> None:
@@ -170,15 +171,19 @@ class Belief:
             if name not in self.held or world.attached()[name] != self.held[name].link:
                 world.release(name)
         world.set_configuration(configuration)
+        there = set(world.names())
         for name, pose in self._poses.items():
+            if name in self._taken:
+                world.remove(name)
+                continue
+            if name not in there:
+                world.restore(name)
             if name in self.held:
                 grip = self.held[name]
                 at = world.link_pose(grip.link) @ grip.offset
                 if name not in world.attached():
                     world.set_pose(name, at)
                     world.attach(grip.link, name)
-            elif name in self._with:
-                world.remove(name)
             elif world.pose(name) != pose:
                 world.set_pose(name, pose)
 

@@ -162,3 +162,18 @@ def test_syncing_twice_is_the_same_as_once(belief: Belief, planning: PyBulletWor
     state = planning.state()
     belief.sync(planning, here)
     assert planning.state() == state
+
+
+def test_what_a_person_took_is_out_of_the_planning_world_until_it_is_grasped_again(
+    belief: Belief, planning: PyBulletWorld, robot: Robot
+) -> None:
+    arm, here = robot.arms[0], Configuration(HERE, {})
+    offset = Pose((0.05, 0.0, 0.0))
+    belief.grasped("bottle1", arm.name, arm.tip, offset)
+    belief.released("bottle1", belief.pose("bottle1"), to="somebody")
+    belief.sync(planning, here)
+    assert "bottle1" not in planning.names()
+    belief.grasped("bottle1", arm.name, arm.tip, offset)
+    belief.sync(planning, here)
+    assert planning.attached() == {"bottle1": arm.tip}
+    assert planning.pose("bottle1").distance(planning.link_pose(arm.tip) @ offset) < 1e-6
