@@ -65,7 +65,6 @@ def platform_of(
         belief,
         around,
         Resolver(around),
-        around.gaze,
         ancestors,
         releasing(ontology),
         np.random.default_rng(seed),

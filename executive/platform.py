@@ -13,7 +13,6 @@ from executive.capabilities import Gripper, Robot
 from executive.knowledge import Belief
 from executive.locations import ArmModel, Base, Block, ReachSolution, Resolver
 from executive.motion import (
-    Gaze,
     Grid,
     MotionError,
     NoPath,
@@ -27,15 +26,12 @@ from executive.surroundings import BEYOND, BelievedSurroundings
 from planlang import Fluent, checkpoint, wait_for
 from planlang.designators import Location, Object
 from planlang.failures import ActionUnresolvable, LookingGoalUnreachable
-from planlang.protocols import Array, Motion, Pose, Trajectory
-from sim import PyBulletWorld
+from planlang.protocols import Array, Motion, Pose, Trajectory, World
 
 STEPS = (1.0, 0.5, 0.25)
 """A path whose every sample is not free is planned anew with checks this much closer to each other."""
 CARRYING = "carrying"
 """The posture in which the robot drives, and from which another place can be tried."""
-
-
 BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
 """Distances at which room for the carrying posture is looked for [m]."""
 BACKWARDS = (math.pi, 0.75 * math.pi, -0.75 * math.pi, 0.5 * math.pi, -0.5 * math.pi)
@@ -44,14 +40,14 @@ BACKWARDS = (math.pi, 0.75 * math.pi, -0.75 * math.pi, 0.5 * math.pi, -0.5 * mat
 
 @dataclass(slots=True)
 class Platform:
-    """What all process modules share. ``world`` is the truth: commanded and sensed here, and looked into nowhere."""
+    """What all process modules share."""
 
-    world: PyBulletWorld
+    world: World
+    """The real one: commanded, and known only by what can be sensed of it. Planning is done in that of ``around``."""
     robot: Robot
     belief: Belief
     around: BelievedSurroundings
     resolver: Resolver
-    gaze: Gaze | None
     ancestors: Callable[[str], Sequence[str]]
     """Action class -> itself and its superclasses, nearest first; local names."""
     releasing: frozenset[str]
@@ -258,19 +254,19 @@ class Platform:
 
     async def look_at(self, point: Array, name: str) -> None:
         """Turn the neck so that a map point (3,) is in the picture; raises LookingGoalUnreachable."""
-        if self.gaze is None:
+        if self.around.gaze is None:
             await checkpoint()
             return
         inverse = np.linalg.inv(Pose.planar(*self.base()).matrix())
-        neck, beyond, _ = self.gaze.at((inverse @ np.append(point, 1.0))[:3])
+        neck, beyond, _ = self.around.gaze.at((inverse @ np.append(point, 1.0))[:3])
         if beyond > BEYOND:
             raise LookingGoalUnreachable(what=name)
-        if not self.gaze.joints:
+        if not self.around.gaze.joints:
             await checkpoint()
             return
         joints = self.world.configuration().joints
-        now = np.array([joints[joint] for joint in self.gaze.joints])
-        await self.follow("head", self._timed(self.gaze.joints, np.stack([now, neck])))
+        now = np.array([joints[joint] for joint in self.around.gaze.joints])
+        await self.follow("head", self._timed(self.around.gaze.joints, np.stack([now, neck])))
 
     def see(self) -> tuple[str, ...]:
         """Take a picture; everything recognised changes the belief. Names of what was seen."""

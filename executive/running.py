@@ -22,7 +22,7 @@ from executive.knowledge import Belief, SemanticMap, read_map, scene_of
 from executive.outputs import replace as write_complete
 from executive.plan_actions import judged, needs_of
 from executive.plan_files import bound_parameters, compiled_plan, import_plan, line_in, main_plan
-from executive.progress import HeedingWorld, ToldTrace, line_of, progress_lines
+from executive.progress import HeedingWorld, ToldTrace, progress_lines
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
 from planlang.diagnostics import Diagnostic
@@ -136,8 +136,7 @@ def _execute(
         from executive.report.shapes import drawn_in
 
         recording = Recording(truth.rate, drawn_in(truth, executive.platform.robot.urdf), title=plan.name)
-        film = recording
-        listeners.append(lambda record: film.event(record["step"], line_of(record) or "") if line_of(record) else None)
+        listeners.append(recording.listen)
         world = _Filmed(truth, recording)
     trace = ToldTrace.to(options.trace, header, tuple(listeners))
     code, outcome = DONE, "done"

@@ -6,7 +6,7 @@ Frames: ``map`` is right-handed with z up and the floor at z = 0. Lengths in met
 from __future__ import annotations
 
 import math
-from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -162,6 +162,9 @@ class World(Protocol):
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
         """What the camera sees, unoccluded and within its limits, in the order of the scene."""
 
+    def between_fingers(self, fingers: str | Collection[str]) -> str | None:
+        """The body that the fingers of a hand (its link, or the finger links) feel between them."""
+
     def attach(self, link: str, name: str) -> None:
         """Fix a body to a link of the robot."""
 
@@ -170,6 +173,12 @@ class World(Protocol):
 
     def attached(self) -> Mapping[str, str]:
         """Body -> link of the robot that holds it."""
+
+    def falling(self, name: str) -> bool:
+        """Whether a body that was let go is still on its way down."""
+
+    def taken(self, name: str) -> str | None:
+        """The person who pulls at a body or has it, None if nobody does."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,12 +50,6 @@ class Reading:
     diagnostics: tuple[Diagnostic, ...]
 
 
-def read_document(path: Path) -> Reading:
-    """Read one file without its imports; the kind is told by the content. Raises BadInput."""
-    content = read_bytes(path)
-    return _read(path, content)
-
-
 def read_bytes(path: Path) -> bytes:
     """The content of a file, bounded in size. Raises BadInput."""
     file = str(path)

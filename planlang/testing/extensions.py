@@ -122,14 +122,14 @@ def _all(before: Sequence[int]) -> Iterable[list[int]]:
         stack.extend((done | 1 << step, [*order, step]) for step in reversed(_ready(before, done)))
 
 
-def _drawn(before: Sequence[int], counts: dict[int, int] | None, random: Random) -> list[int]:
+def _drawn(before: Sequence[int], counts: dict[int, int] | None, rng: Random) -> list[int]:
     done, order = 0, list[int]()
     while len(order) < len(before):
         ready = _ready(before, done)
         if counts is None:
-            step = random.choice(ready)
+            step = rng.choice(ready)
         else:
-            pick = random.randrange(counts[done])
+            pick = rng.randrange(counts[done])
             for step in ready:
                 pick -= counts[done | 1 << step]
                 if pick < 0:

@@ -160,7 +160,6 @@ def _furnisher(
             belief=belief,
             around=around,
             resolver=Resolver(around),
-            gaze=limbs[1],
             ancestors=lambda cls: tuple(map(shorten, vocabulary.ancestors(expand(cls)))),
             releasing=RELEASING,
             rng=np.random.default_rng(0),
