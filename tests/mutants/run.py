@@ -45,7 +45,7 @@ SHORT = 4
 
 # what is broken, file below planlang/, a text that stands there once, what replaces it
 MUTANTS = [
-    ("the last in the run queue goes first", "kernel/scheduler.py", "queue.popleft()", "queue.pop()"),
+    ("the last in the run queue goes first", "kernel/rounds.py", "queue.popleft()", "queue.pop()"),
     ("the less deeply nested decide first", "kernel/scheduler.py", "(-group.depth, group", "(group.depth, group"),
     ("a wait that becomes true wakes nobody", "kernel/fluent.py", "self.scheduler.wake(task, value)", "pass"),
     ("an ended wait goes on listening", "kernel/fluent.py", "            source.unwatch(wait)", "            pass"),
@@ -61,7 +61,7 @@ MUTANTS = [
     ("a shield never ends", "kernel/evaporation.py", "self._task.shields -= 1", "pass"),
     ("a shield's timer goes on after it", "kernel/evaporation.py", "self._timer.drop()", "pass"),
     ("evaporation is delivered once only", "kernel/park.py", "    if task.doomed:\n        await deliver(task)\n    scheduler.wake(task)", "    scheduler.wake(task)"),
-    ("one that swallows evaporation has succeeded", "kernel/scheduler.py", "if task.thrown or task.generators", "if task.generators"),
+    ("one that swallows evaporation has succeeded", "kernel/turn.py", "if task.thrown or task.generators", "if task.generators"),
     ("the order of dying is the order of deciding", "kernel/scope.py", "dead.sort(key=_index)", "pass"),
     ("errors in branches are swallowed", "kernel/scope.py", "if task.crash is not None:", "if False:"),
     ("failures of cleanups are forgotten", "kernel/scope.py", "self.cleanup.append(task.cleanup_failure)", "pass"),
