@@ -29,7 +29,7 @@ from planlang.kernel.scheduler import Scheduler
 from planlang.kernel.scope import All, Scope, failure_of
 from planlang.kernel.task import Status, Task
 from planlang.kernel.threads import in_thread
-from planlang.kernel.trace import Trace
+from planlang.kernel.trace import Trace, with_paths
 
 __all__ = [
     "All",
@@ -65,4 +65,5 @@ __all__ = [
     "shield",
     "sleep",
     "wait_for",
+    "with_paths",
 ]

@@ -50,7 +50,7 @@ def record(event: str, **details: object) -> None:
     """Write an event of the running task into the trace."""
     scheduler, task = here()
     if scheduler.trace is not None:
-        scheduler.trace.write(scheduler.now, event, path=task.node.path, **details)
+        scheduler.trace.write(scheduler.now, event, task.node, **details)
 
 
 class inside:  # noqa: N801 - used like a function: with inside("plan", name)

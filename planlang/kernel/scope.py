@@ -30,6 +30,7 @@ class Scope(Node):
         if self.transparent:
             self.parent, self.kind, self._name, self._ordinal = self.owner.node, kind, kind, 1
             self._counts = self._path = None
+            self.number = 0
         else:
             Node.__init__(self, self.owner.node, kind, name or kind)
         self.depth = self.owner.depth + 1

@@ -101,6 +101,7 @@ class Task(Node):
         self._name = name
         self._counts = self._path = None
         self._ordinal = 1
+        self.number = 0
         if parent is not None:
             counts = parent._counts
             if counts is None:

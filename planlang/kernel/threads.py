@@ -33,7 +33,7 @@ class Call:
         self.task = task
         self.name = name
         self.number = number
-        self.path = task.node.path
+        self.node = task.node
         self.waiting = True
         self.started = False
         self.returned = False
@@ -75,7 +75,7 @@ class Call:
             outcome = {"result": self._value} if self._error is None else {"failure": self._error}
             late = {} if taken else {"late": True}
             scheduler.trace.write(
-                scheduler.now, "returned", path=self.path, call=self.number, function=self.name, **outcome, **late
+                scheduler.now, "returned", self.node, call=self.number, function=self.name, **outcome, **late
             )
         if not self.waiting:
             return
@@ -109,7 +109,7 @@ class Calls:
         call = Call(self._scheduler, task, function, name, self._numbers)
         trace = self._scheduler.trace
         if trace is not None:
-            trace.write(self._scheduler.now, "called", path=call.path, call=call.number, function=name)
+            trace.write(self._scheduler.now, "called", call.node, call=call.number, function=name)
         self._flying[call] = None
         self._queued.append(call)
         try:

@@ -6,7 +6,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from numbers import Integral, Real
@@ -18,16 +18,24 @@ from planlang.failures import CompositeFailure, PlanFailure
 from planlang.kernel.task import SUCCEEDED, Status
 from planlang.kernel.tree import Node
 
-SCHEMA = 1
+SCHEMA = 2
 LONGEST = 256
 """Sequences longer than this are told by their length."""
+DEEPEST = 20
+"""So are sequences, sets and mappings inside as many others."""
+LONGEST_TEXT = 1000
+"""Characters of a failure's message or place that are told."""
 
 
 class Trace:
     """Writes what happens, line by line, to a text file or a list.
 
-    Every record begins with ``step`` (plan time in world steps) and ``event``; the first one is the header. Without
-    ``out`` the records are kept in :attr:`events`. ``header`` is what the caller knows: versions, hashes, names.
+    Every record begins with ``step`` (plan time in world steps) and ``event``; the first one is the header. What
+    happens in a node of the tree has its number as ``node`` and its path element as ``name``; when a node starts or
+    ends, ``parent`` is the number of the node around it and ``kind`` what it is. Numbers count from 1, the root, in the
+    order in which nodes are told of; so a record is as long at any depth. :func:`with_paths` gives back the paths.
+
+    Without ``out`` the records are kept in :attr:`events`. ``header`` is what the caller knows: versions, hashes.
     """
 
     def __init__(
@@ -37,6 +45,7 @@ class Trace:
         self._file: TextIO | io.FileIO | None = None
         self._put: Callable[[str], object] | None = None
         self._header = dict(header or {})
+        self._nodes = 0
         if out is not None and not isinstance(out, list):
             self._file, self._put = out, _through(out)
 
@@ -53,11 +62,30 @@ class Trace:
 
     def begin(self, **known: object) -> None:
         """Write the header."""
+        self._nodes = 0
         self.write(0, "header", schema=SCHEMA, **known, **self._header)
 
-    def write(self, step: int, event: str, **details: object) -> None:
-        """Write one record; details are encoded now, in the order given."""
+    def take_over(self, records: Iterable[Mapping[str, Any]], nodes: int) -> None:
+        """Begin with the records of an earlier trace, in which ``nodes`` numbers were given."""
+        self._nodes = nodes
+        for record in records:
+            if self._put is None:
+                self.events.append(dict(record))
+            else:
+                self._put(_line(dict(record)))
+
+    def write(self, step: int, event: str, node: Node | None = None, /, **details: object) -> None:
+        """Write one record, of what happened in a node if it did in one; details are encoded now, in their order."""
         record: dict[str, Any] = {"step": step, "event": event}
+        if node is not None:
+            new = not node.number
+            if new:
+                self._nodes = node.number = self._nodes + 1
+            record["node"] = node.number
+            if new or event in _SPANS:
+                record["parent"] = None if node.parent is None else node.parent.number
+                record["kind"] = node.kind
+            record["name"] = node.name
         for key, value in details.items():
             record[key] = value if value.__class__ in _PLAIN else encode(value)
         if self._put is None:
@@ -67,12 +95,27 @@ class Trace:
 
     def started(self, step: int, node: Node, **details: object) -> None:
         """A node of the tree begins."""
-        if details:
-            self.write(step, "started", kind=node.kind, path=node.path, **details)
-        elif self._put is None:
-            self.events.append({"step": step, "event": "started", "kind": node.kind, "path": node.path})
+        parent = node.parent
+        if details or parent is None:
+            self.write(step, "started", node, **details)
+            return
+        self._nodes = number = node.number = self._nodes + 1
+        if self._put is None:
+            self.events.append(
+                {
+                    "step": step,
+                    "event": "started",
+                    "node": number,
+                    "parent": parent.number,
+                    "kind": node.kind,
+                    "name": node.name,
+                }
+            )
         else:  # the same bytes as write() gives, several times faster
-            self._put(f'{{"step": {step}, "event": "started", "kind": "{node.kind}", "path": {_quoted(node.path)}}}\n')
+            self._put(
+                f'{{"step": {step}, "event": "started", "node": {number}, "parent": {parent.number}, '
+                f'"kind": "{node.kind}", "name": {_quoted(node.name)}}}\n'
+            )
 
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
@@ -81,18 +124,31 @@ class Trace:
         word = outcome._value_
         if failure is not None:
             try:
-                self.write(step, "ended", kind=node.kind, path=node.path, status=word, failure=failure)
+                self.write(step, "ended", node, status=word, failure=failure)
                 return
             except RecursionError:  # too deep to tell why it ended, not to tell that it did
                 result = None
+        parent, number = node.parent, node.number
         if result is not None and outcome is SUCCEEDED:
-            self.write(step, "ended", kind=node.kind, path=node.path, status=word, result=result)
+            self.write(step, "ended", node, status=word, result=result)
+        elif parent is None or not number:
+            self.write(step, "ended", node, status=word)
         elif self._put is None:
-            self.events.append({"step": step, "event": "ended", "kind": node.kind, "path": node.path, "status": word})
+            self.events.append(
+                {
+                    "step": step,
+                    "event": "ended",
+                    "node": number,
+                    "parent": parent.number,
+                    "kind": node.kind,
+                    "name": node.name,
+                    "status": word,
+                }
+            )
         else:
             self._put(
-                f'{{"step": {step}, "event": "ended", "kind": "{node.kind}", "path": {_quoted(node.path)}, '
-                f'"status": "{word}"}}\n'
+                f'{{"step": {step}, "event": "ended", "node": {number}, "parent": {parent.number}, '
+                f'"kind": "{node.kind}", "name": {_quoted(node.name)}, "status": "{word}"}}\n'
             )
 
     def text(self) -> str:
@@ -116,6 +172,21 @@ class Trace:
         self.close()
 
 
+def with_paths(events: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+    """The records of a trace; what happened in a node gets the node's ``path``, names from the root joined by ``/``."""
+    paths: dict[int, str] = {}
+    for event in events:
+        number = event.get("node")
+        if number is None:
+            yield dict(event)
+            continue
+        if number not in paths:
+            around = paths.get(event["parent"])
+            paths[number] = event["name"] if around is None else f"{around}/{event['name']}"
+        yield {**event, "path": paths[number]}
+
+
+_SPANS = frozenset({"started", "ended"})
 _PLAIN = frozenset({str, int, bool, type(None)})
 _json = json.JSONEncoder(ensure_ascii=False).encode
 _quoted = json.encoder.encode_basestring
@@ -144,7 +215,7 @@ def _line(record: dict[str, Any]) -> str:
     return _json(record) + "\n"
 
 
-def encode(value: object) -> Any:
+def encode(value: object, depth: int = 0) -> Any:
     """A JSON value. Designators become their text, sets are sorted, unknown types their qualified name."""
     if value is None or isinstance(value, (bool, str)):
         return value
@@ -157,24 +228,29 @@ def encode(value: object) -> Any:
         return number if math.isfinite(number) else str(number)
     if isinstance(value, BaseException):
         return _encode_failure(value)
+    if isinstance(value, (Mapping, Set, Sequence)) and not isinstance(value, (bytes, bytearray, memoryview)):
+        return _encode_container(value, depth) if depth < DEEPEST else {"length": len(value)}
+    return _encode_object(value, depth)
+
+
+def _encode_container(value: Mapping[Any, Any] | Set[Any] | Sequence[Any], depth: int) -> Any:
+    deeper = depth + 1
     if isinstance(value, Mapping):
-        return {key if isinstance(key, str) else str(encode(key)): encode(item) for key, item in value.items()}
+        return {key if isinstance(key, str) else str(encode(key)): encode(item, deeper) for key, item in value.items()}
     if isinstance(value, Set):
-        return sorted((encode(item) for item in value), key=lambda item: json.dumps(item, sort_keys=True))
-    if isinstance(value, Sequence) and not isinstance(value, (bytes, bytearray, memoryview)):
-        return [encode(item) for item in value] if len(value) <= LONGEST else {"length": len(value)}
-    return _encode_object(value)
+        return sorted((encode(item, deeper) for item in value), key=lambda item: json.dumps(item, sort_keys=True))
+    return [encode(item, deeper) for item in value] if len(value) <= LONGEST else {"length": len(value)}
 
 
-def _encode_object(value: object) -> Any:
+def _encode_object(value: object, depth: int) -> Any:
     module = type(value).__module__
     if module == "planlang.designators":
         return str(value)
     if module == "planlang.protocols" and is_dataclass(value):
-        return {field.name: encode(getattr(value, field.name)) for field in fields(value)}
+        return {field.name: encode(getattr(value, field.name), depth + 1) for field in fields(value)}
     if module == "numpy":
         if getattr(value, "size", LONGEST + 1) <= LONGEST:
-            return encode(value.tolist())  # type: ignore[attr-defined]
+            return encode(value.tolist(), depth)  # type: ignore[attr-defined]
         return {"shape": list(value.shape)}  # type: ignore[attr-defined]
     if isinstance(value, type):
         return f"{value.__module__}.{value.__qualname__}"
@@ -189,19 +265,28 @@ def _encode_failure(error: BaseException) -> dict[str, Any]:
     links = list(error.chain()) if isinstance(error, PlanFailure) else [error]
     outer: dict[str, Any] | None = None
     for link in reversed(links):
-        record: dict[str, Any] = {"type": type(link).__name__, "message": str(link)}
+        record: dict[str, Any] = {"type": type(link).__name__, "message": _shortened(str(link))}
         if isinstance(link, PlanFailure):
             if link.where is not None:
-                record["where"] = str(link.where)
+                record["where"] = _shortened(str(link.where))
             if link.siblings:
-                record["siblings"] = {name: f"{type(other).__name__}: {other}" for name, other in link.siblings}
+                record["siblings"] = {name: _told(other) for name, other in link.siblings}
             if link.cleanup_failures:
-                record["cleanup"] = [f"{type(other).__name__}: {other}" for other in link.cleanup_failures]
+                record["cleanup"] = [_told(other) for other in link.cleanup_failures]
         if isinstance(link, CompositeFailure):
-            members = zip(link.names, link.failures, strict=True)
-            record["members"] = {name: f"{type(member).__name__}: {member}" for name, member in members}
+            record["members"] = {name: _told(one) for name, one in zip(link.names, link.failures, strict=True)}
         if outer is not None:
             record["cause"] = outer
         outer = record
     assert outer is not None
     return outer
+
+
+def _told(failure: BaseException) -> str:
+    return _shortened(f"{type(failure).__name__}: {failure}")
+
+
+def _shortened(text: str) -> str:
+    """The text; the middle of a long one is left out: a failure is told again by each node that it leaves."""
+    left_out = len(text) - LONGEST_TEXT
+    return text if left_out <= 0 else f"{text[: LONGEST_TEXT // 2]} ... {left_out} ... {text[-LONGEST_TEXT // 2 :]}"

@@ -11,7 +11,7 @@ from typing import Any
 class Node:
     """A place in the tree of a run. Its name is unique under its parent: later ones get ``#2``, ``#3``."""
 
-    __slots__ = ("_counts", "_name", "_ordinal", "_path", "kind", "parent")
+    __slots__ = ("_counts", "_name", "_ordinal", "_path", "kind", "number", "parent")
 
     def __init__(self, parent: Node | None, kind: str, name: str) -> None:
         self.parent = parent
@@ -19,6 +19,8 @@ class Node:
         self._name = name
         self._counts: dict[str, int] | None = None
         self._path: str | None = None
+        self.number = 0
+        """How the trace calls it; 0 before it is told of."""
         if parent is None:
             self._ordinal = 1
         else:

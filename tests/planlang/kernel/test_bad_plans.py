@@ -47,6 +47,7 @@ from planlang import (
     wait_for,
     whenever,
 )
+from planlang.kernel import with_paths
 from planlang.kernel.errors import CutShort
 from planlang.kernel.park import MAX_DELIVERIES
 
@@ -80,8 +81,8 @@ def go(plan: Any, host: Any = None, **options: Any) -> Any:
     try:
         return run(plan, host=host or VirtualHost(), trace=trace, **options)
     finally:
-        begun = [event["path"] for event in trace.events if event["event"] == "started"]
-        ended = [event["path"] for event in trace.events if event["event"] == "ended"]
+        begun = [event["path"] for event in with_paths(trace.events) if event["event"] == "started"]
+        ended = [event["path"] for event in with_paths(trace.events) if event["event"] == "ended"]
         assert set(begun) <= set(ended)
         assert len(ended) == len(set(ended))
 

@@ -47,7 +47,7 @@ from planlang import (
     with_failure_handling,
 )
 from planlang.failures import BranchEvaporated, CompositeFailure, Timeout
-from planlang.kernel import Trace
+from planlang.kernel import Trace, with_paths
 
 RATE = 240
 Moment = tuple[int, int, int]
@@ -437,7 +437,7 @@ def test_every_node_of_the_tree_starts_and_ends_once_within_its_parent(tree: Tre
         run(plan_of(tree), host=VirtualHost(RATE), schedule=schedule, trace=trace)
     open_nodes: dict[str, int] = {}
     seen: set[str] = set()
-    for event in trace.events:
+    for event in with_paths(trace.events):
         path = event.get("path")
         if event["event"] == "started":
             assert path not in seen, "started twice"
@@ -460,7 +460,7 @@ def test_written_order_is_the_order_of_beginning(tree: Tree) -> None:
     with suppress(PlanFailure, Bug):
         run(plan_of(tree), host=VirtualHost(RATE), trace=trace)
     begun: dict[str, int] = {}
-    for event in trace.events:
+    for event in with_paths(trace.events):
         if event["event"] == "started" and event["kind"] == "branch":
             parent, _, name = event["path"].rpartition("/")
             number = int(name.rpartition("#")[2]) if "#" in name else 1
