@@ -8,6 +8,7 @@ from typing import Any
 
 from planlang import Trace
 from planlang.kernel.hosts import Steps
+from planlang.kernel.past import Past
 from planlang.kernel.tree import Node
 
 Record = Mapping[str, Any]
@@ -22,10 +23,14 @@ class ToldTrace(Trace):
 
     @classmethod
     def to(
-        cls, path: Path | None, header: Mapping[str, object], listeners: tuple[Callable[[Record], None], ...]
+        cls,
+        path: Path | None,
+        header: Mapping[str, object],
+        listeners: tuple[Callable[[Record], None], ...],
+        past: Past | None = None,
     ) -> ToldTrace:
-        """A trace into a file, or kept in memory without ``path``."""
-        trace = cls(None, header) if path is None else cls.at(path, header)
+        """A trace into a file, or kept in memory without ``path``; ``past`` is what a resumed run takes over."""
+        trace = cls(None, header) if path is None else cls.at(path, header, past=past)
         trace.listeners = listeners
         return trace
 
@@ -81,6 +86,10 @@ def line_of(record: Record) -> str | None:
             return node.name
         case {"event": "recovery", "decision": decision} if decision != "none":
             return f"recovery: {decision}"
+        case {"event": "completed", "lost": lost}:
+            return f"cannot be resumed behind this step: {lost}"
+        case {"event": "resumed"}:
+            return "resumed"
         case {"event": "belief", "change": change, "name": name}:
             return f"  belief: {name} {change}"
     return None

@@ -79,7 +79,10 @@ def _decide(scheduler: Scheduler) -> bool:
 def _advance(scheduler: Scheduler, root: Task) -> None:
     """Let the world go on by one step, or jump to the next due one."""
     timers, live = scheduler.timers, scheduler.live
-    if live is not None and _attend(scheduler):
+    ahead = None if scheduler.journal is None else scheduler.journal.ahead
+    if ahead is not None:
+        ahead.check(timers.now)
+    elif live is not None and _attend(scheduler):
         return
     due = timers.next_due()
     outside = live is not None and (live.sources or scheduler.calls.in_flight)
@@ -87,7 +90,9 @@ def _advance(scheduler: Scheduler, root: Task) -> None:
         raise DeadlockError(listing("nothing can go on", blocked(root)))
     # without a world only tasks change what is read: one look after they have run is enough
     looked_at = scheduler.vital_waits or (scheduler.world_waits and scheduler.resumptions)
-    if live is not None:
+    if ahead is not None and due is not None:
+        target = max(due, timers.now + 1)
+    elif live is not None:
         target = timers.now + (1 if scheduler.world_waits else scheduler.rate)
         if due is not None:
             target = max(min(due, target), timers.now + 1)
@@ -100,7 +105,7 @@ def _advance(scheduler: Scheduler, root: Task) -> None:
     if scheduler.max_steps is not None and target > scheduler.max_steps:
         raise StepLimit(listing(f"more than {scheduler.max_steps} world steps", blocked(root)))
     scheduler.idle = True
-    passed = scheduler.host.advance(target - timers.now)
+    passed = scheduler.host.advance(target - timers.now) if ahead is None else None
     scheduler.idle = False
     if passed is not None:
         target = timers.now + passed

@@ -36,6 +36,7 @@ from planlang.kernel.watchdog import Overdue, Watch, watchdog
 if TYPE_CHECKING:
     from planlang.kernel.fluent import WorldFluent
     from planlang.kernel.hosts import Host
+    from planlang.kernel.journal import Journal
     from planlang.kernel.scope import Scope
     from planlang.kernel.trace import Trace
     from planlang.kernel.tree import Node
@@ -98,6 +99,8 @@ class Scheduler:
         """Where failures get the revision of the belief from."""
         self.on_start: Callable[[Node], object] | None = None
         """Called in its task when a node of the tree begins; what it raises is what the node fails with."""
+        self.journal: Journal | None = None
+        """Notes which steps of the plan have completed, if the run is to be resumed."""
 
     # -- time
 
@@ -221,6 +224,8 @@ class Scheduler:
             with quiet_collector(), signals(self._interrupt) as ours:
                 self.watch = Watch(self, period, ours)
                 with watchdog.watching(self.watch):
+                    if self.journal is not None:
+                        self.journal.begin(root)
                     self.enqueue(root)
                     if self.live is not None:
                         self.live.begin()

@@ -72,6 +72,8 @@ class Scope(Node):
         if self.transparent:
             task.kind = self.kind
         self.live[task] = None
+        if self.scheduler.journal is not None:
+            self.scheduler.journal.start(task)
         owner = self.owner
         if owner.holds:
             task.holds = owner.holds
@@ -91,6 +93,9 @@ class Scope(Node):
         Raises a programming error that left a branch, before anything else; Evaporated if the owner is evaporated.
         """
         scheduler, owner = self.scheduler, self.owner
+        journal = None if self.transparent else scheduler.journal
+        if journal is not None and journal.resuming and (before := journal.scope_taken_over(self)) is not None:
+            return await before
         trace = None if self.transparent else scheduler.trace
         if owner.doomed:
             await deliver(owner)
@@ -98,6 +103,8 @@ class Scope(Node):
             trace.started(scheduler.now, self, **self.details())
         outer, outer_node = owner.scope, owner.node
         owner.scope, owner.node = self, self
+        if journal is not None:
+            journal.enter(self)
         try:
             if scheduler.on_start is not None and not self.transparent:
                 scheduler.on_start(self)
@@ -119,6 +126,8 @@ class Scope(Node):
             owner.scope, owner.node = outer, outer_node
             if isinstance(error, PlanFailure) and error.where is None:
                 locate(error, self, scheduler.revision)
+            if journal is not None:
+                journal.leave(self, None, error)
             if trace is not None and not isinstance(error, GeneratorExit):
                 if isinstance(error, Evaporated):
                     trace.ended(scheduler.now, self, Status.EVAPORATED)
@@ -126,6 +135,8 @@ class Scope(Node):
                     trace.ended(scheduler.now, self, Status.FAILED, None, error)
             raise
         owner.node = outer_node
+        if journal is not None:
+            journal.leave(self, result, None)
         if trace is not None:
             trace.ended(scheduler.now, self, Status.SUCCEEDED, result)
         return result

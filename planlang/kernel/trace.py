@@ -12,11 +12,15 @@ from enum import Enum
 from numbers import Integral, Real
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TextIO
+from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from planlang.failures import CompositeFailure, PlanFailure
+from planlang.kernel.exact import Exact
 from planlang.kernel.task import SUCCEEDED, Status
 from planlang.kernel.tree import Node
+
+if TYPE_CHECKING:
+    from planlang.kernel.past import Past
 
 SCHEMA = 2
 LONGEST = 256
@@ -46,18 +50,35 @@ class Trace:
         self._put: Callable[[str], object] | None = None
         self._header = dict(header or {})
         self._nodes = 0
+        self.continues = False
+        """Whether it begins with the records of an earlier trace."""
         if out is not None and not isinstance(out, list):
             self._file, self._put = out, _through(out)
 
     @classmethod
-    def at(cls, path: str | os.PathLike[str], header: Mapping[str, object] | None = None) -> Self:
-        """A trace in a file at its final name, flushed line by line; an older one is renamed ``NAME.old``."""
+    def at(
+        cls, path: str | os.PathLike[str], header: Mapping[str, object] | None = None, *, past: Past | None = None
+    ) -> Self:
+        """A trace in a file at its final name, flushed line by line; an older one is renamed ``NAME.old``.
+
+        With ``past``, what a resumed run takes over, it begins with those records, complete before the older trace
+        gives way; and no older one is lost: the next free of ``NAME.old``, ``NAME.old2``, ... is taken.
+        """
         target = Path(path)
-        if target.exists():
-            target.replace(target.with_name(target.name + ".old"))
         trace = cls(None, header)
-        trace._file = io.FileIO(target, "w")
+        if past is None:
+            if target.exists():
+                target.replace(target.with_name(target.name + ".old"))
+            trace._file = io.FileIO(target, "w")
+            trace._put = _unbuffered(trace._file)
+            return trace
+        coming = target.with_name(f".{target.name}.new")
+        trace._file = io.FileIO(coming, "w")
         trace._put = _unbuffered(trace._file)
+        trace.take_over((line.record for line in past.kept), past.nodes)
+        if target.exists():
+            target.replace(_free(target))
+        coming.replace(target)
         return trace
 
     def begin(self, **known: object) -> None:
@@ -67,6 +88,7 @@ class Trace:
 
     def take_over(self, records: Iterable[Mapping[str, Any]], nodes: int) -> None:
         """Begin with the records of an earlier trace, in which ``nodes`` numbers were given."""
+        self.continues = True
         self._nodes = nodes
         for record in records:
             if self._put is None:
@@ -192,6 +214,16 @@ _json = json.JSONEncoder(ensure_ascii=False).encode
 _quoted = json.encoder.encode_basestring
 
 
+def _free(target: Path) -> Path:
+    """The first name for an older file that is not taken."""
+    number = 1
+    while True:
+        older = target.with_name(f"{target.name}.old{number if number > 1 else ''}")
+        if not older.exists():
+            return older
+        number += 1
+
+
 def _through(file: TextIO) -> Callable[[str], object]:
     def put(text: str) -> None:
         file.write(text)
@@ -219,6 +251,8 @@ def encode(value: object, depth: int = 0) -> Any:
     """A JSON value. Designators become their text, sets are sorted, unknown types their qualified name."""
     if value is None or isinstance(value, (bool, str)):
         return value
+    if isinstance(value, Exact):
+        return value.json
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, Integral):

@@ -67,6 +67,12 @@ class Node:
         return self._counts is None
 
 
+def path_of_next(parent: Node, name: str) -> str:
+    """The path that the next node of this name under ``parent`` will have."""
+    number = 0 if parent._counts is None else parent._counts.get(name, 0)
+    return f"{parent.path}/{name}" if not number else f"{parent.path}/{name}#{number + 1}"
+
+
 def name_of(branch: Callable[..., Any]) -> str:
     """The path element of a branch: its function's name, ``lambda:LINE`` for a lambda, the class's name otherwise."""
     while isinstance(branch, functools.partial):

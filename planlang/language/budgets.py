@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from contextvars import ContextVar
 from typing import TypeVar
 
 from planlang.failures import BudgetExceeded, PlanFailure
 from planlang.kernel import checkpoint
+from planlang.kernel.journal import note
 from planlang.kernel.park import here
 from planlang.language.bounds import Limited
 from planlang.language.branches import Branch, check
@@ -55,6 +56,7 @@ async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None,
 
 def spend(part: str, steps: int) -> None:
     """Note in the budgets around the running task where time went."""
+    note("spent", part, steps)
     around = _budget.get()
     while around is not None:
         around.spent[part] = around.spent.get(part, 0) + steps
@@ -63,6 +65,7 @@ def spend(part: str, steps: int) -> None:
 
 async def take_attempt(construct: str) -> None:
     """Take an attempt from the budgets around the running task; evaporates the task when none is left."""
+    note("used", construct, 1)
     around = _budget.get()
     empty = False
     while around is not None:
@@ -76,3 +79,18 @@ async def take_attempt(construct: str) -> None:
         around = around.outer
     if empty:
         await checkpoint()
+
+
+def charge(spent: Mapping[str, int], used: Mapping[str, int]) -> None:
+    """Take from the budgets around the running task what a step of a resumed run used before."""
+    for part, steps in spent.items():
+        spend(part, steps)
+    around = _budget.get()
+    for construct, number in used.items():
+        note("used", construct, number)
+    while around is not None:
+        for construct, number in used.items():
+            around.used[construct] = around.used.get(construct, 0) + number
+        if around.left is not None:
+            around.left = max(0, around.left - sum(used.values()))
+        around = around.outer

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from planlang.designators import Action, local_name
 from planlang.failures import ActionUnresolvable, PlanFailure
 from planlang.kernel import Fluent, PlanStructureError
+from planlang.kernel.journal import taken_over
 from planlang.kernel.primitives import inside, record
 from planlang.language.branches import check
 from planlang.language.budgets import spend
@@ -39,9 +40,11 @@ async def perform(action: Action, name: str | None = None) -> Any:
     module raises, ActionUnresolvable if there is none; a failure that the module does not declare is a programming
     error.
     """
+    path_element = name or action.name or local_name(action.type)
+    if (before := taken_over("perform", path_element)) is not None:
+        return await before
     executive = executive_for("perform")
     module = module_for(executive, action)
-    path_element = name or action.name or local_name(action.type)
     if module is None:
         with inside("perform", path_element, action=action):
             raise ActionUnresolvable(designator=str(action))
