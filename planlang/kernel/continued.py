@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from planlang.kernel.encoding import encode
 from planlang.kernel.errors import RunError
 from planlang.kernel.exact import Exact
 from planlang.kernel.past import details as details_of
 from planlang.kernel.task import SUCCEEDED, Status
-from planlang.kernel.trace import Trace, encode
+from planlang.kernel.trace import Trace
 
 if TYPE_CHECKING:
     from planlang.kernel.past import Past

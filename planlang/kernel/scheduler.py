@@ -27,7 +27,7 @@ from planlang.kernel.hosts import WATCHDOG
 from planlang.kernel.inbox import Inbox
 from planlang.kernel.park import running
 from planlang.kernel.realtime import LiveHost
-from planlang.kernel.task import Status, Task
+from planlang.kernel.task import SUCCEEDED, Status, Task
 from planlang.kernel.threads import Calls
 from planlang.kernel.timers import Timer, TimerQueue
 from planlang.kernel.tree import name_of
@@ -185,7 +185,7 @@ class Scheduler:
         task.wait = None
         group = task.group
         if self.trace is not None:
-            error = task.crash or task.failure or task.cleanup_failure
+            error = None if outcome is SUCCEEDED else task.crash or task.failure or task.cleanup_failure
             self.trace.ended(self.timers.now, task, outcome, task.result, error)
         if group is not None:
             task.node = group  # no longer itself: what refers to itself only the collector frees

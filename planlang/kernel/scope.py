@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 from typing import Any
 
 from planlang.failures import BranchEvaporated, PlanFailure
@@ -13,6 +14,7 @@ from planlang.kernel.task import SUCCEEDED, Status, Task
 from planlang.kernel.tree import Node
 
 MAX_DEPTH = 10_000
+_index = attrgetter("index")
 
 
 class Scope(Node):
@@ -28,11 +30,14 @@ class Scope(Node):
     def __init__(self, kind: str, name: str | None = None) -> None:
         self.scheduler, self.owner = here()
         if self.transparent:
-            self.parent, self.kind, self._name, self._ordinal = self.owner.node, kind, kind, 1
+            self.parent, self.kind, self.base_name, self.ordinal = self.owner.node, kind, kind, 1
             self._counts = self._path = None
             self.number = 0
+            self.told = ""
         else:
             Node.__init__(self, self.owner.node, kind, name or kind)
+        self.above: Node = self.owner.node if self.transparent else self
+        """Under which node the branches appear in the tree."""
         self.depth = self.owner.depth + 1
         if self.depth > MAX_DEPTH:
             raise PlanStructureError(f"more than {MAX_DEPTH} constructs nested: {_innermost_names(self.owner)}")
@@ -68,8 +73,8 @@ class Scope(Node):
 
     def start(self, branch: Callable[[], Any], name: str, index: int) -> Task:
         """Start a branch; it runs after what is already in the queue."""
-        task = Task(self, self.parent if self.transparent else self, name, branch, index)
-        if self.transparent:
+        task = Task(self, self.above, name, branch, index)
+        if self.above is not self:
             task.kind = self.kind
         self.live[task] = None
         if self.scheduler.journal is not None:
@@ -210,10 +215,6 @@ def failure_of(task: Task) -> PlanFailure:
     if task.failure is None:
         task.failure = BranchEvaporated(path=task.path)
     return task.failure
-
-
-def _index(task: Task) -> int:
-    return task.index
 
 
 def _innermost_names(task: Task) -> str:

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import io
 import json
-import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
-from dataclasses import fields, is_dataclass
-from enum import Enum
-from numbers import Integral, Real
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
-from planlang.failures import CompositeFailure, PlanFailure
-from planlang.kernel.exact import Exact
+from planlang.kernel.encoding import encode
 from planlang.kernel.task import SUCCEEDED, Status
 from planlang.kernel.tree import Node
 
@@ -23,12 +18,6 @@ if TYPE_CHECKING:
     from planlang.kernel.past import Past
 
 SCHEMA = 2
-LONGEST = 256
-"""Sequences longer than this are told by their length."""
-DEEPEST = 20
-"""So are sequences, sets and mappings inside as many others."""
-LONGEST_TEXT = 1000
-"""Characters of a failure's message or place that are told."""
 
 
 class Trace:
@@ -47,11 +36,16 @@ class Trace:
     ) -> None:
         self.events: list[dict[str, Any]] = out if isinstance(out, list) else []
         self._file: TextIO | io.FileIO | None = None
-        self._put: Callable[[str], object] | None = None
+        self._put: Callable[[bytes], int] | None = None
+        """Writes a line through, and says how much of it was taken."""
         self._header = dict(header or {})
         self._nodes = 0
         self.continues = False
         """Whether it begins with the records of an earlier trace."""
+        self._names: dict[str, str] = {}
+        self._above = -1
+        self._around = ""
+        self._turn_to(0)
         if out is not None and not isinstance(out, list):
             self._file, self._put = out, _through(out)
 
@@ -70,11 +64,11 @@ class Trace:
             if target.exists():
                 target.replace(target.with_name(target.name + ".old"))
             trace._file = io.FileIO(target, "w")
-            trace._put = _unbuffered(trace._file)
+            trace._put = trace._file.write
             return trace
         coming = target.with_name(f".{target.name}.new")
         trace._file = io.FileIO(coming, "w")
-        trace._put = _unbuffered(trace._file)
+        trace._put = trace._file.write
         trace.take_over((line.record for line in past.kept), past.nodes)
         if target.exists():
             target.replace(_free(target))
@@ -94,7 +88,7 @@ class Trace:
             if self._put is None:
                 self.events.append(dict(record))
             else:
-                self._put(_line(dict(record)))
+                self._send(_line(dict(record)))
 
     def write(self, step: int, event: str, node: Node | None = None, /, **details: object) -> None:
         """Write one record, of what happened in a node if it did in one; details are encoded now, in their order."""
@@ -113,7 +107,21 @@ class Trace:
         if self._put is None:
             self.events.append(record)
         else:
-            self._put(_line(record))
+            self._send(_line(record))
+
+    def _send(self, text: str) -> None:
+        assert self._put is not None
+        data = text.encode(*_UTF8)
+        taken = self._put(data)
+        if taken != len(data):
+            self._rest(data, taken)
+
+    def _rest(self, data: bytes, taken: int) -> None:
+        """A full disk takes a part of a line, and refuses the rest."""
+        assert self._put is not None
+        while taken != len(data):
+            data = data[taken:]
+            taken = self._put(data)
 
     def started(self, step: int, node: Node, **details: object) -> None:
         """A node of the tree begins."""
@@ -133,11 +141,23 @@ class Trace:
                     "name": node.name,
                 }
             )
-        else:  # the same bytes as write() gives, several times faster
-            self._put(
-                f'{{"step": {step}, "event": "started", "node": {number}, "parent": {parent.number}, '
-                f'"kind": "{node.kind}", "name": {_quoted(node.name)}}}\n'
-            )
+            return
+        # the same bytes as write() gives, in a fraction of the time: what is many times the same is put together once
+        if step != self._step:
+            self._turn_to(step)
+        above = parent.number
+        if above != self._above:
+            self._above = above
+            self._around = f', "parent": {above}, "kind": "'
+        name = self._names.get(node.base_name)
+        if name is None:
+            name = self._names[node.base_name] = _quoted(node.base_name)[:-1]
+        ordinal = "" if node.ordinal == 1 else f"#{node.ordinal}"
+        told = node.told = f'{number}{self._around}{node.kind}", "name": {name}{ordinal}"'
+        data = f"{self._started}{told}}}\n".encode(*_UTF8)
+        taken = self._put(data)
+        if taken != len(data):
+            self._rest(data, taken)
 
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
@@ -148,30 +168,38 @@ class Trace:
             try:
                 self.write(step, "ended", node, status=word, failure=failure)
                 return
-            except RecursionError:  # too deep to tell why it ended, not to tell that it did
-                result = None
-        parent, number = node.parent, node.number
-        if result is not None and outcome is SUCCEEDED:
+            except RecursionError:
+                pass  # too deep to tell why it ended, not to tell that it did
+        elif result is not None and outcome is SUCCEEDED:
             self.write(step, "ended", node, status=word, result=result)
-        elif parent is None or not number:
-            self.write(step, "ended", node, status=word)
-        elif self._put is None:
+            return
+        if node.told and self._put is not None:
+            if step != self._step:
+                self._turn_to(step)
+            data = f'{self._ended}{node.told}, "status": "{word}"}}\n'.encode(*_UTF8)
+            taken = self._put(data)
+            if taken != len(data):
+                self._rest(data, taken)
+        elif node.number and node.parent is not None and self._put is None:
             self.events.append(
                 {
                     "step": step,
                     "event": "ended",
-                    "node": number,
-                    "parent": parent.number,
+                    "node": node.number,
+                    "parent": node.parent.number,
                     "kind": node.kind,
                     "name": node.name,
                     "status": word,
                 }
             )
         else:
-            self._put(
-                f'{{"step": {step}, "event": "ended", "node": {number}, "parent": {parent.number}, '
-                f'"kind": "{node.kind}", "name": {_quoted(node.name)}, "status": "{word}"}}\n'
-            )
+            self.write(step, "ended", node, status=word)
+
+    def _turn_to(self, step: int) -> None:
+        """Prepare how records of this step begin."""
+        self._step = step
+        self._started = f'{{"step": {step}, "event": "started", "node": '
+        self._ended = f'{{"step": {step}, "event": "ended", "node": '
 
     def text(self) -> str:
         """The kept records as JSON Lines."""
@@ -210,6 +238,8 @@ def with_paths(events: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
 
 _SPANS = frozenset({"started", "ended"})
 _PLAIN = frozenset({str, int, bool, type(None)})
+_UTF8 = ("utf-8", "backslashreplace")
+"""What is no text stands as JSON writes it with an escape."""
 _json = json.JSONEncoder(ensure_ascii=False).encode
 _quoted = json.encoder.encode_basestring
 
@@ -224,103 +254,14 @@ def _free(target: Path) -> Path:
         number += 1
 
 
-def _through(file: TextIO) -> Callable[[str], object]:
-    def put(text: str) -> None:
-        file.write(text)
+def _through(file: TextIO) -> Callable[[bytes], int]:
+    def put(data: bytes) -> int:
+        file.write(data.decode())
         file.flush()
-
-    return put
-
-
-def _unbuffered(file: io.FileIO) -> Callable[[str], object]:
-    write = file.write
-
-    def put(text: str) -> None:
-        data = text.encode()
-        while data:  # a full disk takes a part, and refuses the rest
-            data = data[write(data) :]
+        return len(data)
 
     return put
 
 
 def _line(record: dict[str, Any]) -> str:
     return _json(record) + "\n"
-
-
-def encode(value: object, depth: int = 0) -> Any:
-    """A JSON value. Designators become their text, sets are sorted, unknown types their qualified name."""
-    if value is None or isinstance(value, (bool, str)):
-        return value
-    if isinstance(value, Exact):
-        return value.json
-    if isinstance(value, Enum):
-        return value.name
-    if isinstance(value, Integral):
-        return int(value)
-    if isinstance(value, Real):
-        number = float(value)
-        return number if math.isfinite(number) else str(number)
-    if isinstance(value, BaseException):
-        return _encode_failure(value)
-    if isinstance(value, (Mapping, Set, Sequence)) and not isinstance(value, (bytes, bytearray, memoryview)):
-        return _encode_container(value, depth) if depth < DEEPEST else {"length": len(value)}
-    return _encode_object(value, depth)
-
-
-def _encode_container(value: Mapping[Any, Any] | Set[Any] | Sequence[Any], depth: int) -> Any:
-    deeper = depth + 1
-    if isinstance(value, Mapping):
-        return {key if isinstance(key, str) else str(encode(key)): encode(item, deeper) for key, item in value.items()}
-    if isinstance(value, Set):
-        return sorted((encode(item, deeper) for item in value), key=lambda item: json.dumps(item, sort_keys=True))
-    return [encode(item, deeper) for item in value] if len(value) <= LONGEST else {"length": len(value)}
-
-
-def _encode_object(value: object, depth: int) -> Any:
-    module = type(value).__module__
-    if module == "planlang.designators":
-        return str(value)
-    if module == "planlang.protocols" and is_dataclass(value):
-        return {field.name: encode(getattr(value, field.name), depth + 1) for field in fields(value)}
-    if module == "numpy":
-        if getattr(value, "size", LONGEST + 1) <= LONGEST:
-            return encode(value.tolist(), depth)  # type: ignore[attr-defined]
-        return {"shape": list(value.shape)}  # type: ignore[attr-defined]
-    if isinstance(value, type):
-        return f"{value.__module__}.{value.__qualname__}"
-    name = getattr(value, "__qualname__", None)
-    if isinstance(name, str):
-        return f"{getattr(value, '__module__', module)}.{name}"
-    return f"{module}.{type(value).__qualname__}"
-
-
-def _encode_failure(error: BaseException) -> dict[str, Any]:
-    """Type, message, place, members and the chain of causes."""
-    links = list(error.chain()) if isinstance(error, PlanFailure) else [error]
-    outer: dict[str, Any] | None = None
-    for link in reversed(links):
-        record: dict[str, Any] = {"type": type(link).__name__, "message": _shortened(str(link))}
-        if isinstance(link, PlanFailure):
-            if link.where is not None:
-                record["where"] = _shortened(str(link.where))
-            if link.siblings:
-                record["siblings"] = {name: _told(other) for name, other in link.siblings}
-            if link.cleanup_failures:
-                record["cleanup"] = [_told(other) for other in link.cleanup_failures]
-        if isinstance(link, CompositeFailure):
-            record["members"] = {name: _told(one) for name, one in zip(link.names, link.failures, strict=True)}
-        if outer is not None:
-            record["cause"] = outer
-        outer = record
-    assert outer is not None
-    return outer
-
-
-def _told(failure: BaseException) -> str:
-    return _shortened(f"{type(failure).__name__}: {failure}")
-
-
-def _shortened(text: str) -> str:
-    """The text; the middle of a long one is left out: a failure is told again by each node that it leaves."""
-    left_out = len(text) - LONGEST_TEXT
-    return text if left_out <= 0 else f"{text[: LONGEST_TEXT // 2]} ... {left_out} ... {text[-LONGEST_TEXT // 2 :]}"

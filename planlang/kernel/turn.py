@@ -40,9 +40,7 @@ def _call(task: Task) -> object:
 
 def take(scheduler: Scheduler, task: Task) -> None:
     """Run the task from where it waits to its next wait, or to its end."""
-    error, value = task.error, task.value
     task.woken = False
-    task.error = task.value = None
     scheduler.current = task
     try:
         coroutine = task.coroutine
@@ -55,11 +53,13 @@ def take(scheduler: Scheduler, task: Task) -> None:
             if scheduler.on_start is not None:
                 scheduler.on_start(task)
             group = task.group
-            task.context = copy_context() if group is None else group.owner.context.copy()
-            signal = task.context.run(_call, task)
-        elif error is None:
+            context = task.context = copy_context() if group is None else group.owner.context.copy()
+            signal = context.run(_call, task)
+        elif task.error is None:
+            value, task.value = task.value, None
             signal = task.context.run(coroutine.send, value)
         else:
+            error, task.error = task.error, None
             if error.__class__ is Evaporated:
                 task.thrown = True
                 task.deliveries += 1

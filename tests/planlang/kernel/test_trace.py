@@ -17,7 +17,7 @@ import pytest
 from planlang import TaskTree, Trace, VirtualHost, an_object, par, plan, run, sleep, using
 from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, ObjectUnfetchable, PlanFailure
 from planlang.kernel import with_paths
-from planlang.kernel.trace import encode
+from planlang.kernel.encoding import encode
 from planlang.protocols import Configuration, Pose
 
 
@@ -261,3 +261,15 @@ def test_what_is_nested_deeply_is_told_by_its_length() -> None:
     for _ in range(20):
         (told,) = told
     assert told == {"length": 1}
+
+
+def test_text_that_cannot_be_encoded_is_escaped(tmp_path: Path) -> None:
+    async def odd() -> str:
+        return "half of a pair: \ud83d"
+
+    odd.__name__ = "odd\ud83d"
+    with Trace.at(tmp_path / "run.jsonl") as trace:
+        run(partial(par, odd), host=VirtualHost(), trace=trace)
+    lines = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text("utf-8").splitlines()]
+    assert lines[3]["name"] == "odd\ud83d"
+    assert lines[4]["result"] == "half of a pair: \ud83d"
