@@ -276,6 +276,41 @@ def run_command(
     answer("run", work, as_json=json)
 
 
+@app.command("replay", epilog="Example: planlang replay run.jsonl")
+def replay_command(
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")],
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="[RECIPE|PLAN]", help="What was run; needed unless it is a bundled recipe."),
+    ] = None,
+    task: Task = None,
+    ontologies: Ontologies = None,
+    allow_abstract: AllowAbstract = False,
+    json: AsJson = False,
+) -> None:
+    """Run a plan again on what is recorded of its run, without robot or world; stops at the first difference.
+
+    The plan is told what it was told: what process modules did, where places were found, what was read and believed.
+    """
+
+    def work() -> Answer:
+        from executive.replaying import replay_trace
+        from executive.resuming import read_trace
+
+        recorded, told = read_trace(trace)
+        found = read(file or told.plan(str(trace)))
+        return replay_trace(
+            recorded,
+            plan=found.path if isinstance(found, PlanFile) else None,
+            recipe=found.path if isinstance(found, RecipeFile) else None,
+            task=task or told.task,
+            folders=tuple(ontologies or ()),
+            allow_abstract=allow_abstract,
+        )
+
+    answer("replay", work, as_json=json)
+
+
 def _ran(result: RunResult, *, told: bool) -> Answer:
     lines = [result.outcome, *result.final_state]
     data: dict[str, Any] = {

@@ -55,7 +55,7 @@ class Told:
     def plan(self, trace: str) -> str:
         """The bundled recipe; raises BadInput when it was another plan, which only the user can name."""
         if self.recipe is None:
-            advice = f"planlang run PLAN --resume {trace}"
+            advice = f"planlang run PLAN --resume {trace}, or planlang replay {trace} PLAN"
             raise BadInput([error("X020", f"name the plan {self.name} of this trace", Span(trace), advice)])
         return self.recipe
 

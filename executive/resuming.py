@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from executive.core import RobotExecutive
 from executive.headers import Told
+from executive.plan_files import bindable_parameters
 from planlang.designators import Object
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.kernel.exact import load
 from planlang.kernel.past import Past
 from planlang.kernel.recorded import DamagedTrace, RecordedRun
+from planlang.language.plans import Plan
 from planlang.language.resuming import differences, restore
 
 AGREE = (
@@ -55,6 +58,23 @@ def told_parameters(recorded: RecordedRun, defaults: Mapping[str, Object]) -> di
     except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as problem:
         message = f"the parameters of the plan cannot be read: {problem}"
         raise BadInput([error("X020", message, Span(recorded.name))]) from None
+
+
+def parameters_of(recorded: RecordedRun, plan: Plan[Any, Any]) -> dict[str, Object]:
+    """What the plan is called with, as the trace tells."""
+    return told_parameters(recorded, bindable_parameters(plan))
+
+
+def sha256(path: Path) -> str:
+    """Digest of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def told(record: object) -> dict[str, str]:
+    """What a record says, as text."""
+    if not isinstance(record, Mapping):
+        return {}
+    return {str(key): value if isinstance(value, str) else str(value) for key, value in record.items()}
 
 
 def past_of(recorded: RecordedRun) -> tuple[Past, list[Diagnostic]]:

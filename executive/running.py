@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
@@ -23,7 +22,7 @@ from executive.outputs import replace as write_complete
 from executive.plan_actions import judged, needs_of
 from executive.plan_files import bound_parameters, compiled_plan, import_plan, line_in, main_plan
 from executive.progress import HeedingWorld, ToldTrace, progress_lines
-from executive.resuming import bring_back, past_of, refuse_other, told_parameters
+from executive.resuming import bring_back, past_of, refuse_other, sha256, told_parameters
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
@@ -273,19 +272,15 @@ def _header(
     """What a trace must have in common with another to be equal to it, beside seed and schedule."""
     return {
         "versions": _versions(),
-        "plan_sha256": _sha256(plan),
+        "plan_sha256": sha256(plan),
         "parameters": {name: dump(what) for name, what in bound.items()},
         "start": [float(number) for number in start],
         "robot": robot.name,
-        "robot_sha256": None if options.robot is None else _sha256(options.robot),
-        "urdf_sha256": _sha256(robot.urdf),
+        "robot_sha256": None if options.robot is None else sha256(options.robot),
+        "urdf_sha256": sha256(robot.urdf),
         "map": semantic_map.iri,
         "map_sha256": [document.sha256 for document in semantic_map.ontology.documents],
     }
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _versions() -> dict[str, str]:

@@ -8,6 +8,7 @@ classes that the program has defined already.
 
 from __future__ import annotations
 
+import builtins
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
@@ -97,13 +98,22 @@ def load_failure(json: Any) -> BaseException:
             plan_failure = failure = _failure(name, inside)
             _attach(plan_failure, json)
         case {"type": str(name), "message": str(message)}:
-            failure = type(name, (Exception,), {})(message)
+            failure = _other(name, message)
         case _:
             raise ValueError("this is no failure that was written")
     cause = json.get("cause")
     failure.__cause__ = None if cause is None else load_failure(cause)
     failure.__suppress_context__ = True
     return failure
+
+
+def failure_class(name: str) -> type[PlanFailure]:
+    """The class of failures of that full name; ValueError if the program has not defined one."""
+    kinds: tuple[type[PlanFailure], ...] = (PlanFailure, *_subclasses(PlanFailure))
+    for kind in kinds:
+        if f"{kind.__module__}.{kind.__qualname__}" == name:
+            return kind
+    raise ValueError(f"there is no failure {name}")
 
 
 def _text(value: Any) -> str:
@@ -242,11 +252,18 @@ def _dump_failure(failure: BaseException, depth: int) -> Any:
     return written
 
 
+def _other(name: str, message: str) -> Exception:
+    """An exception that is no plan failure: one of Python's own, or another class that is called so."""
+    kind = getattr(builtins, name, None)
+    if isinstance(kind, type) and issubclass(kind, Exception) and kind.__init__ is Exception.__init__:
+        known: Exception = kind(message)
+        return known
+    other: Exception = type(name, (Exception,), {})(message)
+    return other
+
+
 def _failure(name: str, inside: Mapping[str, Any]) -> PlanFailure:
-    kinds: tuple[type[PlanFailure], ...] = (PlanFailure, *_subclasses(PlanFailure))
-    kind = next((kind for kind in kinds if f"{kind.__module__}.{kind.__qualname__}" == name), None)
-    if kind is None:
-        raise ValueError(f"there is no failure {name}")
+    kind = failure_class(name)
     known = {field.name for field in fields(kind)} - {*_ATTACHED, "failures"}
     if not known >= set(inside):
         raise ValueError(f"these are not the fields of {name}")

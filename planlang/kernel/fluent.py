@@ -136,6 +136,10 @@ class WorldFluent(Fluent[T]):
 
     def read(self) -> T:
         """The value in the world now."""
+        scheduler = running.scheduler
+        if scheduler is not None and scheduler.answers is not None:
+            value: T = scheduler.answers.ask(f"{self} now", self._read)
+            return value
         return self._read()
 
     def set(self, value: T) -> None:
@@ -148,7 +152,10 @@ class WorldFluent(Fluent[T]):
         self._at = (scheduler, step) if scheduler is not None else None
         before = self._value
         try:
-            self._value = self._read()
+            if scheduler is None or scheduler.answers is None:
+                self._value = self._read()
+            else:
+                self._value = scheduler.answers.sample(self, self._read)
         except Exception as error:
             self._error = error
             return True

@@ -14,7 +14,7 @@ from planlang.kernel.exact import load, load_failure
 from planlang.kernel.numbers import unpacked
 from planlang.kernel.recorded import DamagedTrace, Line, RecordedRun
 
-BOOKKEEPING = frozenset({"completed", "resumed", "world", "answer"})
+BOOKKEEPING = frozenset({"completed", "resumed", "world", "answer", "performed"})
 """Events that no node of a plan writes when it runs again."""
 SPANS = frozenset({"started", "ended"})
 _FRAME = frozenset({"step", "event", "node", "parent", "kind", "name"})

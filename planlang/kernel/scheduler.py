@@ -34,6 +34,7 @@ from planlang.kernel.tree import name_of
 from planlang.kernel.watchdog import Overdue, Watch, watchdog
 
 if TYPE_CHECKING:
+    from planlang.kernel.answers import Answers
     from planlang.kernel.fluent import WorldFluent
     from planlang.kernel.hosts import Host
     from planlang.kernel.journal import Journal
@@ -99,6 +100,8 @@ class Scheduler:
         """Where failures get the revision of the belief from."""
         self.on_start: Callable[[Node], object] | None = None
         """Called in its task when a node of the tree begins; what it raises is what the node fails with."""
+        self.answers: Answers | None = None
+        """Where the plan is told what it is told from outside, if that is noted or replayed."""
         self.journal: Journal | None = None
         """Notes which steps of the plan have completed, if the run is to be resumed."""
 

@@ -74,6 +74,8 @@ class Call:
         if scheduler.trace is not None:
             outcome = {"result": self._value} if self._error is None else {"failure": self._error}
             late = {} if taken else {"late": True}
+            if scheduler.answers is not None:
+                scheduler.answers.returned(self.node, self.number, self._value, self._error)
             scheduler.trace.write(
                 scheduler.now, "returned", self.node, call=self.number, function=self.name, **outcome, **late
             )
@@ -106,6 +108,8 @@ class Calls:
     def submit(self, task: Task, function: Callable[[], Any], name: str) -> Call:
         """Begin a call, now or when there is a thread for it."""
         self._numbers += 1
+        if self._scheduler.answers is not None:
+            function = self._scheduler.answers.called(self._numbers, function)
         call = Call(self._scheduler, task, function, name, self._numbers)
         trace = self._scheduler.trace
         if trace is not None:

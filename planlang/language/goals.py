@@ -9,6 +9,7 @@ from planlang.designators import Condition
 from planlang.failures import GoalNotAchieved
 from planlang.kernel import Fluent, Signal, checkpoint, wait_for
 from planlang.kernel.journal import taken_over
+from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.tree import name_of
 from planlang.language.branches import check
@@ -46,4 +47,5 @@ def _reader(goal: Goal) -> tuple[str, Callable[[], bool]]:
         return str(goal), lambda: executive.holds(goal)
     if isinstance(goal, Signal):
         return str(goal), lambda: bool(goal.read())
-    return name_of(goal), goal
+    name, answers = name_of(goal), here()[0].answers
+    return name, goal if answers is None else lambda: bool(answers.ask(f"{name} holds", goal))

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from planlang.kernel import Scheduler, Trace
+from planlang.kernel.answers import Noted
 from planlang.kernel.continued import Continued
 from planlang.kernel.journal import Journal
 from planlang.language.budgets import charge
@@ -13,6 +14,7 @@ from planlang.language.budgets import charge
 if TYPE_CHECKING:
     from planlang.kernel.past import Past
     from planlang.protocols import Executive
+
 
 def differences(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     """What is recorded otherwise than it is now: key -> (recorded, now), for the keys of ``now``."""
@@ -47,6 +49,7 @@ def prepare(scheduler: Scheduler, trace: Trace, executive: Executive | None, pas
     """Give a scheduler its journal; returns the trace to write into."""
     snapshot = getattr(executive, "snapshot", None)
     journal = scheduler.journal = Journal(scheduler, snapshot=snapshot, past=past, account=charge)
+    scheduler.answers = Noted(scheduler)
     if past is None:
         return trace
     ahead = journal.ahead = Continued(trace, past)

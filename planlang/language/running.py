@@ -11,6 +11,7 @@ from planlang.kernel import Host, Scheduler, Trace
 from planlang.kernel.choices import Schedule, described
 from planlang.kernel.tree import Node, name_of
 from planlang.language import context
+from planlang.language.answering import NotedExecutive
 from planlang.language.branches import check
 from planlang.language.plans import Frame, frame
 from planlang.language.resuming import prepare, refuse_other
@@ -60,7 +61,9 @@ def run(
         scheduler.trace = prepare(scheduler, trace, executive, resume)
     if trace is not None and resume is None:
         trace.begin(**known(plan, host, seed, schedule), **({"resumable": True} if resumable else {}))
-    return contextvars.copy_context().run(_run, scheduler, plan, executive)  # type: ignore[no-any-return]
+    if executive is not None and scheduler.answers is not None:
+        executive = NotedExecutive(executive, scheduler.answers)
+    return contextvars.copy_context().run(inside_of, scheduler, plan, executive)  # type: ignore[no-any-return]
 
 
 def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: Schedule) -> dict[str, object]:
@@ -72,7 +75,8 @@ def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: S
     return {"plan": name_of(plan), "iri": iri, "rate": host.rate, "seed": seed, "schedule": described(schedule)}
 
 
-def _run(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive: Executive | None) -> Any:
+def inside_of(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive: Executive | None) -> Any:
+    """Run a plan with what surrounds it; for a context of its own."""
     context.current.set(executive)
     frame.set(Frame(None))
     if executive is not None:

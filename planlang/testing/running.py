@@ -12,6 +12,8 @@ from planlang.kernel.choices import Schedule
 from planlang.kernel.past import Past
 from planlang.kernel.recorded import RecordedRun
 from planlang.kernel.tree import name_of
+from planlang.language.replaying import Replay
+from planlang.language.replaying import replay as replay_recorded
 from planlang.language.resuming import restore
 from planlang.language.running import run
 from planlang.testing.faults import Fault, Injector
@@ -173,3 +175,12 @@ def attempt(
 def recorded_run(source: PlanRun[Any] | Trace | RecordedRun) -> RecordedRun:
     """The records of a run; DamagedTrace if they are none."""
     return source if isinstance(source, RecordedRun) else RecordedRun.of(source.events)
+
+
+def replay(plan: Callable[[], Awaitable[Any]], source: PlanRun[Any] | Trace | RecordedRun) -> Replay:
+    """Run a plan on what is recorded of a run with ``resumable=True``; stops at the first difference.
+
+    No script and no executive is asked: the plan is told what it was told then. ``assert replay(plan, run).equal``
+    holds for a plan that decides by what it is told alone.
+    """
+    return replay_recorded(plan, recorded_run(source))
