@@ -47,7 +47,11 @@ def _round(scheduler: Scheduler, root: Task) -> None:
         if scheduler.interrupts != scheduler.heeded:
             _heed_interrupts(scheduler, root)
         if scheduler.resumptions > MAX_RESUMPTIONS and not scheduler.draining:
-            raise NoProgress(listing("no progress within one world step; still running", [*queue, *pool]))
+            title = (
+                f"no progress: tasks had more than {MAX_RESUMPTIONS} turns within world step {scheduler.now}; a loop has "
+                "to wait for what takes time, such as sleep(0.1), or for what is not true yet; still running"
+            )
+            raise NoProgress(listing(title, [*queue, *pool]))
         if choice is None:
             task = queue.popleft()
         else:
@@ -105,7 +109,11 @@ def _advance(scheduler: Scheduler, root: Task) -> None:
     if scheduler.max_steps is not None and target > scheduler.max_steps:
         raise StepLimit(listing(f"more than {scheduler.max_steps} world steps", blocked(root)))
     scheduler.idle = True
-    passed = scheduler.host.advance(target - timers.now) if ahead is None else None
+    try:
+        passed = scheduler.host.advance(target - timers.now) if ahead is None else None
+    except Exception as error:
+        error.add_note(f"raised by {type(scheduler.host).__name__} after {timers.now} world steps")
+        raise
     scheduler.idle = False
     if passed is not None:
         target = timers.now + passed

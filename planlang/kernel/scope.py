@@ -8,7 +8,7 @@ from typing import Any
 
 from planlang.failures import BranchEvaporated, PlanFailure
 from planlang.kernel.errors import Evaporated, PlanStructureError
-from planlang.kernel.listing import locate
+from planlang.kernel.listing import locate, place_of
 from planlang.kernel.park import checkpoint, deliver, here, park
 from planlang.kernel.task import SUCCEEDED, Status, Task
 from planlang.kernel.tree import Node
@@ -40,7 +40,9 @@ class Scope(Node):
         """Under which node the branches appear in the tree."""
         self.depth = self.owner.depth + 1
         if self.depth > MAX_DEPTH:
-            raise PlanStructureError(f"more than {MAX_DEPTH} constructs nested: {_innermost_names(self.owner)}")
+            raise PlanStructureError(
+                f"more than {MAX_DEPTH} constructs nested, as in recursion without end: {_innermost(self.owner)}"
+            )
         self.birth = self.scheduler.next_birth()
         self.live: dict[Task, None] = {}
         self.fresh: list[Task] = []
@@ -217,10 +219,12 @@ def failure_of(task: Task) -> PlanFailure:
     return task.failure
 
 
-def _innermost_names(task: Task) -> str:
-    names: list[str] = []
+def _innermost(task: Task) -> str:
+    """Names and lines of the innermost tasks, each once."""
+    found: dict[str, None] = {}
     current: Task | None = task
-    while current is not None and len(names) < 6:
-        names.append(current.base_name)
-        current = current.group.owner if current.group is not None else None
-    return " in ".join(names)
+    for _ in range(20):
+        if current is not None:
+            found[f"{current.base_name}{place_of(current)}"] = None
+            current = current.group.owner if current.group is not None else None
+    return ", in ".join(found)

@@ -11,8 +11,8 @@ from planlang.failures import PlanFailure
 from planlang.kernel import forgotten
 from planlang.kernel.closing import close_first, unfinished
 from planlang.kernel.errors import Evaporated, PlanStructureError, StuckTask, contrast
-from planlang.kernel.listing import explain_recursion, line_of, locate
-from planlang.kernel.park import PARKED, STUCK
+from planlang.kernel.listing import explain_recursion, locate, place_of
+from planlang.kernel.park import MAX_DELIVERIES, PARKED, STUCK
 from planlang.kernel.task import EVAPORATED, FAILED, SUCCEEDED, Status, Task
 from planlang.kernel.watchdog import Overdue
 
@@ -123,19 +123,24 @@ def _raised(scheduler: Scheduler, task: Task, error: BaseException) -> None:
 def _unexpected(scheduler: Scheduler, task: Task, signal: object) -> None:
     if signal is STUCK:
         _never_close(task.coroutine)
-        line = line_of(task)
-        task.crash = StuckTask(f"{task.path} does not end although it was evaporated 100 times, at {line}")
+        task.crash = StuckTask(
+            contrast(
+                f"{task.path} does not end although it was evaporated {MAX_DELIVERIES} times{place_of(task)}; "
+                "evaporation is a BaseException, which a plan has to let through",
+                "except BaseException:    or a bare except:",
+                "except PlanFailure:      or except Exception:",
+            )
+        )
         task.generators = None
         scheduler.fatal = scheduler.fatal or task.crash
         scheduler.finish(task, EVAPORATED)
         return
-    where = line_of(task)
     scheduler.throw(
         task,
         TypeError(
             contrast(
-                f"{where} awaits {type(signal).__module__}.{type(signal).__qualname__}, which belongs to another "
-                "event loop; plans await planlang's own sleep, wait_for and constructs",
+                f"{task.path} awaits {type(signal).__module__}.{type(signal).__qualname__}{place_of(task)}, which "
+                "belongs to another event loop; plans await planlang's own sleep, wait_for and constructs",
                 "await asyncio.sleep(1)",
                 "await sleep(1)    after: from planlang import sleep",
             )

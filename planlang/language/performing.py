@@ -105,7 +105,10 @@ async def _request(module: ProcessModule, action: Action, resources: tuple[str, 
         record("request", module=module.name, action=action)
         try:
             return await module.execute(action)
-        except PlanFailure as failure:
+        except Exception as failure:
+            if not isinstance(failure, PlanFailure):
+                failure.add_note(f"raised by process module {module.name}, performing {action}")
+                raise
             if not isinstance(failure, tuple(module.failures)):
                 raise PlanStructureError(
                     f"process module {module.name} raised {type(failure).__name__}, which it does not declare; "
