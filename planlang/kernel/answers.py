@@ -7,17 +7,20 @@ besides plan, seed and schedule. An answer to a question is noted when it is ano
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.exact import Exact, Lost, dump, dump_failure
+from planlang.kernel.past import outcome_of, told_in
 
 if TYPE_CHECKING:
     from planlang.kernel.fluent import WorldFluent
+    from planlang.kernel.past import Past
     from planlang.kernel.scheduler import Scheduler
     from planlang.kernel.tree import Node
 
 T = TypeVar("T")
-_NEVER = object()
 
 
 class Answers(Protocol):
@@ -32,8 +35,8 @@ class Answers(Protocol):
     def sample(self, fluent: WorldFluent[Any], read: Callable[[], Any]) -> Any:
         """The value of a world fluent."""
 
-    def called(self, number: int, function: Callable[[], Any]) -> Callable[[], Any]:
-        """What is called in a thread in place of a function."""
+    def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
+        """The number of a call in a thread, and what is called in place of the function."""
 
     def returned(self, node: Node, number: int, value: object, error: BaseException | None) -> None:
         """What a call in a thread gave."""
@@ -42,18 +45,22 @@ class Answers(Protocol):
 class Noted:
     """Answers from outside, noted in the trace."""
 
-    def __init__(self, scheduler: Scheduler) -> None:
+    def __init__(self, scheduler: Scheduler, past: Past | None = None) -> None:
+        """``past``: what a resumed run takes over. As long as it lasts the plan is told what it was told then."""
         self._scheduler = scheduler
-        self._last: dict[str, Any] = {}
+        self._past = past
+        self._last: dict[str, Any] = {} if past is None else past.answers()
         self._keys = FluentKeys(scheduler)
         self._samples: dict[WorldFluent[Any], Any] = {}
 
     def ask(self, question: str, find: Callable[[], Any]) -> Any:
         """Ask, and note the answer if it is another one than before."""
         value = find()
+        if self._is_past():
+            return value
         noted = _noted(value)
-        if self._last.get(question, _NEVER) != noted:
-            self._last[question] = noted
+        if self._last.get(question) != (outcome := outcome_of(noted)):
+            self._last[question] = outcome
             self._write("answer", None, asked=question, **noted)
         return value
 
@@ -69,6 +76,8 @@ class Noted:
 
     def sample(self, fluent: WorldFluent[Any], read: Callable[[], Any]) -> Any:
         """Read, and note the value if it has changed; what process modules wait for is theirs and not noted."""
+        if self._past is not None and self._is_past():
+            return self._sample_past(fluent, self._past)
         value, error = None, None
         try:
             value = read()
@@ -77,20 +86,37 @@ class Noted:
         key = self._keys.of(fluent)
         if key is not None:
             noted = _noted(value, error)
-            if self._samples.get(fluent, _NEVER) != noted:
-                self._samples[fluent] = noted
+            if self._samples.get(fluent) != (outcome := outcome_of(noted)):
+                self._samples[fluent] = outcome
                 self._write("world", key[0], fluent=str(fluent), number=key[1], **noted)
         if error is not None:
             raise error
         return value
 
-    def called(self, number: int, function: Callable[[], Any]) -> Callable[[], Any]:
-        """The function."""
-        return function
+    def _sample_past(self, fluent: WorldFluent[Any], past: Past) -> Any:
+        key = self._keys.of(fluent)
+        node, number = key or (None, 0)
+        line = past.value_of(None if node is None else node.path, number, self._scheduler.now)
+        if line is None:
+            raise PlanStructureError(f"{fluent} was not read before, and cannot be read before the run goes on")
+        self._samples[fluent] = outcome_of(line.record)
+        return told_in(line)
+
+    def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
+        """The call itself; in a run's past what it gave."""
+        if self._past is None or not self._is_past():
+            return number, function
+        found, line = self._past.call(node.path)
+        return found, partial(told_in, line)
+
+    def _is_past(self) -> bool:
+        journal = self._scheduler.journal
+        return journal is not None and journal.resuming
 
     def returned(self, node: Node, number: int, value: object, error: BaseException | None) -> None:
         """Note what a call in a thread gave."""
-        self._write("answer", node, asked=f"call {number}", **_noted(value, error))
+        if not self._is_past():
+            self._write("answer", node, asked=f"call {number}", **_noted(value, error))
 
     def _write(self, event: str, node: Node | None, **details: object) -> None:
         scheduler = self._scheduler
@@ -127,17 +153,7 @@ class FluentKeys:
 def _noted(value: object, error: BaseException | None = None) -> dict[str, Any]:
     try:
         if error is not None:
-            return {"failure": _Same(dump_failure(error))}
-        return {} if value is None else {"value": _Same(dump(value))}
+            return {"failure": Exact(dump_failure(error))}
+        return {} if value is None else {"value": Exact(dump(value))}
     except Lost as lost:
         return {"lost": str(lost)}
-
-
-class _Same(Exact):
-    """JSON that is compared by its content."""
-
-    __slots__ = ()
-    __hash__ = None  # type: ignore[assignment]
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Exact) and self.json == other.json

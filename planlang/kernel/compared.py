@@ -196,9 +196,12 @@ class Compared(Trace):
             self._unknown(f"the value of {fluent}")
         return self._told(lines[place - 1])
 
-    def called(self, number: int, function: Callable[[], Any]) -> Callable[[], Any]:
-        """A function that gives what the call gave."""
-        return lambda: self.each(f"call {number}", function)
+    def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
+        """The recorded number, and a function that gives what the call gave."""
+        line = self.next()
+        if line is not None and line.event == "called" and line.path == node.path:
+            number = int(line.record.get("call", number))
+        return number, lambda: self.each(f"call {number}", function)
 
     def returned(self, node: Node, number: int, value: object, error: BaseException | None) -> None:
         """Nothing is noted in a replay."""

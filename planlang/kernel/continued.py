@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from planlang.kernel.encoding import encode
 from planlang.kernel.errors import RunError
 from planlang.kernel.exact import Exact
+from planlang.kernel.past import BOOKKEEPING
 from planlang.kernel.past import details as details_of
 from planlang.kernel.task import SUCCEEDED, Status
 from planlang.kernel.trace import Trace
@@ -70,7 +71,7 @@ class Continued(Trace):
 
     def write(self, step: int, event: str, node: Node | None = None, /, **details: object) -> None:
         """Compare or write a record."""
-        if self._is_recorded(step, event, node, details):
+        if self._is_recorded(step, event, node, details) or (event in BOOKKEEPING and not self._going_on):
             return
         if self._going_on or event in FROM_OUTSIDE:
             self._inner.write(step, event, node, **details)

@@ -287,6 +287,7 @@ class Journal:
         assert past is not None
         self.ahead = None
         self._left = past.left
+        scheduler.calls.made = max(scheduler.calls.made, past.calls)
         restore = getattr(scheduler.choice, "restore", None)
         if restore is not None:
             restore(past.choices)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from planlang.kernel.exact import load, load_failure
+from planlang.kernel.exact import Exact, load, load_failure
 from planlang.kernel.numbers import unpacked
 from planlang.kernel.recorded import DamagedTrace, Line, RecordedRun
 
@@ -71,6 +71,7 @@ class Past:
             self.choices = line.record.get("choices")
             self.again = _paths(line)
             cut = place
+        self._called: set[Any] = set()
         self.until = 0 if self.last is None else self.last.step
         before = recorded.lines[: cut + 1]
         self.kept = [line for line in before if not self._dropped(line)]
@@ -91,6 +92,35 @@ class Past:
                 continue
             found.append(line)
         return found
+
+    def answers(self) -> dict[str, Any]:
+        """Question -> how it was answered last, as :func:`outcome_of` tells it."""
+        asked = (line.record for line in self.kept if line.event == "answer")
+        return {str(record.get("asked")): outcome_of(record) for record in asked}
+
+    def value_of(self, path: str | None, number: int, now: int) -> Line | None:
+        """The record of the value that a world fluent had, by the node in which it was first read and its number."""
+        found = None
+        for line in self.kept:
+            if line.event == "world" and line.path == path and line.record.get("number") == number and line.step <= now:
+                found = line
+        return found
+
+    def call(self, path: str) -> tuple[int, Line]:
+        """Number and outcome of the next call in a thread that was made in a node."""
+        for line in self.kept:
+            number = line.record.get("call")
+            if line.event == "called" and line.path == path and number not in self._called:
+                self._called.add(number)
+                for answer in self.kept:
+                    if answer.event == "answer" and answer.record.get("asked") == f"call {number}":
+                        return int(str(number)), answer
+        raise DamagedTrace("a call in a thread is not recorded", 1)
+
+    @property
+    def calls(self) -> int:
+        """The highest number that a call in a thread has been given."""
+        return max((int(line.record.get("call", 0)) for line in self.kept if line.event == "called"), default=0)
 
     def beginning(self, path: str) -> Mapping[str, Any]:
         """What was told when a completed step began."""
@@ -150,3 +180,24 @@ def _paths(line: Line) -> tuple[str, ...]:
     if not isinstance(found, list) or not all(isinstance(path, str) for path in found):
         raise DamagedTrace("open steps are told by their paths", line.number)
     return tuple(found)
+
+
+def outcome_of(record: Mapping[str, Any]) -> Any:
+    """How a question was answered, for comparing: its value, failure or that it did not survive, as JSON."""
+    return {
+        key: value.json if isinstance(value, Exact) else value
+        for key, value in record.items()
+        if key in ("value", "failure", "lost")
+    }
+
+
+def told_in(line: Line) -> Any:
+    """The value that a record tells; raises the failure that it tells, or DamagedTrace."""
+    record = line.record
+    try:
+        if "failure" not in record:
+            return load(record.get("value"))
+        failure = load_failure(record["failure"])
+    except (ValueError, TypeError, RecursionError) as problem:
+        raise DamagedTrace(f"what was told cannot be read: {problem}", line.number) from None
+    raise failure

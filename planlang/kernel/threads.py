@@ -100,17 +100,19 @@ class Calls:
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
-        self._numbers = 0
+        self.made = 0
+        """The highest number of a call."""
         self._flying: dict[Call, None] = {}
         self._queued: deque[Call] = deque()
         self._threads = 0
 
     def submit(self, task: Task, function: Callable[[], Any], name: str) -> Call:
         """Begin a call, now or when there is a thread for it."""
-        self._numbers += 1
+        number = self.made + 1
         if self._scheduler.answers is not None:
-            function = self._scheduler.answers.called(self._numbers, function)
-        call = Call(self._scheduler, task, function, name, self._numbers)
+            number, function = self._scheduler.answers.call(task.node, number, function)
+        self.made = max(self.made, number)
+        call = Call(self._scheduler, task, function, name, number)
         trace = self._scheduler.trace
         if trace is not None:
             trace.write(self._scheduler.now, "called", call.node, call=call.number, function=name)

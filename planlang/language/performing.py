@@ -11,6 +11,7 @@ from planlang.designators import Action, local_name
 from planlang.failures import ActionUnresolvable, PlanFailure
 from planlang.kernel import Fluent, PlanStructureError
 from planlang.kernel.journal import taken_over
+from planlang.kernel.park import here as at
 from planlang.kernel.primitives import inside, record
 from planlang.language.branches import check
 from planlang.language.budgets import spend
@@ -42,7 +43,12 @@ async def perform(action: Action, name: str | None = None) -> Any:
     """
     path_element = name or action.name or local_name(action.type)
     if (before := taken_over("perform", path_element)) is not None:
-        return await before
+        scheduler, _ = at()
+        began = scheduler.now
+        try:
+            return await before
+        finally:
+            spend(path_element, scheduler.now - began)
     executive = executive_for("perform")
     module = module_for(executive, action)
     if module is None:

@@ -69,7 +69,7 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     scheduler = Scheduler(ReplayHost(rate, trace), seed=seed, schedule=order, trace=trace)
     trace.attach(scheduler)
     scheduler.answers = trace
-    scheduler.journal = _Gates(recorded)  # type: ignore[assignment]  # the part of a journal that a replay needs
+    scheduler.journal = _Gates(trace)  # type: ignore[assignment]  # the part of a journal that a replay needs
     executive = _Told(trace, order)
     try:
         contextvars.copy_context().run(inside_of, scheduler, plan, executive)
@@ -93,25 +93,20 @@ class _Gates:
     resuming = False
     ahead = None
 
-    def __init__(self, recorded: RecordedRun) -> None:
+    def __init__(self, trace: Compared) -> None:
+        self._trace = trace
         self._until: dict[str, int] = {}
-        for line in recorded.lines:
+        for place, line in enumerate(trace.lines):
             if line.event == "resumed":
-                self._until.update(dict.fromkeys(map(str, line.record.get("again", ())), line.step))
+                self._until.update(dict.fromkeys(map(str, line.record.get("again", ())), place))
 
     def start(self, task: Task) -> None:
         """A branch is created."""
         if self._until and task.path in self._until:
             task.branch = partial(self._later, self._until[task.path], task.branch)
 
-    async def _later(self, step: int, branch: Callable[[], Awaitable[Any]]) -> Any:
-        scheduler, task = here()
-        if step > scheduler.now:
-            timer = scheduler.alarm(task, step - scheduler.now, lambda: scheduler.wake(task))
-            try:
-                await park(f"step {step}, at which the run was resumed")
-            finally:
-                timer.drop()
+    async def _later(self, place: int, branch: Callable[[], Awaitable[Any]]) -> Any:
+        await self._trace.turn(place)
         return await branch()
 
     def begin(self, *_: object) -> None:

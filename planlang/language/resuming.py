@@ -49,7 +49,7 @@ def prepare(scheduler: Scheduler, trace: Trace, executive: Executive | None, pas
     """Give a scheduler its journal; returns the trace to write into."""
     snapshot = getattr(executive, "snapshot", None)
     journal = scheduler.journal = Journal(scheduler, snapshot=snapshot, past=past, account=charge)
-    scheduler.answers = Noted(scheduler)
+    scheduler.answers = Noted(scheduler, past)
     if past is None:
         return trace
     ahead = journal.ahead = Continued(trace, past)
