@@ -48,8 +48,8 @@ def _round(scheduler: Scheduler, root: Task) -> None:
             _heed_interrupts(scheduler, root)
         if scheduler.resumptions > MAX_RESUMPTIONS and not scheduler.draining:
             title = (
-                f"no progress: tasks had more than {MAX_RESUMPTIONS} turns within world step {scheduler.now}; a loop has "
-                "to wait for what takes time, such as sleep(0.1), or for what is not true yet; still running"
+                f"no progress: tasks had more than {MAX_RESUMPTIONS} turns within world step {scheduler.now}; a loop "
+                "has to wait for what takes time, such as sleep(0.1), or for what is not true yet; still running"
             )
             raise NoProgress(listing(title, [*queue, *pool]))
         if choice is None:
