@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from planlang.kernel.answers import FluentKeys
 from planlang.kernel.continued import Different
 from planlang.kernel.encoding import encode
-from planlang.kernel.exact import load, load_failure
+from planlang.kernel.exact import Exact, load, load_failure
 from planlang.kernel.hosts import checked
 from planlang.kernel.park import here, park
 from planlang.kernel.past import BOOKKEEPING, details
@@ -31,11 +31,10 @@ class ReplayOver(BaseException):
     """The records are at their end, or the first difference was found: nothing is compared any more."""
 
 
-class Opaque:
+class Opaque(Exact):
     """A result that did not survive JSON: it can be handed on, and tells as what it told before."""
 
-    def __init__(self, told: object) -> None:
-        self.told = told
+    __slots__ = ()
 
 
 class Compared(Trace):
@@ -126,9 +125,11 @@ class Compared(Trace):
             return
         line = self.next()
         path = None if node is None else node.path
-        inside = {key: _encoded(value) for key, value in more.items()}
+        inside = {key: encode(value) for key, value in more.items()}
         if line is None:
             self.over = True
+        elif event == "drained" and line.event != "drained":
+            self.differ(f"nothing: the plan cannot go on ({more.get('because')})")
         elif (line.step, line.event, line.path) == (step, event, path) and details(line.record) == inside:
             if node is not None:
                 node.number = int(line.record["node"])
@@ -238,12 +239,6 @@ class Compared(Trace):
 
 
 ENDINGS = frozenset({"interrupted", "drained"})
-
-
-def _encoded(value: object) -> Any:
-    if isinstance(value, Opaque):
-        return value.told
-    return encode(value)
 
 
 class ReplayHost:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import builtins
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import fields
 from enum import Enum
 from functools import cache
@@ -255,10 +256,14 @@ def _dump_failure(failure: BaseException, depth: int) -> Any:
 def _other(name: str, message: str) -> Exception:
     """An exception that is no plan failure: one of Python's own, or another class that is called so."""
     kind = getattr(builtins, name, None)
-    if isinstance(kind, type) and issubclass(kind, Exception) and kind.__init__ is Exception.__init__:
-        known: Exception = kind(message)
-        return known
-    other: Exception = type(name, (Exception,), {})(message)
+    known = kind if isinstance(kind, type) and issubclass(kind, Exception) else Exception
+    if known is kind:
+        with suppress(TypeError):
+            simple: Exception = kind(message)
+            if str(simple) == message:
+                return simple
+    body = {"__init__": lambda self: None, "__str__": lambda self: message}
+    other: Exception = type(name, (known,), body)()
     return other
 
 

@@ -132,7 +132,7 @@ STEPS = st.lists(st.tuples(st.sampled_from(KINDS), st.sampled_from([0.0, 0.1, 0.
 def plan_of(steps: list[tuple[Any, float]], done: list[str]) -> Any:
     @plan
     async def top() -> list[Any]:
-        results = []
+        results: list[Any] = []
         for number, (kind, seconds) in enumerate(steps):
             results.append(await seq(partial(kind, done, f"step {number}", seconds)))
             results.append((now(), rng().random()))
@@ -290,7 +290,7 @@ def test_a_fluent_that_a_completed_step_has_set_has_its_value_again() -> None:
             return await wait_for(door, 5)
 
         @plan
-        async def going() -> bool | None:
+        async def going() -> Any:
             await seq(open_door)
             return await seq(go_through)
 
