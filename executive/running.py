@@ -135,7 +135,9 @@ def run_plan_file(options: RunOptions) -> RunResult:
             header["infeasible"] = [alternative.name for alternative, _ in able.infeasible]
         if past is not None:
             known = run_header(_budgeted(plan, bound, executive), SimulationHost(truth), options.seed, options.schedule)
-            options.announce(refuse_other(past.recorded, {**header, **known}))
+            notes = refuse_other(past.recorded, {**header, **known})
+            options.announce(notes)
+            found.extend(notes)
             bring_back(executive, past, world_as_left=options.world_as_left)
         return replace(_execute(plan, bound, executive, truth, header, options, past), diagnostics=tuple(found))
 

@@ -66,8 +66,7 @@ class Continued(Trace):
                     line.record,
                 )
         if self.problem is not None:
-            problem, self.problem = self.problem, None
-            raise problem
+            raise self.problem
 
     def write(self, step: int, event: str, node: Node | None = None, /, **details: object) -> None:
         """Compare or write a record."""

@@ -92,7 +92,9 @@ class Journal:
             self._spine[node] = False
 
     def enter(self, node: Node) -> None:
-        """A node begins, in its task."""
+        """A node begins, in its task. Raises Different where a resumed plan does not repeat what it did."""
+        if self.ahead is not None and self.ahead.problem is not None:
+            raise self.ahead.problem
         parent = node.parent
         outer = None if parent is None else self._spine.get(parent)
         if outer is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -56,3 +57,10 @@ def prepare(scheduler: Scheduler, trace: Trace, executive: Executive | None, pas
     if past.last is None:
         journal.go_on()
     return ahead
+
+
+def check_repeated(scheduler: Scheduler) -> None:
+    """Raise Different if a resumed plan has ended otherwise than by going on from its past."""
+    ahead = None if scheduler.journal is None else scheduler.journal.ahead
+    if ahead is not None:
+        ahead.check(sys.maxsize)

@@ -14,7 +14,7 @@ from planlang.language import context
 from planlang.language.answering import NotedExecutive
 from planlang.language.branches import check
 from planlang.language.plans import Frame, frame
-from planlang.language.resuming import prepare, refuse_other
+from planlang.language.resuming import check_repeated, prepare, refuse_other
 
 if TYPE_CHECKING:
     from planlang.kernel.past import Past
@@ -63,7 +63,13 @@ def run(
         trace.begin(**known(plan, host, seed, schedule), **({"resumable": True} if resumable else {}))
     if executive is not None and scheduler.answers is not None:
         executive = NotedExecutive(executive, scheduler.answers)
-    return contextvars.copy_context().run(inside_of, scheduler, plan, executive)  # type: ignore[no-any-return]
+    try:
+        result: V = contextvars.copy_context().run(inside_of, scheduler, plan, executive)
+    except Exception:
+        check_repeated(scheduler)
+        raise
+    check_repeated(scheduler)
+    return result
 
 
 def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: Schedule) -> dict[str, object]:
