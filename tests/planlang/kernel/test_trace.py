@@ -273,3 +273,21 @@ def test_text_that_cannot_be_encoded_is_escaped(tmp_path: Path) -> None:
     lines = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text("utf-8").splitlines()]
     assert lines[3]["name"] == "odd\ud83d"
     assert lines[4]["result"] == "half of a pair: \ud83d"
+
+
+def test_a_line_that_the_system_takes_in_parts_is_written_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Slow(io.FileIO):
+        """A file that takes at most ten bytes at a time."""
+
+        def write(self, data: Any) -> int:
+            return super().write(data[:10]) or 0
+
+    written = []
+    for file in (io.FileIO, Slow):
+        monkeypatch.setattr("planlang.kernel.trace.io.FileIO", file)
+        with Trace.at(tmp_path / "run.jsonl") as trace:
+            run(partial(par, partial(sleep, 1), partial(sleep, 2)), host=VirtualHost(), trace=trace)
+        written.append((tmp_path / "run.jsonl").read_bytes())
+    assert written[0] == written[1]

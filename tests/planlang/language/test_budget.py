@@ -105,6 +105,13 @@ def test_an_inner_budget_takes_from_the_outer_one_too() -> None:
     assert caught.value.attempts == 6
 
 
+def test_attempts_inside_an_inner_budget_with_enough_left_use_up_the_outer_one() -> None:
+    inner = partial(budget, partial(with_failure_handling, misses, Recovery(GraspMissed, attempts=9)), attempts=8)
+    with pytest.raises(BudgetExceeded) as caught:
+        go(partial(budget, inner, attempts=2))
+    assert (caught.value.attempts, caught.value.used) == (2, {"with_failure_handling": 3})
+
+
 def test_other_failures_pass_through() -> None:
     async def body() -> None:
         raise ObjectNotFound

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -300,6 +301,49 @@ def test_a_fluent_that_a_completed_step_has_set_has_its_value_again() -> None:
     again = run_plan(top(Fluent(False, "the door is open")), resume=cut(whole, completed(whole)[0]))
     assert again.value == [True]
     assert len(opened) == 1
+
+
+def test_steps_that_completed_at_one_time_are_taken_over_in_the_order_in_which_they_completed() -> None:
+    mark = Fluent(0, "mark of the last one")
+
+    async def first() -> None:
+        await sleep(1)
+        await sleep(0)
+        mark.set(1)
+
+    async def second() -> None:
+        await sleep(1)
+        mark.set(2)
+
+    @plan
+    async def top() -> int:
+        await partial_order({"first": first, "second": second}, [])
+        await sleep(1)
+        return mark.value
+
+    whole = run_plan(top, resumable=True)
+    assert whole.value == 1
+    mark.set(0)
+    assert run_plan(top, resume=cut(whole, completed(whole)[1])).value == 1
+
+
+def test_a_step_that_was_cut_short_has_not_completed_whatever_it_returns() -> None:
+    async def fails() -> None:
+        await sleep(1)
+        raise GraspMissed
+
+    async def swallows() -> str:
+        with suppress(BaseException):
+            await sleep(9)
+        return "half done"
+
+    @plan
+    async def top() -> None:
+        with suppress(GraspMissed):
+            await partial_order({"swallows": swallows, "fails": fails}, [])
+
+    run = run_plan(top, resumable=True)
+    assert [e["name"] for e in run.trace.events if e["event"] == "completed"] == ["fails", "partial_order"]
 
 
 def test_a_fluent_without_a_name_that_a_step_sets_stops_resumption_before_that_step() -> None:
