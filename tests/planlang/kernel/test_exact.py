@@ -155,7 +155,7 @@ def test_a_failure_comes_back_with_its_fields_place_members_attachments_and_caus
     failure.__cause__.__cause__ = KeyError("cup")
     again = load_failure(json.loads(json.dumps(dump_failure(failure))))
     assert isinstance(again, CompositeFailure)
-    assert [repr(link) for link in again.chain()] == [repr(link) for link in failure.chain()]
+    assert [str(link) for link in again.chain()] == [str(link) for link in failure.chain()]
     assert [type(link) for link in list(again.chain())[:2]] == [CompositeFailure, ObjectNotFound]
     assert isinstance(list(again.chain())[2], KeyError)
     assert (again.where, again.names) == (failure.where, failure.names)
