@@ -211,6 +211,7 @@ class _ToldModule:
         self._order.modules.add(path)
         inside, end = _request(trace, path)
         work = _Work(trace)
+        ending = _cut_short(trace, inside) if end is None or trace.lines[end].event != "performed" else []
         try:
             await work.do(inside)
             if end is None or trace.lines[end].event != "performed":
@@ -220,6 +221,7 @@ class _ToldModule:
         except Evaporated:
             with shield(), suppress(ReplayOver):
                 await work.do(inside)
+                await work.do(ending)
                 await trace.turn(_after(trace, path))
             raise
         finally:
@@ -287,6 +289,23 @@ def _request(trace: Compared, path: str) -> tuple[list[int], int | None]:
         elif line.path is not None and line.path.startswith(below) and line.event not in _NOT_WRITTEN:
             inside.append(place)
     return inside, None
+
+
+def _cut_short(trace: Compared, inside: list[int]) -> list[int]:
+    """Take from the places what evaporation of the request has brought about; it comes when that does."""
+    evaporated = {
+        trace.lines[place].path: trace.lines[place].step
+        for place in inside
+        if trace.lines[place].record.get("status") == "evaporated"
+    }
+    when = max(evaporated.values(), default=None)
+    for number, place in enumerate(inside):
+        line = trace.lines[place]
+        if line.step == when and line.event in ("released", "ended") and evaporated.get(line.path) == when:
+            ending = inside[number:]
+            del inside[number:]
+            return ending
+    return []
 
 
 _NOT_WRITTEN = frozenset({"answer", "world", "completed", "performed", "resumed"})

@@ -7,7 +7,7 @@ import functools
 from collections.abc import Awaitable, Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planlang.kernel import Host, Scheduler, Trace
+from planlang.kernel import Host, PlanStructureError, Scheduler, Trace
 from planlang.kernel.choices import Schedule, described
 from planlang.kernel.tree import Node, name_of
 from planlang.language import context
@@ -65,6 +65,8 @@ def run(
         executive = NotedExecutive(executive, scheduler.answers)
     try:
         result: V = contextvars.copy_context().run(inside_of, scheduler, plan, executive)
+    except PlanStructureError:
+        raise
     except Exception:
         check_repeated(scheduler)
         raise

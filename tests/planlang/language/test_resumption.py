@@ -14,10 +14,12 @@ from hypothesis import strategies as st
 
 from planlang import (
     Fluent,
+    PlanStructureError,
     Recovery,
     action,
     at_location,
     budget,
+    in_thread,
     join,
     now,
     par,
@@ -555,3 +557,108 @@ def test_a_plan_that_does_not_repeat_its_beginning_is_told_at_the_line() -> None
     line = raised.value.line
     assert line is not None
     assert (whole.trace.events[line - 1]["event"], whole.trace.events[line - 1]["name"]) == ("started", "one")
+
+
+def test_what_the_top_level_plan_reads_and_calls_itself_is_told_again_from_the_trace() -> None:
+    asked: list[str] = []
+
+    def is_open() -> bool:
+        asked.append("door")
+        return now() >= 1.5
+
+    def price() -> float:
+        asked.append("price")
+        return 2.5
+
+    def broken() -> None:
+        asked.append("broken")
+        raise OSError("no such shop")
+
+    async def walk() -> str:
+        await sleep(1)
+        await in_thread(lambda: asked.append("steps"))
+        return "walked"
+
+    @plan
+    async def top() -> Any:
+        door: Fluent[bool] = Fluent(read=is_open, name="the door")
+        first = door.value
+        await seq(walk)
+        await wait_for(door)
+        told = await in_thread(price)
+        try:
+            await in_thread(broken)
+        except OSError as error:
+            reason = str(error)
+        await seq(walk)
+        await seq(walk)
+        return first, told, reason, now(), door.value
+
+    whole = run_plan(top, resumable=True)
+    assert whole.value == (False, 2.5, "no such shop", 3.5, True)
+    for records in range(1, len(whole.trace.events)):
+        before = [n for n in completed(whole) if n <= records]
+        asked.clear()
+        again = run_plan(top, resume=cut(whole, records))
+        assert again.value == whole.value
+        assert without_mark(again) == whole.trace.events
+        known = whole.trace.events[: before[-1]] if before else []
+        for call in ("price", "broken"):
+            assert asked.count(call) == (0 if any(event.get("function") == call for event in known) else 1)
+    assert replay(top, again).equal
+
+
+def test_a_state_that_fails_and_is_left_by_that_has_completed() -> None:
+    done: list[str] = []
+
+    async def grasp() -> str:
+        done.append("grasp")
+        await sleep(1)
+        raise GraspMissed(what="cup")
+
+    async def look() -> str:
+        done.append("look")
+        await sleep(1)
+        return "seen"
+
+    @plan
+    async def top() -> Any:
+        cases: Any = {("grasp", GraspMissed): "look"}
+        return await state_machine({"grasp": grasp, "look": look}, cases, "grasp", "look")
+
+    whole = run_plan(top, resumable=True)
+    again = run_plan(top, resume=cut(whole, completed(whole)[0]))
+    assert (again.value, done) == ("seen", ["grasp", "look", "look"])
+    assert without_mark(again) == whole.trace.events
+
+
+def test_a_plan_that_ends_before_where_it_would_go_on_is_told() -> None:
+    long = [True]
+
+    @plan
+    async def top() -> None:
+        if long[0]:
+            await seq(partial(sleep, 1))
+        await sleep(0.5)
+
+    whole = run_plan(top, resumable=True)
+    long[0] = False
+    with pytest.raises(Different, match="does not repeat what is recorded in line"):
+        run_plan(top, resume=cut(whole, completed(whole)[-1]))
+
+
+def test_a_fluent_that_is_not_there_any_more_is_told() -> None:
+    kept: list[Fluent[bool]] = [Fluent(False, "a door that is taken away")]
+
+    async def open_door() -> None:
+        kept[0].set(True)
+
+    @plan
+    async def top() -> None:
+        await seq(open_door)
+        await seq(partial(sleep, 1))
+
+    whole = run_plan(top, resumable=True)
+    kept.clear()
+    with pytest.raises(PlanStructureError, match="a door that is taken away, which there is not"):
+        run_plan(top, resume=cut(whole, completed(whole)[0]))

@@ -17,6 +17,7 @@ from planlang import (
     achieve,
     action,
     at_location,
+    budget,
     in_thread,
     now,
     par,
@@ -305,3 +306,82 @@ def test_only_a_trace_that_tells_what_the_plan_was_told_can_be_replayed() -> Non
 
     with pytest.raises(ValueError, match="resumable=True"):
         replay(top, run_plan(top))
+
+
+async def looks_first(belief: Any, asked: Any) -> str:
+    await perform(action("LookingForSomething", object_acted_on=CUP))
+    return "seen"
+
+
+@pytest.mark.parametrize("limit", [0.5, 1.5, 2.5, 9.0])
+def test_what_process_modules_perform_themselves_takes_its_time_and_resources_again(limit: float) -> None:
+    script = Script().on("Reaching", does=looks_first).on("LookingAtSomething", after=0.5)
+
+    async def reaching() -> Any:
+        return await perform(action("Reaching"))
+
+    async def looking() -> None:
+        for _ in range(4):
+            await perform(action("LookingAtSomething"))  # which needs the head, too
+
+    @plan
+    async def top() -> Any:
+        try:
+            return await budget(partial(timeout, limit, partial(par, reaching, looking)), seconds=2.25)
+        except PlanFailure as failure:
+            return str(failure)
+
+    run = run_plan(top, script=script, resumable=True)
+    assert at_every_cut(top, run) == []
+
+
+def test_retries_and_displaced_bases_are_repeated() -> None:
+    from planlang.testing.scripted import ScriptedExecutive
+
+    class Tucking(ScriptedExecutive):
+        def before_retry(self) -> Any:
+            yield action("Reaching", to_location=CUP)
+
+    script = Script().on("Grasp", fails=ManipulationPoseUnreachable, times=2).places("Cup", (1, 0, 0), (2, 0, 0))
+
+    async def inner() -> None:
+        await perform(action("Perceiving"))
+
+    async def body() -> None:
+        await at_location(a_location(in_reach_of=an_object("Table")), inner)
+        await perform(action("Perceiving"), name="back again")
+        await perform(action("Reaching"), name="Grasp")
+
+    @plan
+    async def top() -> str:
+        try:
+            await at_location(a_location(in_reach_of=CUP), body)
+        except PlanFailure as failure:
+            return str(failure)
+        return "done"
+
+    executive = Tucking(script)
+    run = run_plan(top, executive=executive, resumable=True)
+    assert run.attempts("Grasp") == 2
+    assert at_every_cut(top, run) == []
+
+
+def test_answers_that_were_tampered_with_are_told_with_their_line() -> None:
+    @plan
+    async def top() -> None:
+        await wait_for(Fluent(read=lambda: now() > 1, name="late"))
+        await perform(action("Reaching"))
+
+    run = run_plan(top, resumable=True)
+    for event in ("world", "answer", "performed"):
+        place = next(n for n, one in enumerate(run.trace.events) if one["event"] == event)
+        for key, value in (("value", {"$": "Popen"}), ("failure", {"type": "os.system"})):
+            events = list(run.trace.events)
+            events[place] = {**events[place], key: value}
+            found = replay(top, RecordedRun.of(events))
+            assert found.difference is not None, (event, key)
+            assert found.difference.line == place + 1
+            assert f"line {place + 1} is damaged" in str(found)
+    assert str(replay(top, run)) == f"equal to the end: {len(run.trace.events)} lines"
+    part = replay(top, RecordedRun.of(run.trace.events[:9]))
+    assert str(part) == "equal to the end: 9 lines, where the record ends before the plan does"
