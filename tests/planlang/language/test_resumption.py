@@ -15,7 +15,10 @@ from hypothesis import strategies as st
 from planlang import (
     Fluent,
     PlanStructureError,
+    Policy,
     Recovery,
+    Return,
+    achieve,
     action,
     at_location,
     budget,
@@ -26,6 +29,8 @@ from planlang import (
     partial_order,
     perform,
     plan,
+    race,
+    retry_after_suspension,
     rng,
     seq,
     sleep,
@@ -33,8 +38,13 @@ from planlang import (
     tag,
     task,
     timeout,
+    try_all,
+    try_in_order,
+    unwind_protect,
     wait_for,
+    whenever,
     with_failure_handling,
+    with_policies,
 )
 from planlang.designators import a_location, an_object
 from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, PlanFailure
@@ -662,3 +672,59 @@ def test_a_fluent_that_is_not_there_any_more_is_told() -> None:
     kept.clear()
     with pytest.raises(PlanStructureError, match="a door that is taken away, which there is not"):
         run_plan(top, resume=cut(whole, completed(whole)[0]))
+
+
+# Every construct may be a step
+
+
+async def opening(done: list[str], door: Fluent[bool]) -> bool:
+    await sleep(0.5)
+    done.append("opened")
+    door.set(True)
+    return True
+
+
+async def noticing(done: list[str]) -> Return[str]:
+    done.append("noticed")
+    return Return("seen")
+
+
+CONSTRUCTS: dict[str, Callable[[list[str], Fluent[bool]], Awaitable[Any]]] = {
+    "achieve": lambda done, door: achieve(door, partial(opening, done, door)),
+    "budget": lambda done, door: budget(partial(opening, done, door), seconds=5),
+    "race": lambda done, door: race(partial(opening, done, door)),
+    "retry_after_suspension": lambda done, door: retry_after_suspension(partial(opening, done, door)),
+    "tag": lambda done, door: tag("opening", partial(opening, done, door)),
+    "timeout": lambda done, door: timeout(5, partial(opening, done, door)),
+    "try_all": lambda done, door: try_all(partial(opening, done, door)),
+    "try_in_order": lambda done, door: try_in_order(partial(opening, done, door)),
+    "unwind_protect": lambda done, door: seq(partial(unwind_protect, partial(opening, done, door), partial(sleep, 0))),
+    "whenever": lambda done, door: whenever(~door, partial(noticing, done)),
+    "with_failure_handling": lambda done, door: with_failure_handling(
+        partial(opening, done, door), Recovery(PlanFailure)
+    ),
+    "with_policies": lambda done, door: with_policies([Policy("calm")], partial(opening, done, door)),
+}
+
+
+@pytest.mark.parametrize("name", sorted(CONSTRUCTS))
+def test_a_construct_that_completed_as_a_step_returns_what_it_did_and_does_nothing(name: str) -> None:
+    done: list[str] = []
+
+    def top() -> Any:
+        door = Fluent(False, "the door is open")
+
+        @plan
+        async def going() -> Any:
+            result = await CONSTRUCTS[name](done, door)
+            await sleep(1)
+            return result
+
+        return going
+
+    whole = run_plan(top(), resumable=True)
+    assert len(done) == 1
+    *_, records = completed(whole)
+    again = run_plan(top(), resume=cut(whole, records))
+    assert (again.value, len(done)) == (whole.value, 1)
+    assert without_mark(again) == whole.trace.events
