@@ -10,7 +10,6 @@ happen in the step, the most deeply nested first.
 
 from __future__ import annotations
 
-import heapq
 import math
 import sys
 from collections import deque
@@ -195,8 +194,7 @@ class Scheduler:
             del group.live[task]
             group.fresh.append(task)
             if not group.dirty:
-                group.dirty = True
-                heapq.heappush(self.dirty, (-group.depth, group.birth, group))
+                group.stir()
         if task.watched is not None:
             task.watched.set(outcome)
         if task.listeners is not None:

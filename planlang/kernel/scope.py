@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from heapq import heappush
 from operator import attrgetter
 from typing import Any
 
@@ -155,6 +156,12 @@ class Scope(Node):
         return failure
 
     # -- for the scheduler
+
+    def stir(self) -> None:
+        """Have it decide after this round."""
+        if not self.dirty:
+            self.dirty = True
+            heappush(self.scheduler.dirty, (-self.depth, self.birth, self))
 
     def settle(self) -> None:
         """The decision after a round in which branches died."""

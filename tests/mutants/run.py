@@ -63,7 +63,7 @@ SHORT = 4
 # what is broken, file below planlang/, a text that stands there once, what replaces it
 MUTANTS = [
     ("the last in the run queue goes first", "kernel/rounds.py", "queue.popleft()", "queue.pop()"),
-    ("the less deeply nested decide first", "kernel/scheduler.py", "(-group.depth, group", "(group.depth, group"),
+    ("the less deeply nested decide first", "kernel/scope.py", "(-self.depth, self.birth", "(self.depth, self.birth"),
     ("a wait that becomes true wakes nobody", "kernel/fluent.py", "self.scheduler.wake(task, value)", "pass"),
     ("an ended wait goes on listening", "kernel/fluent.py", "            source.unwatch(wait)", "            pass"),
     ("timers of held tasks go on", "kernel/suspension.py", "timer.freeze()", "pass"),
@@ -111,8 +111,9 @@ MUTANTS = [
     ("what could not be set up is cleaned up", "language/policies.py", 'await _part("init", policy.init, policy)\n                begun.append(policy)', 'begun.append(policy)\n                await _part("init", policy.init, policy)'),
     ("the last policy that is violated recovers", "language/policies.py", "first, *others = scope.violated", "*others, first = scope.violated"),
     ("a policy looks at its first inputs only", "language/policies.py", "            self.follow(reads)", "            self.follow(self.inputs or reads)"),
-    ("an inner budget is all that is charged", "language/budgets.py", "        around = around.outer\n    if empty", "        around = None\n    if empty"),
+    ("an inner budget is all that is charged", "language/budgets.py", "        around = around.outer\n    undecided", "        around = None\n    undecided"),
     ("a budget allows one attempt more", "language/budgets.py", "if not around.left:", "if around.left < 0:"),
+    ("a budget that is used up strikes within the round", "language/budgets.py", "            around.stir()", "            around.expire()"),
     ("a budget does not say where time went", "language/budgets.py", "around.spent[part] = around.spent.get(part, 0) + steps", "pass"),
     ("a state may be visited once more", "language/machine.py", "visits[state] > max_visits:", "visits[state] > max_visits + 1:"),
     ("a failure takes the last case that fits", "language/machine.py", "next((to for case, to in cases.items()", "next((to for case, to in reversed(cases.items())"),
@@ -161,7 +162,7 @@ def caught(mutant: tuple[str, str, str, str]) -> tuple[bool, str]:
             return True, "a test that does not end"
         failed = [line for line in ended.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
         if ended.returncode == 1 and failed:
-            return True, failed[0].split(" - ")[0].rpartition("::")[2]
+            return True, failed[0] if mutant is UNBROKEN else failed[0].split(" - ")[0].rpartition("::")[2]
         return ended.returncode < 0, f"pytest ended with {ended.returncode}"  # a crash tells; a file not found does not
 
 

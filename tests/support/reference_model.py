@@ -134,7 +134,7 @@ class Strand:
             return False
         for strand in [*self.subtree()] if self.shields else [self]:
             strand.count = 0
-        self.cancelled = True
+        self.cancelled = self.world.stirred = True
         if self.node is None:
             self.outcome = EVAPORATED
         elif not self.shields and self.scope is not None:
@@ -153,6 +153,8 @@ class World:
     now: int = 0
     tags: dict[int, Strand] = field(default_factory=dict)
     nodes: list[Timed | Waiting] = field(default_factory=list)
+    stirred: bool = False
+    """Something was evaporated that has not run since."""
 
     def __post_init__(self) -> None:
         self.root = Strand(self, None, self.tree)
@@ -164,7 +166,10 @@ class World:
     def rest(self) -> None:
         """Let all happen that happens in this step; deadlines come last, the most deeply nested first."""
         while True:
+            self.stirred = False
             self.root.run()
+            if self.stirred:  # what a budget has evaporated may stand before the one that used it up
+                continue
             due = [node for node in self.timers() if isinstance(node, Deadline) and not node.left]
             if not due:
                 return
@@ -307,19 +312,27 @@ class Retry(Node):
         super().__init__(tree, strand, budgets)
         self.left = tree.number
         self.child = self.below()
+        self.undecided: list[Budget] = []
 
     def run(self) -> Outcome | None:
         while True:
+            if self.undecided:
+                if self.strand.doomed:
+                    return self.strand.delivered()
+                if not all(budget.over for budget in self.undecided):
+                    return None
+                self.undecided = []
+                self.child = self.below()
             outcome = self.child.run()
             if outcome is None or outcome[0] != "failure" or not self.left:
                 return outcome
             self.left -= 1
-            empty = False
-            for budget in reversed(self.budgets):
-                empty = not budget.take() or empty
+            empty = [budget for budget in reversed(self.budgets) if not budget.take()]
             if empty and self.strand.doomed:
                 return self.strand.delivered()
-            self.child = self.below()
+            self.undecided = [budget for budget in empty if not budget.over]
+            if not self.undecided:
+                self.child = self.below()
 
 
 class Protected(Node):
@@ -412,6 +425,9 @@ class Scope(Node):
             for child in tuple(self.live):
                 child.run()
             dead = [(number, child.outcome) for child, number in self.live.items() if child.outcome is not None]
+            if isinstance(self, Budget) and self.used_up and not self.over:
+                self.close(("failure", "budget"))
+                continue
             if not dead:
                 break
             dead.sort(key=itemgetter(0))
@@ -583,10 +599,11 @@ class Budget(Single):
     def __init__(self, tree: Tree, strand: Strand, budgets: tuple[Budget, ...]) -> None:
         super().__init__(tree, strand, (*budgets, self))
         self.left = tree.number
+        self.used_up = False
 
     def take(self) -> bool:
         if not self.left:
-            self.close(("failure", "budget"))
+            self.used_up = True
             return False
         self.left -= 1
         return True
