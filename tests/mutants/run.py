@@ -53,10 +53,10 @@ FIRST = {  # these before them, where one of these files is broken
     "kernel/endings.py": "tests/planlang/kernel/test_bad_plans.py",
     "kernel/trace.py": "tests/planlang/kernel/test_trace.py",
     "kernel/evaporation.py": "tests/planlang/kernel/test_evaporation.py",
-    "kernel/journal.py": "tests/planlang/testing/test_resuming.py",
-    "kernel/past.py": "tests/planlang/testing/test_resuming.py",
-    "kernel/exact.py": "tests/planlang/testing/test_resuming.py",
-    "kernel/compared.py": "tests/planlang/testing/test_replaying.py",
+    "kernel/journal.py": f"{LANGUAGE}/test_resumption.py",
+    "kernel/past.py": f"{LANGUAGE}/test_resumption.py",
+    "kernel/exact.py": f"{LANGUAGE}/test_resumption.py",
+    "kernel/compared.py": f"{LANGUAGE}/test_replays.py",
 }
 SHORT = 4
 
