@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +10,7 @@ import typer
 
 from executive.console import BAD_INPUT, Answer, answer, say, show
 from executive.graph_files import check_graph, write_graph
+from executive.headers import Told
 from executive.inputs import PlanFile, RecipeFile, find, names, read
 from executive.outputs import check_outputs, write_plan
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
@@ -153,7 +155,10 @@ def check_command(
     epilog="Example: planlang run serve_a_drink --seed 3 --trace run.jsonl --picture scene.png",
 )
 def run_command(
-    file: RecipeOrPlan,
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
+    ] = None,
     robot: Annotated[
         str | None,
         typer.Option(metavar="ROBOT", help="The robot's self-model: a file, or a bundled robot's name."),
@@ -173,8 +178,8 @@ def run_command(
         typer.Option("--set", metavar="NAME=OBJECT", help="Bind a parameter of the plan to an object; repeatable."),
     ] = None,
     seed: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Moves the true world away from the map; 0 leaves it.")
-    ] = 0,
+        int | None, typer.Option(min=0, metavar="N", help="Moves the true world away from the map; 0 leaves it.")
+    ] = None,
     schedule: Annotated[
         int | None,
         typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, the same for the same number."),
@@ -185,19 +190,43 @@ def run_command(
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
     ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TRACE", help="Go on with the run of this trace after the last step of the plan that completed."
+        ),
+    ] = None,
+    world_as_left: Annotated[
+        bool,
+        typer.Option("--world-as-left", help="With --resume: the world is as the trace left it; do not bring it back."),
+    ] = False,
     task: Task = None,
     ontologies: Ontologies = None,
     allow_abstract: AllowAbstract = False,
     force: Annotated[bool, typer.Option("--force", help="Run although the robot lacks a capability.")] = False,
     json: AsJson = False,
 ) -> None:
-    """Run a plan or a recipe in a simulated world."""
+    """Run a plan or a recipe in a simulated world.
+
+    A run that was interrupted is resumed by planlang run PLAN --resume TRACE: seed, start and parameters are those of
+    the trace, as are plan, robot and environment where they are bundled ones.
+    """
+    if file is None and resume is None:
+        raise typer.BadParameter("name a recipe or plan, or --resume TRACE")
+    if world_as_left and resume is None:
+        raise typer.BadParameter("--world-as-left needs --resume")
     base = _planar(start)
     bindings = _bindings(set_ or [])
 
     def work() -> Answer:
-        found = read(file)
-        outputs = {"--trace": trace, "--picture": picture, "--record": record}
+        recorded, told = None, Told()
+        if resume is not None:
+            from executive.resuming import read_trace
+
+            recorded, told = read_trace(resume)
+        trace_file = trace or resume
+        found = read(file or told.plan(str(resume)))
+        outputs = {"--trace": trace_file, "--picture": picture, "--record": record}
         inputs = {"the plan": found.path, "--urdf": urdf}
         problems = check_outputs(outputs, inputs)
         if urdf is not None and not urdf.is_file():
@@ -211,8 +240,10 @@ def run_command(
 
             problems += no_display()
         is_bundled = isinstance(found, RecipeFile) and found.is_bundled
-        self_model = _named("robot", robot, "robots", "amigo", is_bundled, problems)
-        environment_map = _named("environment", environment, "environments", "hospital_room", is_bundled, problems)
+        self_model = _named("robot", robot or told.robot, "robots", "amigo", is_bundled, problems)
+        environment_map = _named(
+            "environment", environment or told.environment, "environments", "hospital_room", is_bundled, problems
+        )
         _refuse(problems)
 
         from executive.running import RunOptions, run_plan_file
@@ -220,27 +251,64 @@ def run_command(
         options = RunOptions(
             plan=found.path if isinstance(found, PlanFile) else None,
             recipe=found.path if isinstance(found, RecipeFile) else None,
-            task=task,
+            task=task or told.task,
             ontologies=tuple(ontologies or ()),
             allow_abstract=allow_abstract,
             robot=self_model,
             urdf=urdf,
             environment=environment_map,
-            start=base,
+            start=base or told.start,
             bindings=bindings,
-            seed=seed,
-            schedule=schedule,
+            seed=told.seed if seed is None else seed,
+            schedule=told.schedule if schedule is None else schedule,
             gui=gui,
-            trace=trace,
+            trace=trace_file,
             picture=picture,
             record=record,
             force=force,
+            resume=recorded,
+            world_as_left=world_as_left,
             progress=(lambda line: None) if json else say,
             announce=(lambda found: None) if json else show,
         )
         return _ran(run_plan_file(options), told=not json)
 
     answer("run", work, as_json=json)
+
+
+@app.command("replay", epilog="Example: planlang replay run.jsonl")
+def replay_command(
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")],
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="[RECIPE|PLAN]", help="What was run; needed unless it is a bundled recipe."),
+    ] = None,
+    task: Task = None,
+    ontologies: Ontologies = None,
+    allow_abstract: AllowAbstract = False,
+    json: AsJson = False,
+) -> None:
+    """Run a plan again on what is recorded of its run, without robot or world; stops at the first difference.
+
+    The plan is told what it was told: what process modules did, where places were found, what was read and believed.
+    """
+
+    def work() -> Answer:
+        from executive.replaying import replay_trace
+        from executive.resuming import read_trace
+
+        recorded, told = read_trace(trace)
+        found = read(file or told.plan(str(trace)))
+        return replay_trace(
+            recorded,
+            plan=found.path if isinstance(found, PlanFile) else None,
+            recipe=found.path if isinstance(found, RecipeFile) else None,
+            task=task or told.task,
+            folders=tuple(ontologies or ()),
+            allow_abstract=allow_abstract,
+        )
+
+    answer("replay", work, as_json=json)
 
 
 def _ran(result: RunResult, *, told: bool) -> Answer:
@@ -313,7 +381,7 @@ def _planar(text: str | None) -> tuple[float, float, float] | None:
     return x, y, yaw
 
 
-def _bindings(texts: list[str]) -> dict[str, str]:
+def _bindings(texts: Sequence[str]) -> dict[str, str]:
     bindings: dict[str, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")

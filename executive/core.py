@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from executive import memory
 from executive.platform import CARRYING, Platform
 from executive.process_modules.arm import Reaching
 from executive.process_modules.gripper import GripperModule
@@ -22,6 +23,8 @@ class RobotExecutive:
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
+        self.world_as_left = False
+        """Whether the user says that the world is as a snapshot left it: it is not brought back then."""
         self.modules: Sequence[ProcessModule] = (
             Navigation(platform),
             Reaching(platform),
@@ -92,6 +95,14 @@ class RobotExecutive:
     def releases(self, action: Action) -> bool:
         """Whether the action lets go of something, by the vocabulary's primitives."""
         return any(cls in self.platform.releasing for cls in self.ancestors(action.type))
+
+    def snapshot(self) -> dict[str, Any]:
+        """World and belief as JSON, for the trace."""
+        return memory.snapshot(self.platform)
+
+    def restore(self, left: Mapping[str, Any]) -> None:
+        """Bring belief and world, if it can be brought back, to a snapshot; raises ValueError if it does not fit."""
+        memory.restore(self.platform, left, world=not self.world_as_left)
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
         """Belief changes are written into the trace."""

@@ -86,13 +86,18 @@ def main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:
     raise BadInput([error("R001", f"there is no task {task}", Span(str(module.__file__)), advice)])
 
 
-def bound_parameters(plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap) -> dict[str, Object]:
-    """The plan's parameters: their defaults, or things of the map that the user named and whose class fits."""
-    parameters = {
+def bindable_parameters(plan: Plan[Any, Any]) -> dict[str, Object]:
+    """The plan's parameters that things can be bound to, with their defaults."""
+    return {
         name: parameter.default
         for name, parameter in inspect.signature(plan.function).parameters.items()
         if isinstance(parameter.default, Object)
     }
+
+
+def bound_parameters(plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap) -> dict[str, Object]:
+    """The plan's parameters: their defaults, or things of the map that the user named and whose class fits."""
+    parameters = bindable_parameters(plan)
     problems = []
     for name, wanted in bindings.items():
         thing = semantic_map.find(wanted)

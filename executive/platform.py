@@ -53,9 +53,9 @@ class Platform:
     releasing: frozenset[str]
     """Action classes that let go of something."""
     rng: np.random.Generator
-    _preferred: str | None = None
+    preferred: str | None = None
     """Arm that was chosen last where the plan left the choice; it is kept."""
-    _begun: dict[str, tuple[int, Base, ReachSolution]] = field(default_factory=dict)
+    begun_grasps: dict[str, tuple[int, Base, ReachSolution]] = field(default_factory=dict)
     """Arm -> revision, base and grasp whose pre-grasp was taken."""
 
     # Where things are
@@ -156,19 +156,19 @@ class Platform:
 
     def in_order(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
         """The arm that was chosen before first: a choice is kept."""
-        return sorted(arms, key=lambda arm: arm.name != self._preferred)
+        return sorted(arms, key=lambda arm: arm.name != self.preferred)
 
     def use(self, arm: ArmModel, way: ReachSolution) -> None:
         """Remember which arm was chosen, and the grasp that was begun."""
-        self._preferred = arm.name
+        self.preferred = arm.name
         if way.reach.kind == "grasp":
-            self._begun[arm.name] = (self.belief.revision, self.base(), way)
+            self.begun_grasps[arm.name] = (self.belief.revision, self.base(), way)
 
     def begun(self, arm: ArmModel, location: Location) -> ReachSolution | None:
         """The grasp whose pre-grasp the arm has taken, if it is the one that the location asks for and still holds."""
         if not any(relation.name == "in_center_of" for relation in location.relations):
             return None
-        revision, base, way = self._begun.get(arm.name, (-1, (0.0, 0.0, 0.0), None))
+        revision, base, way = self.begun_grasps.get(arm.name, (-1, (0.0, 0.0, 0.0), None))
         meant = [self.around.bind(r.reference) for r in location.relations if isinstance(r.reference, Object)]
         if way is None or revision != self.belief.revision or base != self.base() or way.reach.body not in meant:
             return None
@@ -229,7 +229,7 @@ class Platform:
         self.world.attach(link, name)
         offset = self.world.link_pose(link).inverse() @ self.belief.pose(name)
         self.belief.grasped(name, arm.name, link, offset)
-        self._begun.pop(arm.name, None)
+        self.begun_grasps.pop(arm.name, None)
         self.sync()
 
     def let_go(self, name: str, *, to: str | None = None) -> None:

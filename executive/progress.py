@@ -8,6 +8,8 @@ from typing import Any
 
 from planlang import Trace
 from planlang.kernel.hosts import Steps
+from planlang.kernel.past import Past
+from planlang.kernel.tree import Node
 
 Record = Mapping[str, Any]
 
@@ -21,19 +23,24 @@ class ToldTrace(Trace):
 
     @classmethod
     def to(
-        cls, path: Path | None, header: Mapping[str, object], listeners: tuple[Callable[[Record], None], ...]
+        cls,
+        path: Path | None,
+        header: Mapping[str, object],
+        listeners: tuple[Callable[[Record], None], ...],
+        past: Past | None = None,
     ) -> ToldTrace:
-        """A trace into a file, or kept in memory without ``path``."""
-        trace = cls(None, header) if path is None else cls.at(path, header)
+        """A trace into a file, or kept in memory without ``path``; ``past`` is what a resumed run takes over."""
+        trace = cls(None, header) if path is None else cls.at(path, header, past=past)
         trace.listeners = listeners
         return trace
 
-    def write(self, step: int, event: str, **details: object) -> None:
-        """Write one record and tell it."""
-        super().write(step, event, **details)
+    def write(self, step: int, event: str, node: Node | None = None, /, **details: object) -> None:
+        """Write one record and tell it, ``node`` and values as they are."""
+        super().write(step, event, node, **details)
+        record = {"step": step, "event": event, **({} if node is None else {"node": node}), **details}
         for listener in self.listeners:
             try:
-                listener({"step": step, "event": event, **details})
+                listener(record)
             except BaseException as problem:  # records are written amid the scheduler's work, where nothing may raise
                 self.problem = self.problem or problem
                 self.listeners = tuple(other for other in self.listeners if other is not listener)
@@ -70,16 +77,19 @@ def progress_lines(rate: int, say: Callable[[str], None]) -> Callable[[Record], 
 
 def line_of(record: Record) -> str | None:
     """What a record of the trace says to people; None for what they need not see."""
-    depth = "  " * str(record.get("path", "")).count("perform")
     match record:
-        case {"event": "started", "kind": "perform", "action": action}:
-            return f"{depth}{action}"
-        case {"event": "ended", "kind": "perform", "failure": failure}:
-            return f"{depth}failed: {type(failure).__name__}: {failure}"
-        case {"event": "started", "kind": "plan", "path": path}:
-            return f"{depth}{path.rsplit('/', 1)[-1]}"
+        case {"event": "started", "node": Node(kind="perform"), "action": action}:
+            return str(action)
+        case {"event": "ended", "node": Node(kind="perform"), "failure": failure}:
+            return f"failed: {type(failure).__name__}: {failure}"
+        case {"event": "started", "node": Node(kind="plan") as node}:
+            return node.name
         case {"event": "recovery", "decision": decision} if decision != "none":
-            return f"{depth}recovery: {decision}"
+            return f"recovery: {decision}"
+        case {"event": "completed", "lost": lost}:
+            return f"cannot be resumed behind this step: {lost}"
+        case {"event": "resumed"}:
+            return "resumed"
         case {"event": "belief", "change": change, "name": name}:
-            return f"{depth}  belief: {name} {change}"
+            return f"  belief: {name} {change}"
     return None

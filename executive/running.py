@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
@@ -23,10 +22,16 @@ from executive.outputs import replace as write_complete
 from executive.plan_actions import judged, needs_of
 from executive.plan_files import bound_parameters, compiled_plan, import_plan, line_in, main_plan
 from executive.progress import HeedingWorld, ToldTrace, progress_lines
+from executive.resuming import bring_back, past_of, refuse_other, sha256, told_parameters
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
-from planlang.diagnostics import Diagnostic
+from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.kernel.continued import Different
+from planlang.kernel.exact import dump
+from planlang.kernel.past import Past
+from planlang.kernel.recorded import RecordedRun
 from planlang.language.plans import Plan
+from planlang.language.running import known as run_header
 from planlang.ontology import load
 from sim import PyBulletWorld
 from sim.oracle import at_rest_on, held_by
@@ -59,6 +64,10 @@ class RunOptions:
     picture: Path | None = None
     record: Path | None = None
     force: bool = False
+    resume: RecordedRun | None = None
+    """The trace of the run that goes on."""
+    world_as_left: bool = False
+    """Whether the user says that the world is as that trace left it; else it is brought back."""
     progress: Callable[[str], None] = lambda line: None
     announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
     """Told what was repaired and assumed, once, before the plan runs."""
@@ -105,6 +114,11 @@ def run_plan_file(options: RunOptions) -> RunResult:
                 diagnostics=tuple(found),
                 failure=("MissingCapability",),
             )
+        past: Past | None = None
+        if options.resume is not None:
+            past, notes = past_of(options.resume)
+            options.announce(notes)
+            found.extend(notes)
         scene = placed(scene, robot, options.start)
         believed = PyBulletWorld(scene, robot.body())
         stack.callback(believed.close)
@@ -114,10 +128,18 @@ def run_plan_file(options: RunOptions) -> RunResult:
         stack.callback(truth.close)
         executive = RobotExecutive(platform_of(robot, semantic_map, truth, believed, options.seed))
         bound = bound_parameters(plan, options.bindings or {}, semantic_map)
-        header = _header(path, semantic_map, robot)
+        if options.resume is not None and not options.bindings:
+            bound = told_parameters(options.resume, bound)
+        header = _header(path, semantic_map, robot, options, scene.start, bound)
         if able.infeasible:
             header["infeasible"] = [alternative.name for alternative, _ in able.infeasible]
-        return replace(_execute(plan, bound, executive, truth, header, options), diagnostics=tuple(found))
+        if past is not None:
+            known = run_header(_budgeted(plan, bound, executive), SimulationHost(truth), options.seed, options.schedule)
+            notes = refuse_other(past.recorded, {**header, **known})
+            options.announce(notes)
+            found.extend(notes)
+            bring_back(executive, past, world_as_left=options.world_as_left)
+        return replace(_execute(plan, bound, executive, truth, header, options, past), diagnostics=tuple(found))
 
 
 def _execute(
@@ -127,6 +149,7 @@ def _execute(
     truth: PyBulletWorld,
     header: Mapping[str, object],
     options: RunOptions,
+    past: Past | None,
 ) -> RunResult:
     listeners = [progress_lines(truth.rate, options.progress)]
     recording = None
@@ -138,7 +161,7 @@ def _execute(
         recording = Recording(truth.rate, drawn_in(truth, executive.platform.robot.urdf), title=plan.name)
         listeners.append(recording.listen)
         world = _Filmed(truth, recording)
-    trace = ToldTrace.to(options.trace, header, tuple(listeners))
+    trace = ToldTrace.to(options.trace, header, tuple(listeners), past)
     code, outcome = DONE, "done"
     chain: tuple[str, ...] = ()
     try:
@@ -150,6 +173,8 @@ def _execute(
             schedule=options.schedule,
             trace=trace,
             max_steps=int(2 * BUDGET * truth.rate),
+            resumable=True,
+            resume=past,
         )
         trace.heed()
     except PlanFailure as failure:
@@ -157,6 +182,9 @@ def _execute(
         chain = tuple(type(link).__name__ for link in failure.chain())
     except KeyboardInterrupt:
         code, outcome = INTERRUPTED, "interrupted"
+    except Different as difference:
+        name = "" if past is None else past.recorded.name
+        raise BadInput([error("X027", str(difference), Span(name, difference.line or 1))]) from None
     except RunError as problem:
         code, outcome, chain = FAILED, f"{type(problem).__name__}: {problem}", (type(problem).__name__,)
     except Exception as problem:
@@ -235,20 +263,26 @@ def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Object], belief: Beli
             yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
 
 
-def _header(plan: Path, semantic_map: SemanticMap, robot: Robot) -> dict[str, object]:
+def _header(
+    plan: Path,
+    semantic_map: SemanticMap,
+    robot: Robot,
+    options: RunOptions,
+    start: tuple[float, float, float],
+    bound: Mapping[str, Object],
+) -> dict[str, object]:
     """What a trace must have in common with another to be equal to it, beside seed and schedule."""
     return {
         "versions": _versions(),
-        "plan_sha256": _sha256(plan),
+        "plan_sha256": sha256(plan),
+        "parameters": {name: dump(what) for name, what in bound.items()},
+        "start": [float(number) for number in start],
         "robot": robot.name,
-        "urdf_sha256": _sha256(robot.urdf),
+        "robot_sha256": None if options.robot is None else sha256(options.robot),
+        "urdf_sha256": sha256(robot.urdf),
         "map": semantic_map.iri,
         "map_sha256": [document.sha256 for document in semantic_map.ontology.documents],
     }
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _versions() -> dict[str, str]:

@@ -22,7 +22,8 @@ class People:
     def __init__(self, bodies: Bodies, rate: int) -> None:
         self.bodies, self.rate = bodies, rate
         self.persons = {name: Person.of(b) for name, b in bodies.bodies.items() if b.shape == "person"}
-        self._still: dict[str, tuple[Pose, int]] = {}
+        self.still: dict[str, tuple[Pose, int]] = {}
+        """Thing in the robot's hand -> where it is, and for how many steps it has been at rest there."""
         self._reach: dict[str, tuple[Pose, Reach]] = {}
 
     def reach(self, name: str) -> Reach:
@@ -63,10 +64,10 @@ class People:
 
     def _watch(self, held: Mapping[str, Pose]) -> None:
         for name, pose in held.items():
-            before, count = self._still.get(name, (pose, 0))
-            self._still[name] = (pose, count + 1 if before.distance(pose) < 1e-3 else 0)
-        for name in [name for name in self._still if name not in held]:
-            del self._still[name]
+            before, count = self.still.get(name, (pose, 0))
+            self.still[name] = (pose, count + 1 if before.distance(pose) < 1e-3 else 0)
+        for name in [name for name in self.still if name not in held]:
+            del self.still[name]
 
     def _step(self, name: str, person: Person, held: Mapping[str, Pose]) -> None:
         target = self._offer(name, person, held)
@@ -83,7 +84,7 @@ class People:
             goal = taking_point(held[thing], size, self.reach(name).shoulders[k])
             inverse = self.bodies.poses[name].inverse().matrix()
             moved[k] = person.move_hand(k, inverse[:3, :3] @ goal + inverse[:3, 3], self.rate)
-        self._place_arms(name, (k for k in (0, 1) if moved[k]))
+        self.place_arms(name, (k for k in (0, 1) if moved[k]))
         if target is not None:
             self._take(name, person, target, held)
 
@@ -100,7 +101,7 @@ class People:
         """The arm and the object to reach for: at rest, in the comfort zone, not yet taken by anybody."""
         reach = self.reach(name)
         for thing, pose in held.items():
-            if self._still[thing][1] < _REST or self.holder(thing):
+            if self.still[thing][1] < _REST or self.holder(thing):
                 continue
             k = reach.arm_for(pose.position)
             if k is None:
@@ -114,7 +115,8 @@ class People:
     def _limbs(self, name: str) -> list[int]:
         return [index for index in self.bodies.of[name] if self.bodies.pieces[index].part.limb]
 
-    def _place_arms(self, name: str, arms: Iterable[int]) -> None:
+    def place_arms(self, name: str, arms: Iterable[int]) -> None:
+        """Put arms where their hands are."""
         person, limbs = self.persons[name], self._limbs(name)
         for k in arms:
             parts = arm_parts(person.figure, k, person.hands[k])

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from planlang.protocols import Array, Configuration, Contact, Detection, Motion, Pose, Trajectory
-from sim import picture
+from sim import picture, snapshots
 from sim.bodies import Bodies, Part
 from sim.camera import Camera, Picture
 from sim.contact import PARTED, Contacts, Held, Ignored, Query
@@ -361,6 +362,39 @@ class PyBulletWorld:
             tuple((group, playback.row, playback.state()) for group, playback in self._motions.items()),
             self._people.state(),
         )
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state as JSON, from which :meth:`restore` makes an equal one in a world of the same scene and robot.
+
+        Motions under way are not told; the robot is taken to stand where it is.
+        """
+        self._here()
+        return {
+            "step": self.steps,
+            **snapshots.configuration(self._now),
+            **snapshots.bodies(self._bodies, self._held),
+            "held": snapshots.held(self._held),
+            "falling": snapshots.falling(self._falling),
+            "groups": list(self._motions),
+            **snapshots.people(self._people),
+        }
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from a :meth:`snapshot`; raises ValueError for one of another scene or robot, or that is damaged."""
+        try:
+            now = snapshots.configuration_of(state)
+            if now.joints.keys() != self._now.joints.keys():
+                raise ValueError("the robot has other joints")
+            snapshots.restore_bodies(self._bodies, state)
+            if self._robot is not None:
+                snapshots.restore_held(self._held, self._robot, self._bodies, state["held"])
+            self._motions = {str(group): snapshots.at_rest() for group in state["groups"]}
+            snapshots.restore_falling(self._falling, state["falling"])
+            snapshots.restore_people(self._people, state)
+            self.steps, self._now = int(state["step"]), now
+        except (KeyError, TypeError, AttributeError) as problem:
+            raise ValueError(f"the state of the world is damaged: {problem!r}") from None
+        self._here()
 
     def close(self) -> None:
         """End the physics client; the world cannot be used afterwards. Closing twice does nothing."""

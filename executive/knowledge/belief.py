@@ -10,6 +10,7 @@ from typing import Any
 from executive.knowledge.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object, local_name
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
+from planlang.kernel.exact import dump, load
 from planlang.ontology import expand
 from planlang.protocols import Configuration, Detection, Pose
 from sim import PyBulletWorld
@@ -49,6 +50,7 @@ class Belief:
         self.tell: Callable[[str, Mapping[str, Any]], None] = _ignore
         """Where changes are written: event, details."""
         self._poses: dict[str, Pose] = {name: world.pose(name) for name in world.names()}
+        self._first = dict(self._poses)
         self._taken: set[str] = set()
         """Things that a person has taken."""
         self._seen: dict[str, int] = {}
@@ -163,6 +165,45 @@ class Belief:
         self.revision += 1
         self.tell("belief", {"revision": self.revision, "change": how, **details})
 
+    # Remembering
+
+    def snapshot(self) -> dict[str, Any]:
+        """What is believed, as JSON; poses that are still those of the map are left out."""
+        moved = {name: dump(pose) for name, pose in self._poses.items() if pose != self._first[name]}
+        held = {name: [grip.arm, grip.link, dump(grip.offset), dump(grip.before)] for name, grip in self.held.items()}
+        return {
+            "revision": self.revision,
+            "poses": moved,
+            "held": held,
+            "taken": sorted(self._taken),
+            "seen": dict(self._seen),
+            "moves": self._moves,
+            "bound": [[dump(what), name] for what, name in self._bound.items()],
+            "in_vain": {name: [list(base) for base in bases] for name, bases in self._in_vain.items()},
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Believe what was believed; raises ValueError for what is no snapshot of a belief about this map."""
+        try:
+            unknown = {*state["poses"], *state["held"], *state["taken"], *(name for _, name in state["bound"])}
+            if not unknown <= self._poses.keys():
+                raise ValueError(f"the map has no {', '.join(sorted(unknown - self._poses.keys()))}")
+            self._poses = {**self._first, **{name: _pose(pose) for name, pose in state["poses"].items()}}
+            self.held = {
+                name: Grip(str(arm), str(link), _pose(offset), _pose(before))
+                for name, (arm, link, offset, before) in state["held"].items()
+            }
+            self._taken, self._moves = set(state["taken"]), int(state["moves"])
+            self._seen = {name: int(moves) for name, moves in state["seen"].items()}
+            self._bound = {load(what): name for what, name in state["bound"]}
+            self._in_vain = {
+                name: [(float(x), float(y), float(yaw)) for x, y, yaw in bases]
+                for name, bases in state["in_vain"].items()
+            }
+            self.revision = int(state["revision"])
+        except (KeyError, TypeError, AttributeError) as problem:
+            raise ValueError(f"the state of the belief is damaged: {problem!r}") from None
+
     # Imagining
 
     def sync(self, world: PyBulletWorld, configuration: Configuration) -> None:
@@ -186,6 +227,13 @@ class Belief:
                     world.attach(grip.link, name)
             elif world.pose(name) != pose:
                 world.set_pose(name, pose)
+
+
+def _pose(state: object) -> Pose:
+    pose = load(state)
+    if not isinstance(pose, Pose):
+        raise ValueError(f"a pose is expected, not {pose!r}")
+    return pose
 
 
 def _angle(one: Pose, other: Pose) -> float:

@@ -6,7 +6,7 @@ them from one base, ``resolver`` samples bases; ``surroundings`` is the view of 
 
 from executive.locations.block import Block
 from executive.locations.hand import ComfortZone, HandFrame, Held
-from executive.locations.reach import ReachSolution
+from executive.locations.reach import Reach, ReachSolution
 from executive.locations.resolver import Resolver
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 
@@ -17,6 +17,7 @@ __all__ = [
     "ComfortZone",
     "HandFrame",
     "Held",
+    "Reach",
     "ReachSolution",
     "Resolver",
     "Surroundings",

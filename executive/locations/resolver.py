@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 
 import numpy as np
@@ -96,6 +96,14 @@ class Resolver:
             if found:
                 break
         raise rejections.failure(location)
+
+    def reached_from(self, base: Base) -> Mapping[tuple[str, Base], Mapping[Reach, ReachSolution]]:
+        """How arms can reach from a place what was asked for when it was found, if that is the last that was found."""
+        return {key: ways for key, ways in self._reached.items() if key[1] == _rounded(base)}
+
+    def remember(self, reached: Mapping[tuple[str, Base], Iterable[ReachSolution]]) -> None:
+        """The inverse of :meth:`reached_from`."""
+        self._reached = {key: {way.reach: way for way in ways} for key, ways in reached.items()}
 
     def _arms(self, location: Location) -> Sequence[ArmModel]:
         """The arms that a location may mean: its device's; else those that hold something; else all."""

@@ -1,9 +1,10 @@
 """The kernel: tasks, deterministic scheduler, integer clock, fluents, hosts, trace. It knows no construct by name.
 
-General layout: ``scheduler`` runs tasks in rounds and steps the host; ``scope`` is what constructs are made of;
-``evaporation`` and ``suspension`` say who is reached; ``primitives`` and ``fluent`` are what a task can wait for;
-``hosts`` and ``realtime`` let time pass; ``threads`` runs blocking calls; ``watchdog`` interrupts what never waits;
-``park`` is the narrow place where tasks and scheduler meet; ``trace`` and ``listing`` tell what happened and where.
+General layout: ``scheduler`` is the state of a run, ``rounds`` its loop, ``turn`` what a task does when it is its turn,
+``endings`` how a run ends. ``scope`` is what constructs are made of; ``evaporation`` and ``suspension`` say who is
+reached; ``primitives`` and ``fluent`` are what a task can wait for; ``hosts`` and ``realtime`` let time pass;
+``threads`` runs blocking calls; ``watchdog`` interrupts what never waits; ``park`` is the narrow place where tasks and
+scheduler meet; ``trace`` and ``listing`` tell what happened and where.
 """
 
 from planlang.kernel.errors import (
@@ -28,7 +29,7 @@ from planlang.kernel.scheduler import Scheduler
 from planlang.kernel.scope import All, Scope, failure_of
 from planlang.kernel.task import Status, Task
 from planlang.kernel.threads import in_thread
-from planlang.kernel.trace import Trace
+from planlang.kernel.trace import Trace, with_paths
 
 __all__ = [
     "All",
@@ -64,4 +65,5 @@ __all__ = [
     "shield",
     "sleep",
     "wait_for",
+    "with_paths",
 ]

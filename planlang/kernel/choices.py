@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from random import Random
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
+
+from planlang.kernel.numbers import packed, unpacked
 
 if TYPE_CHECKING:
     from planlang.kernel.task import Task
@@ -34,6 +36,14 @@ class Stream:
         """Any of them."""
         return self._random.randrange(len(ready))
 
+    def state(self) -> Any:
+        """How far the stream has come, as JSON."""
+        return packed(self._random)
+
+    def restore(self, state: Any) -> None:
+        """Go on from a state; ValueError for what is none."""
+        self._random.setstate(unpacked(state))
+
 
 class Recorded:
     """Takes choices from a list, then first come, first served; a choice beyond the last task is the last task."""
@@ -41,11 +51,24 @@ class Recorded:
     def __init__(self, choices: Sequence[int]) -> None:
         if any(isinstance(choice, bool) or not isinstance(choice, int) or choice < 0 for choice in choices):
             raise ValueError(f"a schedule is a list of places, whole numbers from 0, not {list(choices)!r}")
-        self._choices = iter(tuple(choices))
+        self._choices = tuple(choices)
+        self._taken = 0
 
     def choose(self, ready: Sequence[Task]) -> int:
         """The next of the list."""
-        return min(next(self._choices, 0), len(ready) - 1)
+        choice = self._choices[self._taken] if self._taken < len(self._choices) else 0
+        self._taken += 1
+        return min(choice, len(ready) - 1)
+
+    def state(self) -> Any:
+        """How many choices were taken."""
+        return self._taken
+
+    def restore(self, state: Any) -> None:
+        """Go on after so many choices; ValueError for what is no number of them."""
+        if type(state) is not int or state < 0:
+            raise ValueError("a state is a number of choices")
+        self._taken = state
 
 
 def source_of(schedule: Schedule) -> ChoiceSource | None:

@@ -9,10 +9,11 @@ from planlang.failures import PlanFailure
 from planlang.kernel.errors import Evaporated
 
 if TYPE_CHECKING:
+    from planlang.kernel.scheduler import Scheduler
     from planlang.kernel.task import Task
 
 
-async def close_generators(
+async def _close(
     task: Task, generators: list[AsyncGenerator[Any, Any]], value: Any, error: BaseException | None
 ) -> Any:
     """Close them in order of first iteration, then end as the task would have ended."""
@@ -30,3 +31,36 @@ async def close_generators(
     if error is not None:
         raise error
     return value
+
+
+def unfinished(generators: list[AsyncGenerator[Any, Any]]) -> list[AsyncGenerator[Any, Any]]:
+    """Those that still have something to run."""
+    return [generator for generator in generators if getattr(generator, "ag_frame", None) is not None]
+
+
+def keep(generator: AsyncGenerator[Any, Any]) -> None:
+    """Generators are closed by the task that iterated them; nothing is left to the collector."""
+
+
+def adopt(scheduler: Scheduler, generator: AsyncGenerator[Any, Any]) -> None:
+    """The running task iterates a generator for the first time."""
+    task = scheduler.current
+    if task is not None:
+        task.generators = [*unfinished(task.generators or []), generator]
+
+
+def close_first(
+    scheduler: Scheduler,
+    task: Task,
+    generators: list[AsyncGenerator[Any, Any]],
+    value: Any,
+    error: BaseException | None,
+) -> None:
+    """Close the async generators that the task left open, shielded, before it counts as dead."""
+    task.generators = None
+    task.node = task
+    task.coroutine = _close(task, generators, value, error)
+    task.shields += 1
+    if not scheduler.draining:
+        task.doomed = False
+    scheduler.wake(task)

@@ -8,7 +8,7 @@ from types import FrameType, TracebackType
 from typing import TYPE_CHECKING
 
 from planlang.kernel.errors import CleanupOverrun, CutShort
-from planlang.kernel.listing import is_own, line_of
+from planlang.kernel.listing import is_own, place_of
 from planlang.kernel.park import here
 from planlang.kernel.suspension import unhold
 from planlang.kernel.task import Status, Task
@@ -94,8 +94,9 @@ class shield:  # noqa: N801 - used like a function: with shield(within=10)
 
     def _overrun(self) -> None:
         task = self._task
-        where = f"in {task.path} took longer than {self.within} s, at {line_of(task)}"
-        break_off(self._scheduler, task, CleanupOverrun(f"shielded code {where}"))
+        where = f"in {task.path} took longer than {self.within} s{place_of(task)}"
+        advice = "a cleanup that needs more says so: unwind_protect(body, cleanup, within=30), shield(within=30)"
+        break_off(self._scheduler, task, CleanupOverrun(f"shielded code {where}; {advice}"))
 
 
 def warn_cut_short(task: Task) -> None:

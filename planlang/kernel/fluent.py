@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
+from weakref import WeakValueDictionary
 
 from planlang.kernel.expressions import Signal, same
 from planlang.kernel.park import checkpoint, deliver, here, park, running
@@ -13,6 +14,7 @@ from planlang.kernel.suspension import Recheck
 if TYPE_CHECKING:
     from planlang.kernel.scheduler import Scheduler
     from planlang.kernel.task import Task
+    from planlang.kernel.tree import Node
 
 T = TypeVar("T")
 
@@ -67,6 +69,13 @@ class Fluent(Source[T]):
         self._value: T = value
         self.changes = 0
         """How often the value has changed."""
+        self.born: Node | None = None
+        """The node of the tree in which it was made, if the run's steps are noted."""
+        scheduler = running.scheduler
+        if scheduler is not None and scheduler.journal is not None and scheduler.current is not None:
+            self.born = scheduler.current.node
+        if name is not None:
+            _named[name] = self
 
     @property
     def value(self) -> T:
@@ -81,12 +90,23 @@ class Fluent(Source[T]):
             self._value = value
             self.changes += 1
             self.pulses += 1
+            scheduler = running.scheduler
+            if scheduler is not None and scheduler.journal is not None:
+                scheduler.journal.changed(self)
             self.notify()
 
     def pulse(self) -> None:
         """Let those who wait for pulses go on, without a change."""
         self.pulses += 1
         self.notify()
+
+
+_named: WeakValueDictionary[str, Fluent[Any]] = WeakValueDictionary()
+
+
+def find(name: str) -> Fluent[Any] | None:
+    """The fluent of a name that was made last, if it is still there."""
+    return _named.get(name)
 
 
 class WorldFluent(Fluent[T]):
@@ -116,6 +136,10 @@ class WorldFluent(Fluent[T]):
 
     def read(self) -> T:
         """The value in the world now."""
+        scheduler = running.scheduler
+        if scheduler is not None and scheduler.answers is not None:
+            value: T = scheduler.answers.ask(f"{self} now", self._read)
+            return value
         return self._read()
 
     def set(self, value: T) -> None:
@@ -128,7 +152,10 @@ class WorldFluent(Fluent[T]):
         self._at = (scheduler, step) if scheduler is not None else None
         before = self._value
         try:
-            self._value = self._read()
+            if scheduler is None or scheduler.answers is None:
+                self._value = self._read()
+            else:
+                self._value = scheduler.answers.sample(self, self._read)
         except Exception as error:
             self._error = error
             return True

@@ -36,18 +36,28 @@ def innermost_frame(coroutine: object) -> FrameType | None:
     return found
 
 
-def line_of(task: Task) -> str:
-    """``file.py:12`` of where a task waits, or where its branch is defined when only our own code runs in it."""
+def place_of(task: Task) -> str:
+    """A text to append: `` at file.py:12``, where a task waits or where its branch is defined.
+
+    When only our own code runs in it, ``, started at file.py:12``, the line of the plan around it that waits for it;
+    nothing when there is none of the plan's.
+    """
     frame = innermost_frame(task.coroutine)
     if frame is not None:
-        return f"{os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
+        return f" at {os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
     function: object = task.branch
     while isinstance(function, functools.partial):
         function = function.func
     code = getattr(function, "__code__", None)
     if isinstance(code, CodeType) and not is_own(code.co_filename):
-        return f"{os.path.basename(code.co_filename)}:{code.co_firstlineno}"
-    return "an unknown line"
+        return f" at {os.path.basename(code.co_filename)}:{code.co_firstlineno}"
+    around = task.group
+    while around is not None:
+        frame = innermost_frame(around.owner.coroutine)
+        if frame is not None:
+            return f", started at {os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
+        around = around.owner.group
+    return ""
 
 
 def blocked(root: Task) -> Iterable[Task]:
@@ -71,7 +81,7 @@ def listing(title: str, tasks: Iterable[Task]) -> str:
             continue
         state = "is suspended, waiting for" if task.holds else "waits for"
         what = f" {state} {task.wait}" if task.wait is not None else ""
-        lines.append(f"  {task.path}{what} at {line_of(task)}")
+        lines.append(f"  {task.path}{what}{place_of(task)}")
     if more:
         lines.append(f"  and {more} more")
     return "\n".join(lines)
@@ -91,7 +101,7 @@ def locate(failure: PlanFailure, node: Node, revision: Callable[[], int] | None)
 
 def explain_recursion(error: RecursionError, path: str) -> None:
     """Add a note that names the plan's functions that call each other without end, unless there is one."""
-    if getattr(error, "__notes__", None):
+    if any("recursion without end" in note for note in getattr(error, "__notes__", ())):
         return
     names: dict[str, int] = {}
     traceback = error.__traceback__

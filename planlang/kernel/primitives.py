@@ -50,7 +50,7 @@ def record(event: str, **details: object) -> None:
     """Write an event of the running task into the trace."""
     scheduler, task = here()
     if scheduler.trace is not None:
-        scheduler.trace.write(scheduler.now, event, path=task.node.path, **details)
+        scheduler.trace.write(scheduler.now, event, task.node, **details)
 
 
 class inside:  # noqa: N801 - used like a function: with inside("plan", name)
@@ -81,6 +81,8 @@ class inside:  # noqa: N801 - used like a function: with inside("plan", name)
             except BaseException as error:
                 self.__exit__(type(error), error, None)
                 raise
+        if scheduler.journal is not None:
+            scheduler.journal.enter(self._node)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
@@ -90,6 +92,8 @@ class inside:  # noqa: N801 - used like a function: with inside("plan", name)
         task.node = self._outer
         if isinstance(error, PlanFailure) and error.where is None:
             locate(error, self._node, scheduler.revision)
+        if scheduler.journal is not None:
+            scheduler.journal.leave(self._node, self.result, error)
         if scheduler.trace is not None:
             if error is None:
                 scheduler.trace.ended(scheduler.now, self._node, Status.SUCCEEDED, self.result)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from heapq import heappush
+from operator import attrgetter
 from typing import Any
 
 from planlang.failures import BranchEvaporated, PlanFailure
 from planlang.kernel.errors import Evaporated, PlanStructureError
-from planlang.kernel.listing import locate
+from planlang.kernel.listing import locate, place_of
 from planlang.kernel.park import checkpoint, deliver, here, park
 from planlang.kernel.task import SUCCEEDED, Status, Task
 from planlang.kernel.tree import Node
 
 MAX_DEPTH = 10_000
+_index = attrgetter("index")
 
 
 class Scope(Node):
@@ -28,13 +31,19 @@ class Scope(Node):
     def __init__(self, kind: str, name: str | None = None) -> None:
         self.scheduler, self.owner = here()
         if self.transparent:
-            self.parent, self.kind, self._name, self._ordinal = self.owner.node, kind, kind, 1
+            self.parent, self.kind, self.base_name, self.ordinal = self.owner.node, kind, kind, 1
             self._counts = self._path = None
+            self.number = 0
+            self.told = ""
         else:
             Node.__init__(self, self.owner.node, kind, name or kind)
+        self.above: Node = self.owner.node if self.transparent else self
+        """Under which node the branches appear in the tree."""
         self.depth = self.owner.depth + 1
         if self.depth > MAX_DEPTH:
-            raise PlanStructureError(f"more than {MAX_DEPTH} constructs nested: {_innermost_names(self.owner)}")
+            raise PlanStructureError(
+                f"more than {MAX_DEPTH} constructs nested, as in recursion without end: {_innermost(self.owner)}"
+            )
         self.birth = self.scheduler.next_birth()
         self.live: dict[Task, None] = {}
         self.fresh: list[Task] = []
@@ -67,10 +76,12 @@ class Scope(Node):
 
     def start(self, branch: Callable[[], Any], name: str, index: int) -> Task:
         """Start a branch; it runs after what is already in the queue."""
-        task = Task(self, self.parent if self.transparent else self, name, branch, index)
-        if self.transparent:
+        task = Task(self, self.above, name, branch, index)
+        if self.above is not self:
             task.kind = self.kind
         self.live[task] = None
+        if self.scheduler.journal is not None:
+            self.scheduler.journal.start(task)
         owner = self.owner
         if owner.holds:
             task.holds = owner.holds
@@ -90,6 +101,9 @@ class Scope(Node):
         Raises a programming error that left a branch, before anything else; Evaporated if the owner is evaporated.
         """
         scheduler, owner = self.scheduler, self.owner
+        journal = None if self.transparent else scheduler.journal
+        if journal is not None and journal.resuming and (before := journal.scope_taken_over(self)) is not None:
+            return await before
         trace = None if self.transparent else scheduler.trace
         if owner.doomed:
             await deliver(owner)
@@ -97,6 +111,8 @@ class Scope(Node):
             trace.started(scheduler.now, self, **self.details())
         outer, outer_node = owner.scope, owner.node
         owner.scope, owner.node = self, self
+        if journal is not None:
+            journal.enter(self)
         try:
             if scheduler.on_start is not None and not self.transparent:
                 scheduler.on_start(self)
@@ -118,6 +134,8 @@ class Scope(Node):
             owner.scope, owner.node = outer, outer_node
             if isinstance(error, PlanFailure) and error.where is None:
                 locate(error, self, scheduler.revision)
+            if journal is not None:
+                journal.leave(self, None, error)
             if trace is not None and not isinstance(error, GeneratorExit):
                 if isinstance(error, Evaporated):
                     trace.ended(scheduler.now, self, Status.EVAPORATED)
@@ -125,6 +143,8 @@ class Scope(Node):
                     trace.ended(scheduler.now, self, Status.FAILED, None, error)
             raise
         owner.node = outer_node
+        if journal is not None:
+            journal.leave(self, result, None)
         if trace is not None:
             trace.ended(scheduler.now, self, Status.SUCCEEDED, result)
         return result
@@ -136,6 +156,12 @@ class Scope(Node):
         return failure
 
     # -- for the scheduler
+
+    def stir(self) -> None:
+        """Have it decide after this round."""
+        if not self.dirty:
+            self.dirty = True
+            heappush(self.scheduler.dirty, (-self.depth, self.birth, self))
 
     def settle(self) -> None:
         """The decision after a round in which branches died."""
@@ -200,14 +226,12 @@ def failure_of(task: Task) -> PlanFailure:
     return task.failure
 
 
-def _index(task: Task) -> int:
-    return task.index
-
-
-def _innermost_names(task: Task) -> str:
-    names: list[str] = []
+def _innermost(task: Task) -> str:
+    """Names and lines of the innermost tasks, each once."""
+    found: dict[str, None] = {}
     current: Task | None = task
-    while current is not None and len(names) < 6:
-        names.append(current.base_name)
-        current = current.group.owner if current.group is not None else None
-    return " in ".join(names)
+    for _ in range(20):
+        if current is not None:
+            found[f"{current.base_name}{place_of(current)}"] = None
+            current = current.group.owner if current.group is not None else None
+    return ", in ".join(found)

@@ -65,13 +65,14 @@ def wake_up(scheduler: Scheduler, task: Task) -> bool:
 
 
 def unhold(scheduler: Scheduler, task: Task) -> None:
-    """An evaporated task is never held: only its cleanup runs. What it started inside a shield goes on as it was."""
-    if not task.holds:
-        return
+    """An evaporated task is never held: only its cleanup runs, with all that it has started inside a shield."""
     if task.shields:
         for one in _subtree(task, cancelled=True):
-            one.holds = one.count = 0
-            _let_go(scheduler, one)
+            if one.holds:
+                one.holds = one.count = 0
+                _let_go(scheduler, one)
+        return
+    if not task.holds:
         return
     task.holds = task.count = 0
     if task.woken:

@@ -45,51 +45,89 @@ class Task(Node):
     run queue iff ``in_queue``; ``woken`` without ``in_queue`` means woken while held.
     """
 
-    # Defaults live on the class: most tasks never touch most of them, and creating one stays cheap.
+    # Slots that are all filled: in Python 3.11 a default on the class is read ten times slower than a slot.
+    __slots__ = (
+        "begun",
+        "branch",
+        "cancelled",
+        "cleanup_failure",
+        "context",
+        "coroutine",
+        "count",
+        "crash",
+        "dead",
+        "deliveries",
+        "doomed",
+        "error",
+        "failure",
+        "generators",
+        "group",
+        "holds",
+        "hooks",
+        "in_queue",
+        "index",
+        "listeners",
+        "node",
+        "outcome",
+        "overrun",
+        "result",
+        "scope",
+        "shields",
+        "stream",
+        "thrown",
+        "timers",
+        "value",
+        "wait",
+        "watched",
+        "woken",
+    )
+
     context: contextvars.Context
     """Copied from the owner's when the task begins; until then the owner waits, so that it is as at creation."""
-    begun: bool = False
-    dead: bool = False
-    outcome: Status | None = None
-    result: Any = None
-    failure: PlanFailure | None = None
-    crash: BaseException | None = None
+    begun: bool
+    dead: bool
+    outcome: Status | None
+    result: Any
+    failure: PlanFailure | None
+    crash: BaseException | None
     """A programming error that left the task."""
-    cleanup_failure: PlanFailure | None = None
+    cleanup_failure: PlanFailure | None
     """A plan failure that left the task after it was evaporated."""
 
-    coroutine: Coroutine[Any, Any, Any] | Generator[Any, Any, Any] | None = None
-    scope: Scope | None = None
+    coroutine: Coroutine[Any, Any, Any] | Generator[Any, Any, Any] | None
+    scope: Scope | None
     """The construct whose branches this task waits for."""
-    wait: object = None
+    node: Node
+    """The innermost open node of this task."""
+    wait: object
     """What the task waits for; its text is shown in listings."""
-    woken: bool = False
-    in_queue: bool = False
-    value: Any = None
-    error: BaseException | None = None
+    woken: bool
+    in_queue: bool
+    value: Any
+    error: BaseException | None
     """What the wait returns or raises at the next resumption."""
 
-    cancelled: bool = False
-    doomed: bool = False
-    thrown: bool = False
+    cancelled: bool
+    doomed: bool
+    thrown: bool
     """Evaporation was delivered: the task ends evaporated, whatever it returns or raises."""
-    deliveries: int = 0
-    shields: int = 0
-    overrun: BaseException | None = None
+    deliveries: int
+    shields: int
+    overrun: BaseException | None
     """What breaks the task off: a bound of a shield that ran out, an injected fault; raised at its next checkpoint."""
 
-    count: int = 0
+    count: int
     """How often the task itself was suspended and not woken up."""
-    holds: int = 0
-    timers: list[Timer] | None = None
-    hooks: list[Callable[[], object]] | None = None
+    holds: int
+    timers: list[Timer] | None
+    hooks: list[Callable[[], object]] | None
     """Called on suspension, last first."""
-    generators: list[Any] | None = None
+    generators: list[Any] | None
     """Async generators that it has iterated, to be closed before it counts as dead."""
-    stream: Random | None = None
-    watched: Fluent[Status] | None = None
+    stream: Random | None
+    watched: Fluent[Status] | None
     """The status as a fluent, once someone asked for it."""
-    listeners: list[Callable[[], object]] | None = None
+    listeners: list[Callable[[], object]] | None
     """Called once when the task has died."""
 
     def __init__(
@@ -98,22 +136,27 @@ class Task(Node):
         # as Node.__init__, without the call
         self.parent = parent
         self.kind = "branch"
-        self._name = name
-        self._counts = self._path = None
-        self._ordinal = 1
+        self.base_name = name
+        self.ordinal = 1
+        self.number = 0
+        self.told = ""
         if parent is not None:
             counts = parent._counts
             if counts is None:
                 parent._counts = {name: 1}
             elif name in counts:
-                self._ordinal = counts[name] = counts[name] + 1
+                self.ordinal = counts[name] = counts[name] + 1
             else:
                 counts[name] = 1
         self.group = group
         self.branch = branch
         self.index = index
-        self.node: Node = self
-        """The innermost open node of this task."""
+        self.node = self
+        self.begun = self.dead = self.woken = self.in_queue = self.cancelled = self.doomed = self.thrown = False
+        self.deliveries = self.shields = self.count = self.holds = 0
+        self._counts = self._path = self.outcome = self.result = self.failure = self.crash = None
+        self.cleanup_failure = self.coroutine = self.scope = self.wait = self.value = self.error = self.overrun = None
+        self.timers = self.hooks = self.generators = self.stream = self.watched = self.listeners = None
 
     @property
     def depth(self) -> int:

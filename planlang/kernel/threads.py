@@ -33,7 +33,7 @@ class Call:
         self.task = task
         self.name = name
         self.number = number
-        self.path = task.node.path
+        self.node = task.node
         self.waiting = True
         self.started = False
         self.returned = False
@@ -74,8 +74,10 @@ class Call:
         if scheduler.trace is not None:
             outcome = {"result": self._value} if self._error is None else {"failure": self._error}
             late = {} if taken else {"late": True}
+            if scheduler.answers is not None:
+                scheduler.answers.returned(self.node, self.number, self._value, self._error)
             scheduler.trace.write(
-                scheduler.now, "returned", path=self.path, call=self.number, function=self.name, **outcome, **late
+                scheduler.now, "returned", self.node, call=self.number, function=self.name, **outcome, **late
             )
         if not self.waiting:
             return
@@ -98,18 +100,22 @@ class Calls:
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
-        self._numbers = 0
+        self.made = 0
+        """The highest number of a call."""
         self._flying: dict[Call, None] = {}
         self._queued: deque[Call] = deque()
         self._threads = 0
 
     def submit(self, task: Task, function: Callable[[], Any], name: str) -> Call:
         """Begin a call, now or when there is a thread for it."""
-        self._numbers += 1
-        call = Call(self._scheduler, task, function, name, self._numbers)
+        number = self.made + 1
+        if self._scheduler.answers is not None:
+            number, function = self._scheduler.answers.call(task.node, number, function)
+        self.made = max(self.made, number)
+        call = Call(self._scheduler, task, function, name, number)
         trace = self._scheduler.trace
         if trace is not None:
-            trace.write(self._scheduler.now, "called", path=call.path, call=call.number, function=name)
+            trace.write(self._scheduler.now, "called", call.node, call=call.number, function=name)
         self._flying[call] = None
         self._queued.append(call)
         try:

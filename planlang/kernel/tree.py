@@ -11,33 +11,33 @@ from typing import Any
 class Node:
     """A place in the tree of a run. Its name is unique under its parent: later ones get ``#2``, ``#3``."""
 
-    __slots__ = ("_counts", "_name", "_ordinal", "_path", "kind", "parent")
+    __slots__ = ("_counts", "_path", "base_name", "kind", "number", "ordinal", "parent", "told")
 
     def __init__(self, parent: Node | None, kind: str, name: str) -> None:
         self.parent = parent
         self.kind = kind
-        self._name = name
+        self.base_name = name
+        """The path element without its number."""
         self._counts: dict[str, int] | None = None
         self._path: str | None = None
+        self.number = 0
+        """How the trace calls it; 0 before it is told of."""
+        self.told = ""
+        """How records of its start and end continue after ``"node": ``, once that was written."""
         if parent is None:
-            self._ordinal = 1
+            self.ordinal = 1
         else:
             counts = parent._counts
             if counts is None:
                 parent._counts = {name: 1}
-                self._ordinal = 1
+                self.ordinal = 1
             else:
-                self._ordinal = counts[name] = counts.get(name, 0) + 1
+                self.ordinal = counts[name] = counts.get(name, 0) + 1
 
     @property
     def name(self) -> str:
         """The path element."""
-        return self._name if self._ordinal == 1 else f"{self._name}#{self._ordinal}"
-
-    @property
-    def base_name(self) -> str:
-        """The path element without its number."""
-        return self._name
+        return self.base_name if self.ordinal == 1 else f"{self.base_name}#{self.ordinal}"
 
     @property
     def path(self) -> str:
@@ -46,7 +46,7 @@ class Node:
             return self._path
         parent = self.parent
         if parent is not None and parent._path is not None:
-            name = self._name if self._ordinal == 1 else f"{self._name}#{self._ordinal}"
+            name = self.base_name if self.ordinal == 1 else f"{self.base_name}#{self.ordinal}"
             path = self._path = f"{parent._path}/{name}"
             return path
         names: list[str] = []
@@ -63,6 +63,12 @@ class Node:
     def unused(self) -> bool:
         """True as long as nothing was started under this node."""
         return self._counts is None
+
+
+def path_of_next(parent: Node, name: str) -> str:
+    """The path that the next node of this name under ``parent`` will have."""
+    number = 0 if parent._counts is None else parent._counts.get(name, 0)
+    return f"{parent.path}/{name}" if not number else f"{parent.path}/{name}#{number + 1}"
 
 
 def name_of(branch: Callable[..., Any]) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from contextvars import ContextVar
 from typing import TypeVar
 
 from planlang.failures import BudgetExceeded, PlanFailure
-from planlang.kernel import checkpoint
-from planlang.kernel.park import here
+from planlang.kernel import Task, checkpoint
+from planlang.kernel.journal import note
+from planlang.kernel.park import deliver, here, park
 from planlang.language.bounds import Limited
 from planlang.language.branches import Branch, check
 
@@ -24,6 +25,16 @@ class _Budget(Limited):
         self.outer = _budget.get()
         self.spent: dict[str, int] = {}
         self.used: dict[str, int] = {}
+        self.waiting: list[Task] = []
+        """Tasks that have asked for an attempt when there was none left, until that is decided."""
+
+    def decide(self, dead: list[Task]) -> None:
+        if self.waiting:
+            self.expire()
+            for task in self.waiting:
+                self.scheduler.wake(task)  # to go on if a shield keeps it
+        else:
+            super().decide(dead)
 
     def failure(self) -> PlanFailure:
         rate = self.scheduler.rate
@@ -55,6 +66,7 @@ async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None,
 
 def spend(part: str, steps: int) -> None:
     """Note in the budgets around the running task where time went."""
+    note("spent", part, steps)
     around = _budget.get()
     while around is not None:
         around.spent[part] = around.spent.get(part, 0) + steps
@@ -62,17 +74,44 @@ def spend(part: str, steps: int) -> None:
 
 
 async def take_attempt(construct: str) -> None:
-    """Take an attempt from the budgets around the running task; evaporates the task when none is left."""
+    """Take an attempt from the budgets around the running task; evaporates the task when none is left.
+
+    That one is used up is decided after the round, as everything is: so it is the same under every schedule.
+    """
+    note("used", construct, 1)
     around = _budget.get()
-    empty = False
+    empty: list[_Budget] = []
     while around is not None:
         around.used[construct] = around.used.get(construct, 0) + 1
         if around.left is not None:
             if not around.left:
-                around.expire()
-                empty = True
+                empty.append(around)
             else:
                 around.left -= 1
         around = around.outer
-    if empty:
+    undecided = [around for around in empty if not around.over]
+    if undecided:
+        task = here()[1]
+        if task.doomed:
+            await deliver(task)
+        for around in undecided:
+            around.waiting.append(task)
+            around.stir()
+        await park("the end of its budget")
+    elif empty:
         await checkpoint()
+
+
+def charge(spent: Mapping[str, int], used: Mapping[str, int]) -> None:
+    """Take from the budgets around the running task what a step of a resumed run used before."""
+    for part, steps in spent.items():
+        spend(part, steps)
+    around = _budget.get()
+    for construct, number in used.items():
+        note("used", construct, number)
+    while around is not None:
+        for construct, number in used.items():
+            around.used[construct] = around.used.get(construct, 0) + number
+        if around.left is not None:
+            around.left = max(0, around.left - sum(used.values()))
+        around = around.outer

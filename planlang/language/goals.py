@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 from planlang.designators import Condition
 from planlang.failures import GoalNotAchieved
 from planlang.kernel import Fluent, Signal, checkpoint, wait_for
+from planlang.kernel.journal import taken_over
+from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.tree import name_of
 from planlang.language.branches import check
@@ -24,6 +26,8 @@ async def achieve(goal: Goal, body: Callable[[], Awaitable[V]], *, within: float
     A condition is looked up in the executive's belief; a fluent is read anew.
     """
     check("achieve", (body,))
+    if (before := taken_over("achieve", "achieve")) is not None:
+        return await before  # type: ignore[no-any-return]
     text, holds = _reader(goal)
     with inside("achieve", "achieve", goal=text) as node:
         if holds():
@@ -43,4 +47,5 @@ def _reader(goal: Goal) -> tuple[str, Callable[[], bool]]:
         return str(goal), lambda: executive.holds(goal)
     if isinstance(goal, Signal):
         return str(goal), lambda: bool(goal.read())
-    return name_of(goal), goal
+    name, answers = name_of(goal), here()[0].answers
+    return name, goal if answers is None else lambda: bool(answers.ask(f"{name} holds", goal))

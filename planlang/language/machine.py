@@ -8,6 +8,7 @@ from typing import Any
 
 from planlang.failures import BudgetExceeded, PlanFailure, TransitionMissing, matches
 from planlang.kernel import checkpoint
+from planlang.kernel.journal import taken_over
 from planlang.kernel.primitives import inside, record
 from planlang.language.branches import Branch, check
 
@@ -41,6 +42,8 @@ async def state_machine(
     cases = _cases(states, transitions, start, ends)
     if max_visits is not None and max_visits < 1:
         raise ValueError(f"max_visits is a number of times, at least 1, not {max_visits}")
+    if (before := taken_over("state_machine", name or "state_machine")) is not None:
+        return await before
     with inside("state_machine", name or "state_machine", start=start) as machine:
         visits: dict[str, int] = {}
         state = start
@@ -55,8 +58,11 @@ async def state_machine(
                     used=visits,
                 )
             try:
-                with inside("state", state) as visit:
-                    outcome = visit.result = await states[state]()
+                if (before := taken_over("state", state)) is not None:
+                    outcome = await before
+                else:
+                    with inside("state", state) as visit:
+                        outcome = visit.result = await states[state]()
             except PlanFailure as failure:
                 target = _after_failure(cases[state], failure)
                 if target is None:

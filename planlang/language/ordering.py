@@ -21,7 +21,7 @@ class _PartialOrder(All):
         steps: Mapping[str, Step],
         after: list[list[int]],
         missing: list[int],
-        inputs: dict[int, list[str]],
+        inputs: dict[int, list[tuple[str, int]]],
         limit: int | None,
         name: str | None,
     ) -> None:
@@ -32,7 +32,7 @@ class _PartialOrder(All):
         self.inputs = inputs
         self.limit = limit
         self.ready = [number for number, left in enumerate(missing) if not left]
-        self.results: dict[str, Any] = {}
+        self.results: list[Any] = [None] * len(missing)
 
     def begin(self) -> None:
         self._launch()
@@ -44,26 +44,26 @@ class _PartialOrder(All):
             number = pop(ready)
             name, step = self.steps[number]
             if number in inputs:
-                step = partial(step, **{key: self.results[key] for key in inputs[number]})
+                step = partial(step, **{key: self.results[earlier] for key, earlier in inputs[number]})
             self.start(step, name, number)
 
     def decide(self, dead: list[Task]) -> None:
         super().decide(dead)
         if self.over:
             return
-        missing, ready = self.missing, self.ready
+        missing, ready, results = self.missing, self.ready, self.results
         for task in dead:
             number = task.index
-            self.results[self.steps[number][0]] = task.result
+            results[number] = task.result
             for later in self.after[number]:
-                missing[later] -= 1
-                if not missing[later]:
+                left = missing[later] = missing[later] - 1
+                if not left:
                     heapq.heappush(ready, later)
         self._launch()
 
     def finish(self) -> dict[str, Any]:
         self.raise_failure()
-        return {name: self.results[name] for name, _ in self.steps}
+        return {name: result for (name, _), result in zip(self.steps, self.results, strict=True)}
 
 
 async def partial_order(
@@ -86,13 +86,8 @@ async def partial_order(
     rank = {step: number for number, step in enumerate(names)}
     after: list[list[int]] = [[] for _ in names]
     missing = [0] * len(names)
-    known: set[tuple[str, str]] = set()
     forward = True
     for first, second in orderings:
-        ordering = first, second
-        if ordering in known:
-            continue
-        known.add(ordering)
         try:
             one, other = rank[first], rank[second]
         except KeyError as unknown:
@@ -103,13 +98,13 @@ async def partial_order(
             forward = False
     if not forward:  # else there cannot be a cycle
         _refuse_cycle(names, after, missing)
-    inputs: dict[int, list[str]] = {}
+    inputs: dict[int, list[tuple[str, int]]] = {}
     before: list[list[int]] | None = None
     for number, (step, branch) in enumerate(steps.items()):
         code = branch.__code__ if branch.__class__ is FunctionType else None
         if code is None or code.co_argcount or code.co_kwonlyargcount:
             before = before or _turned(after)
-            found = _inputs(step, branch, number, names, before)
+            found = _inputs(step, branch, rank, before)
             if found:
                 inputs[number] = found
     scope = _PartialOrder(steps, after, missing, inputs, limit, name)
@@ -150,30 +145,29 @@ def _refuse_cycle(names: list[str], after: list[list[int]], missing: list[int]) 
     raise ValueError(f"cycle in orderings: {' < '.join(cycle)}")
 
 
-def _inputs(step: str, branch: Step, number: int, names: list[str], before: list[list[int]]) -> list[str]:
-    """Parameters of a step that are filled with results of steps before it."""
+def _inputs(step: str, branch: Step, rank: dict[str, int], before: list[list[int]]) -> list[tuple[str, int]]:
+    """Parameters of a step that are filled with results of steps before it, and these steps."""
     try:
         parameters = inspect.signature(branch).parameters.values()
     except (TypeError, ValueError):
         return []
     wanted = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
-    if not wanted:
-        return []
-    earlier = _all_before(number, names, before)
+    earlier = _those_before(rank[step], {rank[p.name] for p in wanted if p.name in rank}, before)
     for parameter in wanted:
-        if parameter.default is parameter.empty and parameter.name not in earlier:
+        if parameter.default is parameter.empty and rank.get(parameter.name) not in earlier:
             raise ValueError(
                 f"step {step!r} has a parameter {parameter.name!r}, and no step of that name is ordered before it"
             )
-    return [parameter.name for parameter in wanted if parameter.name in earlier]
+    return [(parameter.name, rank[parameter.name]) for parameter in wanted if rank.get(parameter.name) in earlier]
 
 
-def _all_before(step: int, names: list[str], before: list[list[int]]) -> set[str]:
+def _those_before(step: int, asked: set[int], before: list[list[int]]) -> set[int]:
+    """Those of the steps ``asked`` for that are ordered before ``step``; the nearest are looked at first."""
     found: set[int] = set()
-    stack = list(before[step])
-    while stack:
-        one = stack.pop()
-        if one not in found:
-            found.add(one)
-            stack.extend(before[one])
-    return {names[one] for one in found}
+    missing = set(asked)
+    layer = [step]
+    while layer and missing:
+        layer = list(dict.fromkeys(one for later in layer for one in before[later] if one not in found))
+        found.update(layer)
+        missing.difference_update(layer)
+    return asked - missing

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from planlang.designators import Action, local_name
 from planlang.failures import ActionUnresolvable, PlanFailure
 from planlang.kernel import Fluent, PlanStructureError
+from planlang.kernel.journal import taken_over
+from planlang.kernel.park import here as at
 from planlang.kernel.primitives import inside, record
 from planlang.language.branches import check
 from planlang.language.budgets import spend
@@ -39,9 +41,16 @@ async def perform(action: Action, name: str | None = None) -> Any:
     module raises, ActionUnresolvable if there is none; a failure that the module does not declare is a programming
     error.
     """
+    path_element = name or action.name or local_name(action.type)
+    if (before := taken_over("perform", path_element)) is not None:
+        scheduler, _ = at()
+        began = scheduler.now
+        try:
+            return await before
+        finally:
+            spend(path_element, scheduler.now - began)
     executive = executive_for("perform")
     module = module_for(executive, action)
-    path_element = name or action.name or local_name(action.type)
     if module is None:
         with inside("perform", path_element, action=action):
             raise ActionUnresolvable(designator=str(action))
@@ -102,7 +111,10 @@ async def _request(module: ProcessModule, action: Action, resources: tuple[str, 
         record("request", module=module.name, action=action)
         try:
             return await module.execute(action)
-        except PlanFailure as failure:
+        except Exception as failure:
+            if not isinstance(failure, PlanFailure):
+                failure.add_note(f"raised by process module {module.name}, performing {action}")
+                raise
             if not isinstance(failure, tuple(module.failures)):
                 raise PlanStructureError(
                     f"process module {module.name} raised {type(failure).__name__}, which it does not declare; "

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable, Coroutine
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, overload
 
+from planlang.kernel.journal import taken_over
 from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.task import Task
@@ -57,7 +58,7 @@ class Plan(Generic[P, R]):
         return coroutine
 
     async def _execute(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> R:
-        task = here()[1]
+        scheduler, task = here()
         details: dict[str, object] = {}
         if self.iri is not None:
             details["iri"] = self.iri
@@ -69,8 +70,12 @@ class Plan(Generic[P, R]):
         token = frame.set(own)
         try:
             if isinstance(task.node, Task) and task.node.unused and task.node.base_name == self.name:
+                if scheduler.journal is not None:
+                    scheduler.journal.plan(task)
                 record("plan", **details)  # the branch is this plan: one node in the tree
                 return await self.function(*args, **kwargs)
+            if (before := taken_over("plan", self.name)) is not None:
+                return await before  # type: ignore[no-any-return]
             with inside("plan", self.name, **details) as node:
                 node.result = await self.function(*args, **kwargs)
             return node.result  # type: ignore[no-any-return]

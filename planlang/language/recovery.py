@@ -8,6 +8,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.failures import PlanFailure, matches
+from planlang.kernel.journal import taken_over
 from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
 from planlang.language.branches import check
@@ -113,6 +114,8 @@ async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: 
     outward, with the failure as its cause.
     """
     check("with_failure_handling", (body,))
+    if (before := taken_over("with_failure_handling", "with_failure_handling")) is not None:
+        return await before  # type: ignore[no-any-return]
     with inside("with_failure_handling", "with_failure_handling") as node:
         entries = [_Entry(recovery) for recovery in recoveries]
         try:

@@ -133,6 +133,11 @@ class using:  # noqa: N801 - used like a function: async with using("left_arm", 
         self._arbiter.release(self._lease)
 
 
+def holding() -> Lease | None:
+    """The innermost lease that the running task works under."""
+    return _lease.get()
+
+
 def _touch(lease: Lease | None, name: str) -> None:
     while lease is not None:
         if name in lease.inner:

@@ -7,14 +7,17 @@ import functools
 from collections.abc import Awaitable, Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planlang.kernel import Host, Scheduler, Trace
+from planlang.kernel import Host, PlanStructureError, Scheduler, Trace
 from planlang.kernel.choices import Schedule, described
 from planlang.kernel.tree import Node, name_of
 from planlang.language import context
+from planlang.language.answering import NotedExecutive
 from planlang.language.branches import check
 from planlang.language.plans import Frame, frame
+from planlang.language.resuming import check_repeated, prepare, refuse_other
 
 if TYPE_CHECKING:
+    from planlang.kernel.past import Past
     from planlang.protocols import Executive
 
 V = TypeVar("V")
@@ -30,6 +33,8 @@ def run(
     trace: Trace | None = None,
     max_steps: int | None = None,
     on_start: Callable[[Node], object] | None = None,
+    resumable: bool = False,
+    resume: Past | None = None,
 ) -> V:
     """Run a plan and return its result.
 
@@ -38,22 +43,48 @@ def run(
     schedule give the same trace, byte for byte. ``on_start`` is called in its task when a node of the tree begins;
     what it raises is what the node fails with.
 
+    ``resumable``: the trace notes each step of the top-level plan that has completed, with its result and the state
+    in which the executive has left the world, so that the run can be resumed. ``resume`` is such a trace's past: its
+    completed steps give their recorded results instead of running, and plan time goes on where it stood; the trace
+    begins with what the past keeps. The world has to be as it was left: see :func:`planlang.language.resuming.restore`.
+
     Raises what leaves the plan; DeadlockError, StepLimit, NoProgress or StuckTask when it cannot go on, with the
     tasks and lines; KeyboardInterrupt after Ctrl-C, when all cleanups have run.
     """
     check("run", (plan,))
     scheduler = Scheduler(host, seed=seed, schedule=schedule, trace=trace, max_steps=max_steps)
     scheduler.on_start = on_start
-    if trace is not None:
-        marked = plan
-        while isinstance(marked, functools.partial):
-            marked = marked.func
-        known = {"plan": name_of(plan), "iri": getattr(marked, "iri", None), "rate": host.rate, "seed": seed}
-        trace.begin(**known, schedule=described(schedule))
-    return contextvars.copy_context().run(_run, scheduler, plan, executive)  # type: ignore[no-any-return]
+    if resume is not None:
+        refuse_other(resume, known(plan, host, seed, schedule))
+    if resume is not None or resumable:
+        trace = trace or Trace([])
+        scheduler.trace = prepare(scheduler, trace, executive, resume)
+    if trace is not None and resume is None:
+        trace.begin(**known(plan, host, seed, schedule), **({"resumable": True} if resumable else {}))
+    if executive is not None and scheduler.answers is not None:
+        executive = NotedExecutive(executive, scheduler.answers)
+    try:
+        result: V = contextvars.copy_context().run(inside_of, scheduler, plan, executive)
+    except PlanStructureError:
+        raise
+    except Exception:
+        check_repeated(scheduler)
+        raise
+    check_repeated(scheduler)
+    return result
 
 
-def _run(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive: Executive | None) -> Any:
+def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: Schedule) -> dict[str, object]:
+    """What the header of a trace says about a run."""
+    marked = plan
+    while isinstance(marked, functools.partial):
+        marked = marked.func
+    iri = getattr(marked, "iri", None)
+    return {"plan": name_of(plan), "iri": iri, "rate": host.rate, "seed": seed, "schedule": described(schedule)}
+
+
+def inside_of(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive: Executive | None) -> Any:
+    """Run a plan with what surrounds it; for a context of its own."""
     context.current.set(executive)
     frame.set(Frame(None))
     if executive is not None:

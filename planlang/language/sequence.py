@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from planlang.failures import CompositeFailure, PlanFailure
 from planlang.kernel import checkpoint
+from planlang.kernel.journal import taken_over
 from planlang.kernel.primitives import inside
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch, check, named_branches
@@ -19,8 +20,13 @@ V = TypeVar("V")
 async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> list[Any]:
     """Run branches one after another; returns the list of their results; the first failure is raised at once."""
     results: list[Any] = []
+    if (before := taken_over("seq", name or "seq")) is not None:
+        return await before  # type: ignore[no-any-return]
     with inside("seq", name or "seq") as construct:
         for branch_name, branch in named_branches("seq", branches, named, name):
+            if (before := taken_over("branch", branch_name)) is not None:
+                results.append(await before)
+                continue
             with inside("branch", branch_name) as node:
                 node.result = await branch()
                 results.append(node.result)
@@ -55,6 +61,8 @@ async def try_each_in_order(values: Iterable[A], body: Callable[[A], Awaitable[V
 async def _first(kind: str, name: str | None, branches: Iterable[tuple[str, Branch]]) -> Any:
     failures: list[PlanFailure] = []
     names: list[str] = []
+    if (before := taken_over(kind, name or kind)) is not None:
+        return await before
     with inside(kind, name or kind) as construct:
         for branch_name, branch in branches:
             node = inside("branch", branch_name)

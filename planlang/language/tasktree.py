@@ -6,12 +6,13 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from planlang.kernel.trace import Trace
 
-_KNOWN = ("step", "event", "kind", "path")
+_KNOWN = ("step", "event", "node", "parent", "kind", "name")
 
 
 @dataclass(eq=False)
@@ -22,7 +23,8 @@ class TaskNode:
     time [s], None if it never began or has not ended. ``parameters`` is what the trace tells about the start.
     """
 
-    path: str
+    name: str
+    """The path element."""
     kind: str
     parent: TaskNode | None = None
     parameters: dict[str, Any] = field(default_factory=dict)
@@ -34,9 +36,14 @@ class TaskNode:
     children: list[TaskNode] = field(default_factory=list)
 
     @property
-    def name(self) -> str:
-        """The path element."""
-        return self.path if self.parent is None else self.path[len(self.parent.path) + 1 :]
+    def path(self) -> str:
+        """Names from the root, joined by ``/``."""
+        names: list[str] = []
+        node: TaskNode | None = self
+        while node is not None:
+            names.append(node.name)
+            node = node.parent
+        return "/".join(reversed(names))
 
     @property
     def reason(self) -> str:
@@ -61,10 +68,10 @@ class TaskNode:
 
 
 class TaskTree:
-    """All nodes of a run in order of beginning; ``roots`` has one, the top-level plan."""
+    """All nodes of a run; ``roots`` has one, the top-level plan."""
 
     def __init__(self, events: Iterable[Mapping[str, Any]]) -> None:
-        self.nodes: dict[str, TaskNode] = {}
+        self._numbered: dict[int, TaskNode] = {}
         self.roots: list[TaskNode] = []
         self._rate = 1
         for event in events:
@@ -95,14 +102,21 @@ class TaskTree:
         with Path(path).open(encoding="utf-8") as file:
             return cls(_records(str(path), file))
 
+    @cached_property
+    def nodes(self) -> dict[str, TaskNode]:
+        """The nodes by path, in order of beginning."""
+        return {node.path: node for node in self._numbered.values()}
+
     def _add(self, event: Mapping[str, Any]) -> None:
         kind = event["event"]
         if kind == "header":
             self._rate = event["rate"]
         elif kind in ("started", "ended"):
-            node = self.nodes.get(event["path"])
+            node = self._numbered.get(event["node"])
             if node is None:
-                node = self._new(event["path"], event["kind"])
+                parent = self._numbered.get(event["parent"])
+                node = self._numbered[event["node"]] = TaskNode(event["name"], event["kind"], parent)
+                (self.roots if parent is None else parent.children).append(node)
             if kind == "started":
                 node.start = event["step"] / self._rate
                 node.parameters.update((key, value) for key, value in event.items() if key not in _KNOWN)
@@ -111,20 +125,10 @@ class TaskTree:
                 node.status = event["status"]
                 node.result = event.get("result")
                 node.failure = event.get("failure")
-        elif kind == "plan" and event["path"] in self.nodes:
-            node = self.nodes[event["path"]]
+        elif kind == "plan" and event["node"] in self._numbered:
+            node = self._numbered[event["node"]]
             node.kind = "plan"
             node.parameters.update((key, value) for key, value in event.items() if key not in _KNOWN)
-
-    def _new(self, path: str, kind: str) -> TaskNode:
-        head = path
-        parent: TaskNode | None = None
-        while parent is None and "/" in head:  # names may contain a slash: the longest known head is the parent
-            head = head.rpartition("/")[0]
-            parent = self.nodes.get(head)
-        node = self.nodes[path] = TaskNode(path, kind, parent)
-        (self.roots if parent is None else parent.children).append(node)
-        return node
 
     def __iter__(self) -> Iterator[TaskNode]:
         """Nodes from the root, children in order of beginning."""

@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from planlang.kernel import Signal, wait_for
+from planlang.kernel.journal import taken_over
 from planlang.kernel.park import deliver, here, park
 from planlang.kernel.primitives import inside
 from planlang.language.branches import check
@@ -15,6 +16,8 @@ from planlang.language.recovery import Return
 async def whenever(signal: Signal[Any], body: Callable[[], Awaitable[Any]]) -> Any:
     """Run the body each time the fluent is true, at most once per world step; ``Return(v)`` from it leaves with v."""
     check("whenever", (body,))
+    if (before := taken_over("whenever", "whenever")) is not None:
+        return await before
     with inside("whenever", "whenever", signal=str(signal)) as node:
         while True:
             await wait_for(signal)

@@ -11,7 +11,7 @@ from planlang.testing.extensions import Extensions, all_linear_extensions
 from planlang.testing.faults import Fault
 from planlang.testing.history import History
 from planlang.testing.recipes import compiled
-from planlang.testing.running import PlanRun, run_plan
+from planlang.testing.running import PlanRun, replay, run_plan
 from planlang.testing.script import Rule, Script
 from planlang.testing.steps import Step
 from planlang.testing.verdicts import Count, NoSuchStep, Verdict
@@ -33,5 +33,6 @@ __all__ = [
     "all_linear_extensions",
     "compiled",
     "explore",
+    "replay",
     "run_plan",
 ]

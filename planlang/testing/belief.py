@@ -35,7 +35,24 @@ class Belief:
     def __post_init__(self) -> None:
         self._revision = 0
         self._seen = self._state()
-        self._made_up: dict[str, Sequence[Base]] = {}
+        self.made_up: dict[str, list[Base]] = {}
+        """Places that were made up, by location."""
+
+    def restore(
+        self,
+        *,
+        holding: list[str],
+        at: dict[str, Any],
+        facts: dict[str, bool],
+        base: Base,
+        around: str | None,
+        revision: int,
+        made_up: dict[str, list[Base]],
+    ) -> None:
+        """Believe what was believed before."""
+        self.holding[:] = holding
+        self.at, self.facts, self.base, self.around, self.made_up = at, facts, base, around, made_up
+        self._seen, self._revision = self._state(), revision
 
     @property
     def revision(self) -> int:
@@ -61,7 +78,7 @@ class Belief:
         for name in (location.name, *(_names(location)), str(location)):
             if name is not None and name in self.places:
                 return self.places[name]
-        known = self._made_up
+        known = self.made_up
         if str(location) not in known:
             x = 10.0 * (len(known) + 1)
             known[str(location)] = [(x, 0.0, 0.0), (x + 1, 0.0, 0.0), (x + 2, 0.0, 0.0)]

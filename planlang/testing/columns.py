@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Mapping
 from typing import Any
 
+from planlang.kernel import with_paths
 from planlang.testing.history import History
 
 WIDTH = 58
@@ -37,16 +38,17 @@ def side_by_side(usual: History, other: History) -> str:
 
 
 def _lines(run: History) -> list[str]:
-    return [_line(event, run.rate) for event in run.events if event["event"] != "header"]
+    return [_line(event, run.rate) for event in with_paths(run.events) if event["event"] != "header"]
 
 
 def _line(event: Mapping[str, Any], rate: int) -> str:
-    known = ("step", "event", "kind", "path", "status", "failure")
+    known = ("step", "event", "path", "status", "failure")
+    place = ("node", "parent", "kind", "name") if "node" in event else ()
     parts = [f"{event['step'] / rate:6.3f} s", _short(str(event.get("path", "")))]
     parts.append(event.get("status") or event["event"])
     if "failure" in event:
         parts.append(f"{event['failure']['type']}: {event['failure']['message']}")
-    parts.extend(f"{key} {value}" for key, value in event.items() if key not in known)
+    parts.extend(f"{key} {value}" for key, value in event.items() if key not in (*known, *place))
     return " ".join(part for part in parts if part)
 
 

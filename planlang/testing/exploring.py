@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.failures import PlanFailure
 from planlang.kernel.choices import ChoiceSource, Recorded, Stream
-from planlang.kernel.trace import encode
+from planlang.kernel.encoding import encode
 from planlang.testing.columns import side_by_side
 from planlang.testing.faults import Fault
 from planlang.testing.running import PlanRun, attempt, made

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from planlang.failures import PlanFailure
+from planlang.kernel import with_paths
 from planlang.testing.steps import Step, read_steps, tree_of
 from planlang.testing.verdicts import Count, NoSuchStep, Verdict
 
@@ -28,7 +29,7 @@ class History:
 
     def __init__(self, events: Sequence[Event], rate: int) -> None:
         self.events = events
-        """The trace, one mapping per record."""
+        """The trace, one mapping per record; :func:`planlang.kernel.with_paths` adds the paths."""
         self.rate = rate
         self._steps: list[Step] = []
         self._read = 0
@@ -94,6 +95,7 @@ class History:
     ) -> Verdict:
         """Whether something did not happen: a step, a failure of a class anywhere, or a record for which a test holds.
 
+        The test gets each record of the trace with the ``path`` of its node, if it has one.
         With ``during`` only what overlapped a run of that step counts.
         """
         spans = [(0, len(self.events))] if during is None else [(s.first, s.last) for s in self._begun(during)]
@@ -103,7 +105,7 @@ class History:
                 if step.begin is not None and any(step.first < last and first < step.last for first, last in spans):
                     return Verdict(False, f"{_name(what)} ran{when}: {_told(step)}")
             return Verdict(True, f"{_name(what)} did not run{when}")
-        for place, event in enumerate(self.events):
+        for place, event in enumerate(with_paths(self.events)):
             if any(first <= place <= last for first, last in spans):
                 if isinstance(what, type) and issubclass(what, PlanFailure):
                     failure = event.get("failure")

@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from planlang.failures import PlanFailure
 from planlang.kernel import Trace, VirtualHost
 from planlang.kernel.choices import Schedule
+from planlang.kernel.past import Past
+from planlang.kernel.recorded import RecordedRun
 from planlang.kernel.tree import name_of
+from planlang.language.replaying import Replay
+from planlang.language.replaying import replay as replay_recorded
+from planlang.language.resuming import restore
 from planlang.language.running import run
 from planlang.testing.faults import Fault, Injector
 from planlang.testing.history import History
@@ -83,6 +88,8 @@ def run_plan(
     schedule: Schedule = None,
     rate: int = 240,
     within: float = 86_400.0,
+    resumable: bool = False,
+    resume: PlanRun[Any] | Trace | RecordedRun | None = None,
 ) -> PlanRun[V]:
     """Run a plan in virtual time and return how it went.
 
@@ -90,6 +97,10 @@ def run_plan(
     are added to those of the script. ``schedule`` as in :func:`planlang.run`. A plan failure is part of the result;
     what else ends the run is raised: programming errors, DeadlockError, StepLimit after ``within`` seconds of plan
     time, NoProgress.
+
+    With ``resumable`` the trace notes which steps of the top-level plan have completed, as :func:`planlang.run` says.
+    ``resume`` is such a run, its trace, or one read from a file: steps that completed in it are not run again but give
+    what they gave; the belief of the scripted robot, or of an executive with ``restore``, is as they left it.
     """
     ended = attempt(
         plan,
@@ -100,6 +111,8 @@ def run_plan(
         schedule=schedule,
         rate=rate,
         within=within,
+        resumable=resumable,
+        resume=resume,
     )
     made.append(ended)
     if ended.error is not None:
@@ -117,6 +130,8 @@ def attempt(
     schedule: Schedule = None,
     rate: int = 240,
     within: float = 86_400.0,
+    resumable: bool = False,
+    resume: PlanRun[Any] | Trace | RecordedRun | None = None,
 ) -> PlanRun[V]:
     """As :func:`run_plan`, but whatever ends the run is part of the result."""
     from planlang.testing.script import Script
@@ -131,6 +146,9 @@ def attempt(
     trace = Trace()
     ended: PlanRun[V] = PlanRun(name_of(plan), trace, rate, schedule)
     host = VirtualHost(rate)
+    past = None if resume is None else Past(recorded_run(resume))
+    if past is not None:
+        restore(executive, past)
     try:
         ended._value = run(
             plan,
@@ -141,6 +159,8 @@ def attempt(
             trace=trace,
             max_steps=round(within * rate),
             on_start=injector if faults else None,
+            resumable=resumable,
+            resume=past,
         )
     except PlanFailure as failure:
         ended.failure = failure
@@ -150,3 +170,17 @@ def attempt(
     ended.unused = (*(f"rule {rule}" for rule in rules), *(f"fault {fault}" for fault in injector.unused))
     ended._belief = None if scripted is None else scripted.belief
     return ended
+
+
+def recorded_run(source: PlanRun[Any] | Trace | RecordedRun) -> RecordedRun:
+    """The records of a run; DamagedTrace if they are none."""
+    return source if isinstance(source, RecordedRun) else RecordedRun.of(source.events)
+
+
+def replay(plan: Callable[[], Awaitable[Any]], source: PlanRun[Any] | Trace | RecordedRun) -> Replay:
+    """Run a plan on what is recorded of a run with ``resumable=True``; stops at the first difference.
+
+    No script and no executive is asked: the plan is told what it was told then. ``assert replay(plan, run).equal``
+    holds for a plan that decides by what it is told alone.
+    """
+    return replay_recorded(plan, recorded_run(source))

@@ -10,6 +10,7 @@ from typing import Any
 from planlang.designators import Action, Condition, Location, action, local_name
 from planlang.failures import LocationUnresolvable, PlanFailure
 from planlang.kernel import now, sleep
+from planlang.kernel.exact import dump, load
 from planlang.kernel.park import here
 from planlang.kernel.tree import Node
 from planlang.protocols import Solution
@@ -152,6 +153,20 @@ class ScriptedExecutive:
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
         """Changes of the belief are written into the trace."""
         self._write = write
+
+    def snapshot(self) -> dict[str, Any]:
+        """The belief, and how often rules have applied, as JSON; what of them does not survive JSON as text."""
+        belief = self.belief
+        state: dict[str, Any] = {"holding": belief.holding, "at": belief.at, "facts": belief.facts, "base": belief.base}
+        state |= {"around": belief.around, "revision": self.revision(), "left": self._left, "used": self._used}
+        state |= {"made_up": belief.made_up}
+        return {key: dump(value) for key, value in state.items()}
+
+    def restore(self, left: Mapping[str, Any]) -> None:
+        """Go on from a snapshot."""
+        state = {key: load(value) for key, value in left.items()}
+        self._left, self._used, self._told = state.pop("left"), state.pop("used"), state["revision"]
+        self.belief.restore(**state)
 
 
 def _step_name() -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,7 +18,8 @@ class Step:
     ``failure`` is the trace's record of a failure: type, message, cause, members.
     """
 
-    path: str
+    name: str
+    """The path element."""
     kind: str
     parent: Step | None
     details: Mapping[str, Any] = field(default_factory=dict)
@@ -34,9 +35,16 @@ class Step:
     children: list[Step] = field(default_factory=list)
 
     @property
-    def name(self) -> str:
-        """The path element."""
-        return self.path if self.parent is None else self.path[len(self.parent.path) + 1 :]
+    def path(self) -> str:
+        """Names from the root, joined by ``/``."""
+        return "/".join(reversed([step.name for step in self._outward()]))
+
+    def _outward(self) -> Iterator[Step]:
+        """This step, the one around it, and so on."""
+        step: Step | None = self
+        while step is not None:
+            yield step
+            step = step.parent
 
     @property
     def action(self) -> str | None:
@@ -48,19 +56,15 @@ class Step:
         """Whether a name, ``parent/name``, or class of action means this step; ``#2`` means the second of a name."""
         if self.action is not None and self.action == query:
             return True
-        wanted, names = query.split("/"), self.path.split("/")
-        if len(wanted) > len(names):
-            return False
+        names = (part for step in self._outward() for part in reversed(step.name.split("/")))
         return all(
-            want in (name, name.split("#", 1)[0]) for want, name in zip(reversed(wanted), reversed(names), strict=False)
+            (name := next(names, None)) is not None and want in (name, name.split("#", 1)[0])
+            for want in reversed(query.split("/"))
         )
 
     def within(self, other: Step) -> bool:
         """Whether this step is inside the other one."""
-        step = self.parent
-        while step is not None and step is not other:
-            step = step.parent
-        return step is other
+        return self is not other and any(step is other for step in self._outward())
 
     def told(self, longest: int | None = None) -> str:
         """When and how, in a line; the message of a failure is cut to ``longest`` characters."""
@@ -82,26 +86,23 @@ class Step:
 
 def read_steps(events: Iterable[Mapping[str, Any]], rate: int) -> list[Step]:
     """The steps that a trace tells of, in the order in which they began."""
-    known: dict[str, Step] = {}
+    known: dict[int, Step] = {}
     steps: list[Step] = []
     for place, event in enumerate(events):
-        what, path = event["event"], event.get("path")
-        if not isinstance(path, str):
+        what, number = event["event"], event.get("node")
+        if number is None:
             continue
         time = event["step"] / rate
-        step = known.get(path)
-        if what == "started" or (what == "ended" and step is None):
-            parent = _parent(path, known)
-            step = Step(path, event["kind"], parent, _details(event))
-            known[path] = step
+        step = known.get(number)
+        if step is None:
+            parent = known.get(event["parent"])
+            step = known[number] = Step(event["name"], event["kind"], parent, _details(event))
             steps.append(step)
             if parent is not None:
                 parent.children.append(step)
-            if what == "started":
-                step.begin, step.first = time, place
-        if step is None:
-            continue
-        if what == "ended":
+        if what == "started":
+            step.begin, step.first = time, place
+        elif what == "ended":
             step.status, step.end, step.last = event["status"], time, place
             step.result, step.failure = event.get("result"), event.get("failure")
             if step.begin is None:
@@ -112,15 +113,8 @@ def read_steps(events: Iterable[Mapping[str, Any]], rate: int) -> list[Step]:
 
 
 def _details(event: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in event.items() if key not in ("step", "event", "kind", "path", "status")}
-
-
-def _parent(path: str, known: Mapping[str, Step]) -> Step | None:
-    while "/" in path:
-        path = path.rsplit("/", 1)[0]
-        if path in known:
-            return known[path]
-    return None
+    known = ("step", "event", "node", "parent", "kind", "name", "status")
+    return {key: value for key, value in event.items() if key not in known}
 
 
 def tree_of(steps: Sequence[Step]) -> str:

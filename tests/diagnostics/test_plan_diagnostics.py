@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from planlang.diagnostics import CODES
 
 HERE = Path(__file__).parent
 ABOUT_OPTIONS = {"C001", "C004", "C005", "C006", "C008", "C010", "C012", "C013", "C014", "C015", "C016",
-                 "X003", "X004", "X005", "X006", "X007"}  # fmt: skip
+                 "X003", "X004", "X005", "X006", "X007", "X023", "X024", "X025", "X026", "X027"}  # fmt: skip
 """Codes about what was asked for, not about a file's content; tests/executive triggers them."""
 
 
@@ -36,6 +37,24 @@ def test_a_plan_file_has_its_diagnostic_at_its_line(command: str, name: str, sev
     assert (found["severity"], found["code"]) == (severity, name.split("_")[0])
     assert (found["span"]["file"], found["span"]["line"]) == (str(HERE / name), line)
     assert result.exit_code == (2 if severity == "error" else 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("X020_no_json.jsonl", 3),
+        ("X020_backwards.jsonl", 4),
+        ("X020_no_trace.jsonl", 1),
+        ("X021_ended.jsonl", 1),
+        ("X022_other_plan.jsonl", 1),
+    ],
+)
+def test_a_trace_that_cannot_be_resumed_has_its_diagnostic_at_its_line(name: str, line: int) -> None:
+    result = CliRunner().invoke(app, ["run", "--resume", str(HERE / name), "--trace", os.devnull, "--json"])
+    found = json.loads(result.stdout)["diagnostics"]
+    assert {(one["severity"], one["code"]) for one in found} == {("error", name.split("_")[0])}
+    assert (found[0]["span"]["file"], found[0]["span"]["line"]) == (str(HERE / name), line)
+    assert result.exit_code == 2
 
 
 def test_every_code_about_a_file_has_a_file_that_triggers_it() -> None:

@@ -5,6 +5,10 @@ import pytest
 from executive.progress import HeedingWorld, ToldTrace, line_of, progress_lines
 from planlang.designators import action, an_object
 from planlang.failures import ObjectNotFound
+from planlang.kernel.tree import Node
+
+PLAN = Node(None, "branch", "serve")
+PERFORMED = Node(PLAN, "perform", "Fetching")
 
 
 class Clock:
@@ -47,17 +51,17 @@ def test_what_a_listener_raises_is_raised_once_by_the_next_step_of_the_world() -
     ("record", "line"),
     [
         (
-            {"event": "started", "kind": "perform", "path": "p/perform", "action": action("Reaching")},
-            "  Reaching()",
+            {"event": "started", "node": Node(PERFORMED, "perform", "Reaching"), "action": action("Reaching")},
+            "Reaching()",
         ),
-        ({"event": "started", "kind": "branch", "path": "p"}, None),
-        ({"event": "started", "kind": "plan", "path": "p/serve_a_drink"}, "serve_a_drink"),
+        ({"event": "started", "node": PLAN}, None),
+        ({"event": "started", "node": Node(PLAN, "plan", "serve_a_drink")}, "serve_a_drink"),
         (
-            {"event": "ended", "kind": "perform", "path": "p", "failure": ObjectNotFound(what="bottle1")},
+            {"event": "ended", "node": PERFORMED, "failure": ObjectNotFound(what="bottle1")},
             "failed: ObjectNotFound: object not found: what bottle1",
         ),
-        ({"event": "ended", "kind": "perform", "path": "p", "status": "succeeded"}, None),
-        ({"event": "recovery", "path": "p", "decision": "retry"}, "recovery: retry"),
+        ({"event": "ended", "node": PERFORMED, "status": "succeeded"}, None),
+        ({"event": "recovery", "node": PLAN, "decision": "retry"}, "recovery: retry"),
         ({"event": "belief", "change": "seen", "name": "bottle1"}, "  belief: bottle1 seen"),
     ],
 )
@@ -69,6 +73,6 @@ def test_lines_begin_with_the_plan_time_in_seconds() -> None:
     said: list[str] = []
     tell = progress_lines(30, said.append)
     what = an_object("DrinkingBottle", "http://example.org/#bottle1")
-    tell({"step": 45, "event": "started", "kind": "perform", "path": "p", "action": action("X", object_acted_on=what)})
-    tell({"step": 46, "event": "acquired", "path": "p"})
+    tell({"step": 45, "event": "started", "node": PERFORMED, "action": action("X", object_acted_on=what)})
+    tell({"step": 46, "event": "acquired", "node": PERFORMED})
     assert said == ["   1.50 s  X(object_acted_on=bottle1)"]

@@ -46,8 +46,8 @@ def assert_complete(records: list[dict[str, Any]]) -> None:
     """A header first, steps in order, everything that started has ended."""
     assert records[0]["event"] == "header"
     assert all(before["step"] <= after["step"] for before, after in pairwise(records))
-    started = Counter(record["path"] for record in records if record["event"] == "started")
-    ended = Counter(record["path"] for record in records if record["event"] == "ended")
+    started = Counter(record["node"] for record in records if record["event"] == "started")
+    ended = Counter(record["node"] for record in records if record["event"] == "ended")
     assert started == ended, f"left open: {sorted(started - ended)}"
 
 

@@ -83,8 +83,8 @@ def test_ctrl_c_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(tmp_pat
     assert process.returncode == 130
     assert "Traceback" not in rest
     records = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
-    ended = {record["path"] for record in records if record["event"] == "ended"}
-    started = {record["path"] for record in records if record["event"] == "started"}
+    ended = {record["node"] for record in records if record["event"] == "ended"}
+    started = {record["node"] for record in records if record["event"] == "started"}
     assert started - ended == set(), "no task is left open"
     assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.jsonl", "s.png"]

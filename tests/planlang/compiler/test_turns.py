@@ -13,6 +13,7 @@ import pytest
 from planlang import Action, Condition, Location, Trace, VirtualHost, checkpoint, run
 from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.failures import LocationUnresolvable
+from planlang.kernel import with_paths
 from planlang.protocols import Solution
 
 SCHEDULES = (None, *range(40))
@@ -156,7 +157,7 @@ def performed(serve: Callable[[], Awaitable[Any]], schedule: int | None) -> list
     """The branch of the task that each request to a module came from, in the order of the requests."""
     trace = Trace()
     run(serve, host=VirtualHost(), executive=Robot(), schedule=schedule, trace=trace)
-    paths = [str(record["path"]) for record in trace.events if record["event"] == "request"]
+    paths = [str(record["path"]) for record in with_paths(trace.events) if record["event"] == "request"]
     return [next(part for part in path.split("/") if part.startswith(("grasp", "wipe", "look"))) for path in paths]
 
 

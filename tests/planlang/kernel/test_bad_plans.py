@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from planlang import (
+    Action,
     CleanupOverrun,
     DeadlockError,
     Fluent,
@@ -22,17 +23,20 @@ from planlang import (
     PlanFailure,
     PlanStructureError,
     RealTimeHost,
+    Recovery,
     Return,
     SimulationHost,
     StepLimit,
     StuckTask,
     Trace,
     VirtualHost,
+    action,
     checkpoint,
     in_thread,
     join,
     par,
     par_each,
+    perform,
     pursue,
     run,
     seq,
@@ -46,9 +50,12 @@ from planlang import (
     using,
     wait_for,
     whenever,
+    with_failure_handling,
 )
 from planlang.kernel.errors import CutShort
 from planlang.kernel.park import MAX_DELIVERIES
+from planlang.testing import Belief, Script
+from planlang.testing.scripted import ScriptedExecutive
 
 
 def coroutines() -> list[CoroutineType[Any, Any, Any]]:
@@ -80,8 +87,8 @@ def go(plan: Any, host: Any = None, **options: Any) -> Any:
     try:
         return run(plan, host=host or VirtualHost(), trace=trace, **options)
     finally:
-        begun = [event["path"] for event in trace.events if event["event"] == "started"]
-        ended = [event["path"] for event in trace.events if event["event"] == "ended"]
+        begun = [event["node"] for event in trace.events if event["event"] == "started"]
+        ended = [event["node"] for event in trace.events if event["event"] == "ended"]
         assert set(begun) <= set(ended)
         assert len(ended) == len(set(ended))
 
@@ -131,6 +138,11 @@ def test_a_stuck_task_is_given_up_after_exactly_one_hundred_deliveries() -> None
     with pytest.warns(CutShort), pytest.raises(StuckTask, match=r"undying does not end .*test_bad_plans\.py:\d+"):
         go(partial(pursue, partial(undying, log), partial(sleep, 0.5)))
     assert len(log) == MAX_DELIVERIES == 100
+
+
+def test_what_to_write_instead_is_said_to_a_plan_that_swallows_evaporation() -> None:
+    with pytest.warns(CutShort), pytest.raises(StuckTask, match=r"wrong: except BaseException.*\n.*right: except Pl"):
+        go(partial(pursue, partial(undying, []), partial(sleep, 0.5)))
 
 
 def test_a_task_that_gives_in_at_the_hundredth_delivery_is_not_stuck() -> None:
@@ -210,6 +222,14 @@ def test_a_cleanup_that_waits_longer_than_its_bound_is_a_programming_error() -> 
     body = partial(unwind_protect, partial(sleep, 60), partial(sleep, 60), within=2)
     with pytest.raises(CleanupOverrun, match="longer than 2 s"):
         go(partial(pursue, body, partial(sleep, 1)))
+
+
+def test_an_overrun_of_our_own_code_names_the_line_of_the_plan_around_it() -> None:
+    async def plan() -> None:
+        await pursue(partial(unwind_protect, partial(sleep, 60), partial(sleep, 60), within=2), partial(sleep, 1))
+
+    with pytest.raises(CleanupOverrun, match=r"started at test_bad_plans\.py:\d+; .*within="):
+        go(plan)
 
 
 def test_a_cleanup_that_waits_for_what_never_comes_overruns_its_bound_and_is_no_deadlock() -> None:
@@ -318,6 +338,8 @@ def test_a_world_that_raises_drains_the_plan_and_its_error_is_raised_as_itself(e
     with pytest.raises(type(error)) as caught:
         go(plan, SimulationHost(World(error)))
     assert caught.value is error
+    if isinstance(error, Exception):
+        assert error.__notes__ == ["raised by SimulationHost after 2 world steps"]
     assert log == ["Evaporated"] * 4
 
 
@@ -382,19 +404,19 @@ PASSES: dict[str, Callable[[], Any]] = {
 
 @pytest.mark.parametrize("name", PASSES)
 def test_a_loop_that_only_passes_checkpoints_makes_no_progress(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planlang.kernel.scheduler.MAX_RESUMPTIONS", 500)
+    monkeypatch.setattr("planlang.kernel.rounds.MAX_RESUMPTIONS", 500)
     with pytest.raises(NoProgress, match=r"forever|noop|test_bad_plans"):
         go(partial(par, partial(forever, PASSES[name]), partial(sleep, 1)))
 
 
 def test_a_loop_of_calls_in_threads_makes_no_progress_in_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planlang.kernel.scheduler.MAX_RESUMPTIONS", 50)
+    monkeypatch.setattr("planlang.kernel.rounds.MAX_RESUMPTIONS", 50)
     with pytest.raises(NoProgress):
         go(partial(forever, partial(in_thread, int)))
 
 
 def test_a_loop_that_joins_what_is_dead_makes_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planlang.kernel.scheduler.MAX_RESUMPTIONS", 500)
+    monkeypatch.setattr("planlang.kernel.rounds.MAX_RESUMPTIONS", 500)
 
     async def plan() -> None:
         await tag("done", noop)
@@ -406,7 +428,7 @@ def test_a_loop_that_joins_what_is_dead_makes_no_progress(monkeypatch: pytest.Mo
 
 
 def test_two_tasks_that_wake_each_other_without_end_make_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planlang.kernel.scheduler.MAX_RESUMPTIONS", 500)
+    monkeypatch.setattr("planlang.kernel.rounds.MAX_RESUMPTIONS", 500)
     left, right = Fluent(True, "left"), Fluent(False, "right")
 
     async def play(mine: Fluent[bool], other: Fluent[bool]) -> None:
@@ -420,7 +442,7 @@ def test_two_tasks_that_wake_each_other_without_end_make_no_progress(monkeypatch
 
 
 def test_values_without_end_in_one_step_make_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planlang.kernel.scheduler.MAX_RESUMPTIONS", 500)
+    monkeypatch.setattr("planlang.kernel.rounds.MAX_RESUMPTIONS", 500)
 
     async def body(value: int) -> None:
         pass
@@ -437,6 +459,32 @@ def test_whenever_goes_on_in_the_next_step_so_a_body_without_waits_is_no_endless
         return Return("done") if len(calls) == 5 else None
 
     assert go(partial(whenever, Fluent(True), body)) == "done"
+
+
+# -- process modules
+
+
+def broken(belief: Belief, action: Action) -> Any:
+    """What a process module with a mistake does."""
+    return belief.what_is_not_there  # type: ignore[attr-defined]
+
+
+def test_a_programming_error_of_a_process_module_ends_the_plan_as_itself_and_names_module_and_action() -> None:
+    log: list[str] = []
+
+    async def other() -> None:
+        try:
+            await sleep(9)
+        finally:
+            log.append("cleaned")
+
+    cook = partial(perform, action("Cooking"))
+    recovered = partial(with_failure_handling, cook, Recovery(PlanFailure, attempts=3))
+    executive = ScriptedExecutive(Script().on("Cooking", does=broken))
+    with pytest.raises(AttributeError, match="what_is_not_there") as caught:
+        go(partial(par, other, partial(try_all, recovered, other)), executive=executive)
+    assert caught.value.__notes__ == ["raised by process module Cooking, performing Cooking()"]
+    assert log == ["cleaned", "cleaned"]
 
 
 # -- recursion without end
@@ -477,8 +525,10 @@ def test_recursion_without_end_by_await_is_an_error_that_names_the_function_and_
 
 @pytest.mark.parametrize("endless", [endless_by_par, endless_by_pursue_and_timeout])
 def test_recursion_without_end_by_constructs_is_an_error_that_names_the_functions(endless: Any) -> None:
-    with pytest.raises(PlanStructureError, match=f"more than 10000 constructs nested: .*{endless.__name__}"):
-        run(endless, host=VirtualHost())  # without a trace, in which each of 10,000 nodes has the path of all above
+    with pytest.raises(
+        PlanStructureError, match=f"more than 10000 constructs nested.*: {endless.__name__} at test_bad_plans"
+    ):
+        go(endless)
 
 
 def test_recursion_in_a_cleanup_ends_too() -> None:

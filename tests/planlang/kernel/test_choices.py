@@ -8,7 +8,7 @@ import pytest
 
 from planlang import Trace, VirtualHost, checkpoint, par, plan, run
 from planlang.failures import PlanFailure
-from planlang.kernel import Task
+from planlang.kernel import Task, with_paths
 from planlang.kernel.tree import Node
 
 
@@ -93,8 +93,8 @@ def test_what_is_raised_when_a_node_begins_is_what_the_node_fails_with(step: str
         run(outer, host=VirtualHost(), trace=trace, on_start=fail)
     assert raised.value.where is not None
     assert raised.value.where.path.split("/")[-1] == step
-    ended = {event["path"]: event["status"] for event in trace.events if event["event"] == "ended"}
-    started = [event["path"] for event in trace.events if event["event"] == "started"]
+    ended = {event["path"]: event["status"] for event in with_paths(trace.events) if event["event"] == "ended"}
+    started = [event["path"] for event in with_paths(trace.events) if event["event"] == "started"]
     assert sorted(ended) == sorted(started)
     assert {path for path, status in ended.items() if status == "failed"} == {
         path for path in ended if f"{raised.value.where.path}/".startswith(f"{path}/")

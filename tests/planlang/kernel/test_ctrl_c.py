@@ -38,7 +38,7 @@ def go(plan):
         run(plan, host=host, trace=trace)
     except BaseException as error:
         say(f"ended with {type(error).__name__}")
-    names = [{e["path"] for e in trace.events if e["event"] == event} for event in ("started", "ended")]
+    names = [{e["node"] for e in trace.events if e["event"] == event} for event in ("started", "ended")]
     say(f"live tasks: {len(names[0] - names[1])}")
 """
 HOSTS = ("virtual", "simulation", "real time")

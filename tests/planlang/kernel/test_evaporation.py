@@ -214,7 +214,7 @@ def test_a_cleanup_that_overruns_its_bound_is_a_programming_error_with_its_line(
         finally:
             assert now() == 3.0
 
-    with pytest.raises(CleanupOverrun, match=r"2 s, at test_evaporation.py:\d+"):
+    with pytest.raises(CleanupOverrun, match=r"2 s at test_evaporation.py:\d+"):
         go(plan)
 
 

@@ -226,7 +226,7 @@ def test_the_trace_of_calls_is_the_same_in_every_run() -> None:
         return trace.text()
 
     assert text() == text()
-    assert '"event": "called", "path": "par/par/in_thread#2", "call": 2, "function": "abs"' in text()
+    assert '"event": "called", "node": 4, "name": "in_thread#2", "call": 2, "function": "abs"' in text()
 
 
 def test_context_variables_are_seen_by_the_thread_and_not_changed_for_the_plan() -> None:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import io
 import json
+from contextlib import suppress
 from enum import Enum
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from planlang import Trace, VirtualHost, an_object, par, plan, run, sleep
-from planlang.failures import CompositeFailure, GraspMissed, ObjectUnfetchable
-from planlang.kernel.trace import encode
+from planlang import TaskTree, Trace, VirtualHost, an_object, par, plan, run, sleep, using
+from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, ObjectUnfetchable, PlanFailure
+from planlang.kernel import with_paths
+from planlang.kernel.encoding import encode
 from planlang.protocols import Configuration, Pose
 
 
@@ -24,8 +27,11 @@ def test_every_line_is_a_json_object_that_begins_with_step_and_event() -> None:
     lines = [json.loads(line) for line in out.getvalue().splitlines()]
     assert all(list(line)[:2] == ["step", "event"] for line in lines)
     assert [line["event"] for line in lines] == ["header", *["started"] * 4, *["ended"] * 4]
-    assert lines[-1] == {"step": 480, "event": "ended", "kind": "branch", "path": "par", "status": "succeeded"} | {
-        "result": [None, None]
+    assert lines[-1] == {"step": 480, "event": "ended", "node": 1, "parent": None} | {
+        "kind": "branch",
+        "name": "par",
+        "status": "succeeded",
+        "result": [None, None],
     }
 
 
@@ -38,7 +44,7 @@ def test_the_header_tells_plan_iri_rate_seed_schedule_and_what_the_caller_knows(
     assert trace.events[0] == {
         "step": 0,
         "event": "header",
-        "schema": 1,
+        "schema": 2,
         "plan": "serve",
         "iri": "http://example.org/r#Serve",
         "rate": 30,
@@ -49,7 +55,8 @@ def test_the_header_tells_plan_iri_rate_seed_schedule_and_what_the_caller_knows(
     assert trace.events[2] == {
         "step": 0,
         "event": "plan",
-        "path": "serve",
+        "node": 1,
+        "name": "serve",
         "iri": "http://example.org/r#Serve",
         "parameters": {"cup": "b"},
     }
@@ -68,16 +75,20 @@ def test_a_plan_called_inside_another_is_a_node_with_its_parameters_and_result()
     assert trace.events[2] == {
         "step": 0,
         "event": "started",
+        "node": 2,
+        "parent": 1,
         "kind": "plan",
-        "path": "outer/inner",
+        "name": "inner",
         "arguments": [1],
         "parameters": {"what": "x"},
     }
     assert trace.events[3] == {
         "step": 0,
         "event": "ended",
+        "node": 2,
+        "parent": 1,
         "kind": "plan",
-        "path": "outer/inner",
+        "name": "inner",
         "status": "succeeded",
         "result": 2,
     }
@@ -180,10 +191,103 @@ def test_the_trace_of_a_failed_run_is_complete(tmp_path: Path) -> None:
     trace = Trace()
     with pytest.raises(GraspMissed):
         run(partial(par, fails, partial(sleep, 9)), host=VirtualHost(), trace=trace)
-    ended = [(e["path"], e["status"]) for e in trace.events if e["event"] == "ended"]
+    ended = [(e["path"], e["status"]) for e in with_paths(trace.events) if e["event"] == "ended"]
     assert ended == [
         ("par/par/fails", "failed"),
         ("par/par/sleep", "evaporated"),
         ("par/par", "failed"),
         ("par", "failed"),
     ]
+
+
+def nested(depth: int, last: Exception | None = None) -> Any:
+    """A plan of as many par inside of each other; the innermost branch fails with ``last``, if there is one."""
+
+    async def level(left: int) -> Any:
+        if left:
+            return await par(partial(level, left - 1))
+        if last is not None:
+            raise last
+        return "done"
+
+    return partial(level, depth)
+
+
+@pytest.mark.parametrize("last", [None, GraspMissed(), BranchEvaporated(path="p/" * 3000)], ids=["", "short", "long"])
+def test_a_node_is_told_in_as_many_characters_at_any_depth(last: Exception | None) -> None:
+    lengths = []
+    for depth in (100, 1000):
+        trace = Trace()
+        with suppress(PlanFailure):
+            run(nested(depth, last), host=VirtualHost(), trace=trace)
+        lengths.append(len(trace.text()) / depth)
+    assert lengths[1] < 1.1 * lengths[0]
+
+
+def test_every_node_of_a_deep_nest_is_found_again_in_the_task_tree_of_its_trace() -> None:
+    trace = Trace()
+    run(nested(2000), host=VirtualHost(), trace=trace)
+    nodes = list(TaskTree.of(trace))
+    assert [node.name for node in nodes] == ["level", *["par", "level"] * 2000]
+    assert all(node.parent is before for before, node in pairwise(nodes))
+    assert {node.status for node in nodes} == {"succeeded"}
+
+
+def test_paths_are_given_back_to_records_of_what_happened_in_a_node() -> None:
+    async def reach() -> None:
+        async with using("arm"):
+            await sleep(1)
+
+    trace = Trace()
+    run(partial(par, reach, reach), host=VirtualHost(), trace=trace)
+    told = [(event["event"], event.get("path")) for event in with_paths(trace.events)]
+    assert told[0] == ("header", None)
+    assert [path for event, path in told if event == "acquired"] == ["par/par/reach", "par/par/reach#2"]
+    assert [path for event, path in told if event == "ended"] == ["par/par/reach", "par/par/reach#2", "par/par", "par"]
+
+
+def test_the_middle_of_a_long_message_is_left_out() -> None:
+    message = encode(BranchEvaporated(path="first" + "/x" * 3000 + "/last"))["message"]
+    assert "first" in message
+    assert "last" in message
+    assert len(message) < 1100
+
+
+def test_what_is_nested_deeply_is_told_by_its_length() -> None:
+    value: list[Any] = [1, 2, 3]
+    for _ in range(5000):
+        value = [value]
+    told = encode(value)
+    for _ in range(20):
+        (told,) = told
+    assert told == {"length": 1}
+
+
+def test_text_that_cannot_be_encoded_is_escaped(tmp_path: Path) -> None:
+    async def odd() -> str:
+        return "half of a pair: \ud83d"
+
+    odd.__name__ = "odd\ud83d"
+    with Trace.at(tmp_path / "run.jsonl") as trace:
+        run(partial(par, odd), host=VirtualHost(), trace=trace)
+    lines = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text("utf-8").splitlines()]
+    assert lines[3]["name"] == "odd\ud83d"
+    assert lines[4]["result"] == "half of a pair: \ud83d"
+
+
+def test_a_line_that_the_system_takes_in_parts_is_written_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Slow(io.FileIO):
+        """A file that takes at most ten bytes at a time."""
+
+        def write(self, data: Any) -> int:
+            return super().write(data[:10]) or 0
+
+    written = []
+    for file in (io.FileIO, Slow):
+        monkeypatch.setattr("planlang.kernel.trace.io.FileIO", file)
+        with Trace.at(tmp_path / "run.jsonl") as trace:
+            run(partial(par, partial(sleep, 1), partial(sleep, 2)), host=VirtualHost(), trace=trace)
+        written.append((tmp_path / "run.jsonl").read_bytes())
+    assert written[0] == written[1]

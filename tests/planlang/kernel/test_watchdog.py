@@ -28,6 +28,7 @@ from planlang import (
     sleep,
 )
 from planlang.kernel import watchdog as dog
+from planlang.kernel import with_paths
 from planlang.kernel.hosts import WATCHDOG
 
 SHORT = 0.05
@@ -119,8 +120,8 @@ def test_nothing_of_the_watchdog_is_told_in_the_trace_and_every_node_ends() -> N
         run(partial(par, never_waits, partial(sleep, 1)), host=VirtualHost(watchdog=SHORT), trace=trace)
     assert "drained" not in [event["event"] for event in trace.events]
     assert not [event for event in trace.events if "failure" in event]
-    started = {event["path"] for event in trace.events if event["event"] == "started"}
-    assert started <= {event["path"] for event in trace.events if event["event"] == "ended"}
+    started = {event["path"] for event in with_paths(trace.events) if event["event"] == "started"}
+    assert started <= {event["path"] for event in with_paths(trace.events) if event["event"] == "ended"}
 
 
 def test_the_other_tasks_are_cleaned_up() -> None:

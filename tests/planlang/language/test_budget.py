@@ -17,8 +17,10 @@ from planlang import (
     at_location,
     budget,
     now,
+    par,
     perform,
     run,
+    shield,
     sleep,
     unwind_protect,
     with_failure_handling,
@@ -103,6 +105,47 @@ def test_an_inner_budget_takes_from_the_outer_one_too() -> None:
     with pytest.raises(BudgetExceeded) as caught:
         go(partial(budget, outer, attempts=6))
     assert caught.value.attempts == 6
+
+
+def test_attempts_inside_an_inner_budget_with_enough_left_use_up_the_outer_one() -> None:
+    inner = partial(budget, partial(with_failure_handling, misses, Recovery(GraspMissed, attempts=9)), attempts=8)
+    with pytest.raises(BudgetExceeded) as caught:
+        go(partial(budget, inner, attempts=2))
+    assert (caught.value.attempts, caught.value.used) == (2, {"with_failure_handling": 3})
+
+
+@pytest.mark.parametrize("schedule", [None, *range(30)])
+def test_that_a_budget_is_used_up_is_decided_after_the_round_whatever_the_schedule(schedule: int | None) -> None:
+    log: list[str] = []
+
+    async def fails() -> None:
+        raise GraspMissed
+
+    async def beside() -> None:
+        log.append("begun")
+        await sleep(1)
+
+    asks = partial(with_failure_handling, fails, Recovery(GraspMissed, attempts=1))
+    with pytest.raises(BudgetExceeded):
+        run(partial(budget, partial(par, beside, asks, beside), attempts=0), host=VirtualHost(), schedule=schedule)
+    assert log == ["begun", "begun"]
+
+
+def test_a_shielded_retry_goes_on_when_the_budget_is_used_up() -> None:
+    runs: list[int] = []
+
+    async def fails_once() -> None:
+        runs.append(1)
+        if len(runs) == 1:
+            raise GraspMissed
+
+    async def plan() -> None:
+        with shield():
+            await with_failure_handling(fails_once, Recovery(GraspMissed, attempts=1))
+
+    with pytest.raises(BudgetExceeded):
+        go(partial(budget, plan, attempts=0))
+    assert len(runs) == 2
 
 
 def test_other_failures_pass_through() -> None:

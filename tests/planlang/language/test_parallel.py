@@ -30,6 +30,7 @@ from planlang import (
     try_in_order,
 )
 from planlang.failures import BranchEvaporated, CompositeFailure, Timeout
+from planlang.kernel import with_paths
 
 
 def go(plan: Any, **options: Any) -> Any:
@@ -271,7 +272,7 @@ def test_branches_are_named_by_function_keyword_and_line() -> None:
         await par(work, name="again")
 
     go(plan, trace=trace)
-    paths = [e["path"] for e in trace.events if e["event"] == "started" and e["kind"] == "branch"]
+    paths = [e["path"] for e in with_paths(trace.events) if e["event"] == "started" and e["kind"] == "branch"]
     line = plan.__code__.co_firstlineno + 1
     assert paths == [
         "plan",

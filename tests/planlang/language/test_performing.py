@@ -28,6 +28,7 @@ from planlang import (
     using,
 )
 from planlang.failures import ActionUnresolvable, GraspMissed, ManipulationFailure, ObjectNotFound
+from planlang.kernel import with_paths
 
 REACH = action("Reaching")
 
@@ -221,7 +222,7 @@ def test_a_request_is_named_in_the_tree_and_told_in_the_trace(executive: Any, ar
 
     trace = Trace()
     go(serve, executive, trace=trace)
-    requests = [(e["path"], e["module"]) for e in trace.events if e["event"] == "request"]
+    requests = [(e["path"], e["module"]) for e in with_paths(trace.events) if e["event"] == "request"]
     assert requests == [("serve/reach for the cup/arm", "arm"), ("serve/Reaching/arm", "arm")]
 
 

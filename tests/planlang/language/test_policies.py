@@ -33,6 +33,7 @@ from planlang import (
     with_policies,
 )
 from planlang.failures import GraspMissed, GraspSlipped, ObjectNotFound, PolicyViolated
+from planlang.kernel import with_paths
 
 
 def go(body: Any, **options: Any) -> Any:
@@ -358,7 +359,7 @@ def test_parts_and_violation_are_in_the_trace() -> None:
     with pytest.raises(PolicyViolated):
         go(partial(with_policies, [full([], "a", Fluent(True))], notes([], "body")), trace=trace)
     base = "with_policies/with_policies"
-    paths = [e["path"] for e in trace.events if e["event"] == "ended" and e["path"] != "with_policies"]
+    paths = [e["path"] for e in with_paths(trace.events) if e["event"] == "ended" and e["path"] != "with_policies"]
     assert paths == [f"{base}/init a", f"{base}/recover a", f"{base}/clean_up a", base]
     assert [e["policy"] for e in trace.events if e["event"] == "policy violated"] == ["a"]
 

@@ -41,6 +41,7 @@ from planlang import (
 )
 from planlang import failures as taxonomy
 from planlang.failures import BudgetExceeded, GraspMissed, NavigationFailure, Timeout
+from planlang.kernel import with_paths
 
 
 def go(body: Any, **options: Any) -> Any:
@@ -271,7 +272,7 @@ def test_resources_are_in_the_trace_when_granted_and_released_on_evaporation_too
 
     trace = Trace()
     go(partial(pursue, holds, partial(sleep, 1)), trace=trace)
-    told = [(e["step"], e["event"], e["path"], e["resources"]) for e in trace.events if "resources" in e]
+    told = [(e["step"], e["event"], e["path"], e["resources"]) for e in with_paths(trace.events) if "resources" in e]
     assert told == [
         (0, "acquired", "pursue/pursue/holds", ["left_arm", "base"]),
         (240, "released", "pursue/pursue/holds", ["left_arm", "base"]),

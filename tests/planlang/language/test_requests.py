@@ -37,6 +37,7 @@ from planlang import (
     with_requests,
 )
 from planlang.failures import ActionUnresolvable, BranchEvaporated, GraspMissed, GraspSlipped, PlanFailure, Timeout
+from planlang.kernel import with_paths
 
 FAILURES = {"missed": GraspMissed, "slipped": GraspSlipped, "broken": KeyError}
 
@@ -285,7 +286,7 @@ def test_requests_are_nodes_of_the_tree(robot: Any) -> None:
 
     trace = Trace()
     go(partial(with_requests, body), robot, trace=trace)
-    paths = [e["path"] for e in trace.events if e["event"] == "request"]
+    paths = [e["path"] for e in with_paths(trace.events) if e["event"] == "request"]
     base = "with_requests/with_requests"
     assert paths == [f"{base}/request/Left/Left", f"{base}/request#2/wave/Right"]
 

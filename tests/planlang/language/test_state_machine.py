@@ -19,6 +19,7 @@ from planlang.failures import (
     ObjectNotFound,
     TransitionMissing,
 )
+from planlang.kernel import with_paths
 
 
 def go(body: Any, **options: Any) -> Any:
@@ -179,7 +180,8 @@ def test_each_visit_is_a_node_and_each_transition_an_event_of_the_trace() -> Non
     trace = Trace()
     go(partial(state_machine, states, transitions, "look", "end"), trace=trace)
     base = "state_machine/state_machine"
-    ended = [(e["path"], e["status"]) for e in trace.events if e["event"] == "ended" and e["kind"] == "state"]
+    told = [e for e in with_paths(trace.events) if e.get("kind") == "state"]
+    ended = [(e["path"], e["status"]) for e in told if e["event"] == "ended"]
     assert ended == [
         (f"{base}/look", "succeeded"),
         (f"{base}/look#2", "succeeded"),

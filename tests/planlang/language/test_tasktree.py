@@ -122,7 +122,8 @@ def test_a_task_that_never_began_has_no_start() -> None:
     assert (node.status, node.start, node.end) == ("evaporated", None, 0)
     trace = Trace()
     run(partial(pursue, partial(sleep, 0)), host=VirtualHost(), trace=trace)
-    trace.write(0, "ended", kind="branch", path="pursue/late", status="evaporated")
+    late = {"node": 9, "parent": 2, "kind": "branch", "name": "late", "status": "evaporated"}
+    trace.events.append({"step": 0, "event": "ended", **late})
     assert "late\\nevaporated, never begun" in TaskTree.of(trace.events).dot()
 
 

@@ -1,0 +1,94 @@
+"""What a robot executive has to remember so that a run can be resumed: the world as it is, and what it believes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from executive.locations import ArmModel, Base, Reach, ReachSolution
+from executive.locations.hand import HandPlan
+from executive.platform import Platform
+from planlang.protocols import Array
+
+
+@runtime_checkable
+class RestorableWorld(Protocol):
+    """A world that can be brought back to where it was: a simulator."""
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state as JSON."""
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from a snapshot; raises ValueError for one that does not fit."""
+
+
+def snapshot(platform: Platform) -> dict[str, Any]:
+    """World, belief, planning world, random numbers and choices that are kept, as JSON; about 5 kB.
+
+    A world that cannot be restored is left out.
+    """
+    state: dict[str, Any] = {}
+    if isinstance(platform.world, RestorableWorld):
+        state["world"] = platform.world.snapshot()
+    state["believed"] = platform.around.world.snapshot()
+    state["belief"] = platform.belief.snapshot()
+    state["rng"] = platform.rng.bit_generator.state
+    state["arm"] = platform.preferred
+    state["begun"] = [
+        [arm, revision, list(base), _way_json(way)]
+        for arm, (revision, base, way) in platform.begun_grasps.items()
+        if revision == platform.belief.revision and base == platform.base()
+    ]
+    state["reached"] = [
+        [arm, list(base), [_way_json(way) for way in ways.values()]]
+        for (arm, base), ways in platform.resolver.reached_from(platform.base()).items()
+    ]
+    return state
+
+
+def restore(platform: Platform, state: Mapping[str, Any], *, world: bool) -> None:
+    """Go on from a snapshot; ``world``: bring the world back too. Raises ValueError for one that does not fit."""
+    try:
+        if world and isinstance(platform.world, RestorableWorld):
+            platform.world.restore_state(state["world"])
+        platform.belief.restore(state["belief"])
+        platform.around.world.restore_state(state["believed"])
+        platform.rng.bit_generator.state = state["rng"]
+        arms = {arm.name: arm for arm in platform.around.arms}
+        platform.preferred = None if state["arm"] is None else arms[state["arm"]].name
+        platform.begun_grasps = {
+            arms[arm].name: (int(revision), _base(base), _way(way, arms)) for arm, revision, base, way in state["begun"]
+        }
+        platform.resolver.remember(
+            {(arms[arm].name, _base(base)): list(_ways(ways, arms)) for arm, base, ways in state["reached"]}
+        )
+    except (KeyError, TypeError, AttributeError) as problem:
+        raise ValueError(f"the state of the robot is damaged: {problem!r}") from None
+
+
+def _way_json(way: ReachSolution) -> list[Any]:
+    plan = way.plan
+    hand = [plan.label, plan.poses.tolist(), plan.touches, plan.opened]
+    return [way.reach.kind, way.reach.body, way.arm.name, hand, way.joints.tolist()]
+
+
+def _way(state: Any, arms: Mapping[str, ArmModel]) -> ReachSolution:
+    kind, body, arm, (label, poses, touches, opened), joints = state
+    plan = HandPlan(str(label), _array(poses, (-1, 4, 4)), touches, bool(opened))
+    return ReachSolution(Reach(str(kind), str(body)), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
+
+
+def _ways(states: Any, arms: Mapping[str, ArmModel]) -> Iterator[ReachSolution]:
+    for state in states:
+        yield _way(state, arms)
+
+
+def _array(state: Any, shape: tuple[int, ...]) -> Array:
+    return np.array(state, dtype=float).reshape(shape)
+
+
+def _base(state: Any) -> Base:
+    x, y, yaw = state
+    return float(x), float(y), float(yaw)

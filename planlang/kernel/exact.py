@@ -1,0 +1,315 @@
+"""Values that survive JSON: what is written can be read back as the same value of the same types, or is refused.
+
+JSON's own types stand for themselves. Tuples, numbers that are not finite, members of an Enum and the value types of
+:mod:`planlang.designators` and :mod:`planlang.protocols` are objects with a key that begins with ``$``. Nothing else
+survives. Reading makes no object of any other class and imports nothing: a member of an Enum is looked up among the
+classes that the program has defined already.
+"""
+
+from __future__ import annotations
+
+import builtins
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import fields
+from enum import Enum
+from functools import cache
+from typing import Any
+
+from planlang.designators import Action, Condition, Device, Location, Object, Person, Posture, Relation
+from planlang.failures import PlanFailure, Where
+
+DEEPEST = 50
+"""Lists and objects nested deeper do not survive."""
+
+
+class Lost(ValueError):
+    """A value does not survive JSON; the message says which and why."""
+
+
+class Exact:
+    """A value as JSON that the trace writes as it is, without shortening anything."""
+
+    __slots__ = ("json",)
+
+    def __init__(self, json: Any) -> None:
+        self.json = json
+
+
+def dump(value: object, depth: int = 0) -> Any:
+    """The value as JSON, from which :func:`load` makes an equal one; raises Lost if there is no such JSON."""
+    kind = value.__class__
+    if value is None or kind is bool or kind is int:
+        return value
+    if kind is str:
+        return _text(value)
+    if isinstance(value, float) and kind is float:
+        return value if math.isfinite(value) else {"$float": str(value)}
+    if depth > DEEPEST:
+        raise Lost(f"more than {DEEPEST} lists or objects inside of each other")
+    if kind is list:
+        return [dump(item, depth + 1) for item in value]  # type: ignore[attr-defined]
+    if kind is tuple:
+        return {"$tuple": [dump(item, depth + 1) for item in value]}  # type: ignore[attr-defined]
+    if isinstance(value, dict) and kind is dict:
+        return {_key(key): dump(item, depth + 1) for key, item in value.items()}
+    if isinstance(value, Enum):
+        return {"$enum": f"{kind.__module__}.{kind.__qualname__}", "name": value.name}
+    if kind.__module__ in _MODULES and kind in _checks():
+        inside = {field.name: dump(getattr(value, field.name), depth + 1) for field in fields(kind)}
+        return {"$": kind.__name__, **inside}
+    raise Lost(f"{kind.__module__}.{kind.__qualname__}")
+
+
+def load(json: object) -> Any:
+    """The value that was written; raises ValueError for what :func:`dump` cannot have written."""
+    if isinstance(json, list):
+        return [load(item) for item in json]
+    if not isinstance(json, dict):
+        return json
+    marks = [key for key in json if key.startswith("$")]
+    if not marks:
+        return {key: load(item) for key, item in json.items()}
+    match json:
+        case {"$float": "nan" | "inf" | "-inf" as text, **rest} if not rest:
+            return float(text)
+        case {"$tuple": list(items), **rest} if not rest:
+            return tuple(load(item) for item in items)
+        case {"$enum": str(path), "name": str(name), **rest} if not rest:
+            return _member(path, name)
+        case {"$": str(name), **inside}:
+            return _made(name, inside)
+    raise ValueError(f"{marks[0]} is no value that was written")
+
+
+def dump_failure(failure: BaseException) -> Any:
+    """A failure with its fields, place, members, attachments and causes; raises Lost if one does not survive.
+
+    Of a cause that is no plan failure only class and message are kept.
+    """
+    return _dump_failure(failure, 0)
+
+
+def load_failure(json: Any) -> BaseException:
+    """An equal failure; raises ValueError for what :func:`dump_failure` cannot have written."""
+    failure: BaseException
+    match json:
+        case {"type": str(name), "fields": dict(inside)}:
+            plan_failure = failure = _failure(name, inside)
+            _attach(plan_failure, json)
+        case {"type": str(name), "message": str(message)}:
+            failure = _other(name, message)
+        case _:
+            raise ValueError("this is no failure that was written")
+    cause = json.get("cause")
+    failure.__cause__ = None if cause is None else load_failure(cause)
+    failure.__suppress_context__ = True
+    return failure
+
+
+def failure_class(name: str) -> type[PlanFailure]:
+    """The class of failures of that full name; ValueError if the program has not defined one."""
+    kinds: tuple[type[PlanFailure], ...] = (PlanFailure, *_subclasses(PlanFailure))
+    for kind in kinds:
+        if f"{kind.__module__}.{kind.__qualname__}" == name:
+            return kind
+    raise ValueError(f"there is no failure {name}")
+
+
+def _text(value: Any) -> str:
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise Lost("a text with half a character (a lone surrogate)") from None
+    return str(value)
+
+
+def _key(key: Any) -> str:
+    if key.__class__ is not str:
+        raise Lost(f"a mapping with the key {key!r}, which is no text")
+    if key.startswith("$"):
+        raise Lost(f"a mapping with the key {key!r}")
+    return _text(key)
+
+
+def _member(path: str, name: str) -> Enum:
+    for kind in _subclasses(Enum):
+        if f"{kind.__module__}.{kind.__qualname__}" == path and name in kind.__members__:
+            found: Enum = kind[name]
+            return found
+    raise ValueError(f"there is no {path} with a member {name}")
+
+
+def _subclasses(kind: type[Any]) -> Iterator[type[Any]]:
+    """All classes below one, the newest first: a plan that is imported again defines its classes again."""
+    for below in reversed(kind.__subclasses__()):
+        yield below
+        yield from _subclasses(below)
+
+
+def _floats(value: object, number: int) -> bool:
+    return isinstance(value, tuple) and len(value) == number and all(type(one) in (int, float) for one in value)
+
+
+def _name(value: object) -> bool:
+    return value is None or isinstance(value, str)
+
+
+def _filler(value: object) -> bool:
+    if isinstance(value, tuple):
+        return all(isinstance(one, (Object, Location)) for one in value)
+    return isinstance(value, (Object, Location, str, int, float, bool))
+
+
+def _is_object(one: Object) -> bool:
+    return isinstance(one.type, str) and _name(one.iri)
+
+
+def _is_location(one: Location) -> bool:
+    relations = one.relations
+    return (
+        isinstance(relations, tuple)
+        and all(isinstance(relation, Relation) for relation in relations)
+        and _name(one.name)
+        and (one.device is None or isinstance(one.device, Device))
+    )
+
+
+def _is_action(one: Action) -> bool:
+    pairs = one.properties
+    return (
+        isinstance(one.type, str)
+        and isinstance(pairs, tuple)
+        and all(isinstance(p, tuple) and len(p) == 2 and isinstance(p[0], str) and _filler(p[1]) for p in pairs)
+        and _name(one.name)
+    )
+
+
+_MODULES = ("planlang.designators", "planlang.protocols")
+
+
+@cache
+def _checks() -> dict[type[Any], Callable[[Any], bool]]:
+    """Value types -> whether the fields are of the types that they should be."""
+    from planlang.protocols import Configuration, Pose, Solution  # which need NumPy, as most plans do not
+
+    return {
+        Pose: lambda one: _floats(one.position, 3) and _floats(one.orientation, 4),
+        Configuration: lambda one: _floats(one.base, 3) and isinstance(one.joints, dict),
+        Solution: lambda one: _floats(one.base, 3) and isinstance(one.revision, int) and isinstance(one.detail, dict),
+        Object: _is_object,
+        Person: _is_object,
+        Device: _is_object,
+        Relation: lambda one: isinstance(one.name, str) and isinstance(one.reference, (Object, Location)),
+        Location: _is_location,
+        Posture: _is_location,
+        Action: _is_action,
+        Condition: lambda one: isinstance(one.predicate, str) and isinstance(one.arguments, tuple),
+    }
+
+
+def _made(name: str, inside: Mapping[str, Any]) -> Any:
+    kind = next((kind for kind in _checks() if kind.__name__ == name), None)
+    if kind is None:
+        raise ValueError(f"there is no value type {name}")
+    if set(inside) != {field.name for field in fields(kind)}:
+        raise ValueError(f"these are not the fields of a {name}")
+    value = kind(**{key: load(item) for key, item in inside.items()})
+    if not _checks()[kind](value):
+        raise ValueError(f"a field of a {name} is of another type")
+    return value
+
+
+_ATTACHED = ("where", "siblings", "cleanup_failures")
+
+
+def _dump_failure(failure: BaseException, depth: int) -> Any:
+    if depth > DEEPEST:
+        raise Lost(f"a failure with more than {DEEPEST} causes")
+    if not isinstance(failure, PlanFailure):
+        return {"type": type(failure).__name__, "message": _text(str(failure))}
+    kind = type(failure)
+    written: dict[str, Any] = {"type": f"{kind.__module__}.{kind.__qualname__}", "fields": {}}
+    for field in fields(failure):
+        value = getattr(failure, field.name)
+        if field.name == "failures":
+            written["members"] = [_dump_failure(member, depth + 1) for member in value]
+        elif field.name not in _ATTACHED:
+            try:
+                written["fields"][field.name] = dump(value)
+            except Lost as lost:
+                raise Lost(f"the field {field.name} of {kind.__name__} ({lost})") from None
+    if failure.where is not None:
+        where = failure.where
+        written["where"] = [where.path, where.file, where.line, where.revision]
+    if failure.siblings:
+        written["siblings"] = [[name, _dump_failure(other, depth + 1)] for name, other in failure.siblings]
+    if failure.cleanup_failures:
+        written["cleanup"] = [_dump_failure(other, depth + 1) for other in failure.cleanup_failures]
+    chain = list(failure.chain())
+    if len(chain) > 1:
+        written["cause"] = _dump_failure(chain[1], depth + 1)
+    return written
+
+
+def _other(name: str, message: str) -> Exception:
+    """An exception that is no plan failure: one of Python's own, or another class that is called so."""
+    kind = getattr(builtins, name, None)
+    known = kind if isinstance(kind, type) and issubclass(kind, Exception) else Exception
+    if known is kind:
+        with suppress(TypeError):
+            simple: Exception = kind(message)
+            if str(simple) == message:
+                return simple
+    body = {"__init__": lambda self: None, "__str__": lambda self: message}
+    other: Exception = type(name, (known,), body)()
+    return other
+
+
+def _failure(name: str, inside: Mapping[str, Any]) -> PlanFailure:
+    kind = failure_class(name)
+    known = {field.name for field in fields(kind)} - {*_ATTACHED, "failures"}
+    if not known >= set(inside):
+        raise ValueError(f"these are not the fields of {name}")
+    failure = kind.__new__(kind)
+    Exception.__init__(failure)
+    failure.siblings, failure.cleanup_failures, failure.where = (), (), None
+    for field in known:
+        setattr(failure, field, load(inside[field]) if field in inside else None)
+    return failure
+
+
+def _attach(failure: PlanFailure, rest: Mapping[str, Any]) -> None:
+    match rest.get("where"):
+        case None:
+            pass
+        case [str(path), str(file), int(line), (int() | None) as revision]:
+            failure.where = Where(path, file, line, revision)
+        case _:
+            raise ValueError("this is no place of a failure")
+    if any(field.name == "failures" for field in fields(failure)):
+        vars(failure)["failures"] = tuple(map(_plan_failure, _listed(rest, "members")))
+    failure.cleanup_failures = tuple(map(_plan_failure, _listed(rest, "cleanup")))
+    siblings = []
+    for pair in _listed(rest, "siblings"):
+        match pair:
+            case [str(name), other]:
+                siblings.append((name, _plan_failure(other)))
+            case _:
+                raise ValueError("this is no failure of another branch")
+    failure.siblings = tuple(siblings)
+
+
+def _listed(rest: Mapping[str, Any], key: str) -> list[Any]:
+    found = rest.get(key, [])
+    if not isinstance(found, list):
+        raise ValueError(f"{key} of a failure are no list")
+    return found
+
+
+def _plan_failure(json: object) -> PlanFailure:
+    failure = load_failure(json)
+    if not isinstance(failure, PlanFailure):
+        raise ValueError(f"{type(failure).__name__} is no plan failure")
+    return failure

@@ -1,0 +1,341 @@
+"""Replaying a run from its trace: the plan decides anew, and is told what it was told before.
+
+Nothing moves and no time passes: what the executive answered, what process modules did and returned, what the world
+was read to be and what calls in threads gave is taken from the trace. The first record that the plan does not write
+again is where it would now do something else.
+"""
+
+from __future__ import annotations
+
+import contextvars
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NoReturn
+
+from planlang.designators import Action, Condition, Location
+from planlang.kernel import Scheduler, shield
+from planlang.kernel.compared import Compared, Opaque, RecordedOrder, ReplayHost, ReplayOver
+from planlang.kernel.continued import Different
+from planlang.kernel.errors import DeadlockError, Evaporated
+from planlang.kernel.exact import failure_class, load, load_failure
+from planlang.kernel.park import here, park
+from planlang.kernel.recorded import Line, RecordedRun
+from planlang.kernel.task import Task
+from planlang.language.branches import check
+from planlang.language.budgets import spend
+from planlang.language.resources import Arbiter, Lease, holding
+from planlang.language.running import inside_of
+from planlang.protocols import Solution
+
+
+@dataclass(frozen=True)
+class Replay:
+    """How a replay ended. ``lines``: how many records were repeated, of ``of``."""
+
+    difference: Different | None
+    lines: int
+    of: int
+    outcome: str | None
+    """How the recorded run ended; None if the record ends before."""
+
+    @property
+    def equal(self) -> bool:
+        """Whether all that is recorded was repeated."""
+        return self.difference is None
+
+    def __str__(self) -> str:
+        if self.difference is None:
+            end = "" if self.outcome is not None else ", where the record ends before the plan does"
+            return f"equal to the end: {self.of} lines{end}"
+        return str(self.difference)
+
+
+def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
+    """Run a plan on what is recorded of an earlier run of it, and compare; stops at the first difference.
+
+    Raises ValueError when the records are not those of a run that can be replayed (``resumable=True``).
+    """
+    check("replay", (plan,))
+    header = recorded.header
+    rate, seed, schedule = header.get("rate"), header.get("seed"), header.get("schedule")
+    if header.get("resumable") is not True:
+        raise ValueError("the trace does not tell what the plan was told: it was not written with resumable=True")
+    if not isinstance(rate, int) or not isinstance(seed, int):
+        raise ValueError("the header of the trace does not tell rate and seed")
+    trace = Compared(recorded)
+    order = RecordedOrder(trace, schedule, all_=schedule is not None)
+    scheduler = Scheduler(ReplayHost(rate, trace), seed=seed, schedule=order, trace=trace)
+    trace.attach(scheduler)
+    scheduler.answers = trace
+    scheduler.journal = _Gates(trace)  # type: ignore[assignment]  # the part of a journal that a replay needs
+    executive = _Told(trace, order)
+    try:
+        contextvars.copy_context().run(inside_of, scheduler, plan, executive)
+    except DeadlockError as error:
+        line = trace.next()
+        if line is not None and line.event != "drained":
+            trace.differ(f"nothing: {error}")
+        trace.over = True
+    except (ReplayOver, KeyboardInterrupt, Exception):  # what the plan ends with is in its records
+        pass
+    if not trace.over and trace.next() is not None:
+        trace.differ("nothing: the plan has ended")
+    of = len(recorded.lines)
+    last = None if trace.difference is None else trace.difference.line
+    return Replay(trace.difference, of if last is None else last - 1, of, recorded.outcome)
+
+
+class _Gates:
+    """Lets steps that a resumed run began again wait until it did."""
+
+    resuming = False
+    ahead = None
+
+    def __init__(self, trace: Compared) -> None:
+        self._trace = trace
+        self._until: dict[str, int] = {}
+        for place, line in enumerate(trace.lines):
+            if line.event == "resumed":
+                self._until.update(dict.fromkeys(map(str, line.record.get("again", ())), place))
+
+    def start(self, task: Task) -> None:
+        """A branch is created."""
+        if self._until and task.path in self._until:
+            task.branch = partial(self._later, self._until[task.path], task.branch)
+
+    async def _later(self, place: int, branch: Callable[[], Awaitable[Any]]) -> Any:
+        await self._trace.turn(place)
+        return await branch()
+
+    def begin(self, *_: object) -> None:
+        """Not needed in a replay."""
+
+    plan = enter = leave = changed = used = begin
+
+
+class _Told:
+    """Implements :class:`planlang.protocols.Executive` by what was recorded."""
+
+    def __init__(self, trace: Compared, order: RecordedOrder) -> None:
+        self._trace = trace
+        self._order = order
+
+    def _ask(self, question: str) -> Any:
+        return self._trace.ask(question, _nothing)
+
+    def _ask_about(self, question: str, otherwise: Any) -> Any:
+        """The answer; if that was not asked, something else is performed, and that it begins will differ."""
+        return self._ask(question) if self._trace.knows(question) else otherwise
+
+    @property
+    def modules(self) -> Sequence[_ToldModule]:
+        """Process modules of the names that were there."""
+        return [
+            _ToldModule(str(name), tuple(actions), tuple(map(failure_class, failures)), self._trace, self._order)
+            for name, actions, failures in self._ask("modules")
+        ]
+
+    def ancestors(self, action_type: str) -> Sequence[str]:
+        """As recorded."""
+        return tuple(self._ask_about(f"ancestors of {action_type}", (action_type,)))
+
+    def revision(self) -> int:
+        """As recorded."""
+        return int(self._ask("revision"))
+
+    def solutions(self, location: Location) -> Iterator[Solution]:
+        """As recorded."""
+        while (solution := self._trace.each(f"solutions of {location}", _nothing)) is not None:
+            yield solution
+
+    def move_to(self, solution: Solution) -> Action:
+        """As recorded."""
+        moving: Action = self._ask(f"motion to {solution.base}")
+        return moving
+
+    def is_at(self, solution: Solution) -> bool:
+        """As recorded."""
+        return bool(self._ask(f"at {solution.base}"))
+
+    def holds(self, condition: Condition) -> bool:
+        """As recorded."""
+        return bool(self._ask(f"{condition} holds"))
+
+    def before_retry(self) -> Iterable[Action]:
+        """As recorded."""
+        while (action := self._trace.each("before retrying", _nothing)) is not None:
+            yield action
+
+    def held(self) -> Sequence[str]:
+        """As recorded."""
+        return tuple(self._ask("held"))
+
+    def releases(self, action: Action) -> bool:
+        """As recorded."""
+        return bool(self._ask_about(f"{action} releases", False))
+
+    def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
+        """Nothing is written by it."""
+
+
+def _nothing() -> NoReturn:
+    raise AssertionError("a replay asks nobody")
+
+
+class _ToldModule:
+    """A process module that does again what is recorded of a request: takes its time, its resources, and ends so."""
+
+    def __init__(
+        self,
+        name: str,
+        actions: Sequence[str],
+        failures: Sequence[type[Exception]],
+        trace: Compared,
+        order: RecordedOrder,
+    ) -> None:
+        self.name, self.actions, self.failures = name, actions, failures
+        self._trace, self._order = trace, order
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """As recorded."""
+        question = f"resources of {self.name} for {action}"
+        return tuple(self._trace.ask(question, _nothing)) if self._trace.knows(question) else ()
+
+    async def execute(self, action: Action) -> Any:
+        """Let pass what is recorded inside of the request; then its result or failure."""
+        trace = self._trace
+        _, task = here()
+        path = task.path
+        self._order.modules.add(path)
+        inside, end = _request(trace, path)
+        work = _Work(trace)
+        ending = _cut_short(trace, inside) if end is None or trace.lines[end].event != "performed" else []
+        try:
+            await work.do(inside)
+            if end is None or trace.lines[end].event != "performed":
+                await park("its evaporation, or what is not recorded")
+                raise ReplayOver
+            await trace.turn(end)
+        except Evaporated:
+            with shield(), suppress(ReplayOver):
+                await work.do(inside)
+                await work.do(ending)
+                await trace.turn(_after(trace, path))
+            raise
+        finally:
+            work.release()
+        return _outcome(trace, trace.lines[end])
+
+
+class _Work:
+    """What happens in a request, record by record."""
+
+    def __init__(self, trace: Compared) -> None:
+        self._trace = trace
+        self._leases: dict[str | None, Lease] = {}
+        self._begun: dict[str | None, int] = {}
+
+    async def do(self, inside: list[int]) -> None:
+        """Go through the records at these places, each in its turn; done ones are taken off."""
+        trace = self._trace
+        while inside:
+            place = inside[0]
+            await trace.turn(place)
+            inside.pop(0)
+            line = trace.lines[place]
+            trace.take()
+            if line.event == "acquired":
+                await self._acquire(line)
+            elif line.event == "released" and line.path in self._leases:
+                self._arbiter.release(self._leases.pop(line.path))
+            elif line.record.get("kind") == "perform":
+                if line.event == "started":
+                    self._begun[line.path] = line.step
+                elif line.event == "ended" and line.path in self._begun:
+                    name = str(line.record.get("name")).partition("#")[0]
+                    spend(name, line.step - self._begun[line.path])
+
+    async def _acquire(self, line: Line) -> None:
+        scheduler, task = here()
+        self._arbiter = scheduler.service(Arbiter)
+        names = tuple(map(str, line.record.get("resources", ())))
+        lease = Lease(self._arbiter, scheduler, task, names, holding())
+        await self._arbiter.acquire(lease)
+        self._leases[line.path] = lease
+
+    def release(self) -> None:
+        """Give back what is still held."""
+        for lease in self._leases.values():
+            self._arbiter.release(lease)
+        self._leases.clear()
+
+
+def _request(trace: Compared, path: str) -> tuple[list[int], int | None]:
+    """Places of the records inside of a request that begins here, and of its end; None if that is not recorded."""
+    inside: list[int] = []
+    below = f"{path}/"
+    first = trace.place
+    while first and trace.lines[first - 1].event in _NOT_WRITTEN:  # of the request, and passed by already
+        first -= 1
+    for place in range(first, len(trace.lines)):
+        line = trace.lines[place]
+        if line.path == path:
+            if line.event in ("performed", "released", "ended"):
+                return inside, place
+            if line.event not in ("answer", "world", "completed"):
+                inside.append(place)
+        elif line.path is not None and line.path.startswith(below) and line.event not in _NOT_WRITTEN:
+            inside.append(place)
+    return inside, None
+
+
+def _cut_short(trace: Compared, inside: list[int]) -> list[int]:
+    """Take from the places what evaporation of the request has brought about; it comes when that does."""
+    evaporated = {
+        trace.lines[place].path: trace.lines[place].step
+        for place in inside
+        if trace.lines[place].record.get("status") == "evaporated"
+    }
+    when = max(evaporated.values(), default=None)
+    for number, place in enumerate(inside):
+        line = trace.lines[place]
+        if line.step == when and line.event in ("released", "ended") and evaporated.get(line.path) == when:
+            ending = inside[number:]
+            del inside[number:]
+            return ending
+    return []
+
+
+_NOT_WRITTEN = frozenset({"answer", "world", "completed", "performed", "resumed"})
+
+
+def _after(trace: Compared, path: str) -> int:
+    """The place of the record with which a request gives back its resources."""
+    for place in range(trace.place, len(trace.lines)):
+        line = trace.lines[place]
+        if line.path == path and line.event in ("released", "ended"):
+            return place
+    return len(trace.lines)
+
+
+def _outcome(trace: Compared, line: Line) -> Any:
+    record = line.record
+    try:
+        if "failure" not in record:
+            return Opaque(_told_result(trace, line)) if "lost" in record else load(record.get("value"))
+        failure = load_failure(record["failure"])
+    except (ValueError, TypeError, RecursionError) as problem:
+        trace.difference = Different(f"line {line.number} is damaged: {problem}", line.number, dict(record))
+        trace.over = True
+        raise ReplayOver from None
+    raise failure
+
+
+def _told_result(trace: Compared, line: Line) -> Any:
+    """What the records tell of a result that did not survive JSON."""
+    for later in trace.lines[trace.place :]:
+        if later.path == line.path and later.event == "ended":
+            return later.record.get("result")
+    return None

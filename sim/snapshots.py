@@ -1,0 +1,145 @@
+"""The state of a world as JSON, and back: what moves, what is held, who has what, and time. Numbers come back exactly.
+
+Only what differs from the scene is told, so that a snapshot of a furnished room is about 2 kB.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from planlang.protocols import Configuration, Pose, Trajectory
+from sim.bodies import Bodies
+from sim.contact import Held
+from sim.falling import Falling
+from sim.people import People
+from sim.playback import Playback
+from sim.robot import Robot
+
+JSON = dict[str, Any]
+
+
+def configuration(now: Configuration) -> JSON:
+    """Where the robot is."""
+    return {"base": list(now.base), "joints": dict(now.joints)}
+
+
+def configuration_of(state: Mapping[str, Any]) -> Configuration:
+    """The inverse of :func:`configuration`; raises ValueError."""
+    x, y, yaw = _numbers(state["base"], 3)
+    return Configuration((x, y, yaw), {str(name): _numbers([value], 1)[0] for name, value in state["joints"].items()})
+
+
+def bodies(all_: Bodies, held: Mapping[str, Held]) -> JSON:
+    """Where bodies are that are neither held nor where the scene has them, and which were removed."""
+    moved = {
+        name: pose_json(pose)
+        for name, pose in all_.poses.items()
+        if name not in held and pose != all_.bodies[name].pose
+    }
+    return {"bodies": moved, "removed": sorted(all_.removed)}
+
+
+def restore_bodies(all_: Bodies, state: Mapping[str, Any]) -> None:
+    """Put all bodies where they were."""
+    moved = state["bodies"]
+    _known(all_, moved, state["removed"])
+    for name, body in all_.bodies.items():
+        all_.removed.discard(name)
+        all_.place(name, pose_of(moved[name]) if name in moved else body.pose)
+        if name in state["removed"]:
+            all_.remove(name)
+
+
+def held(all_: Mapping[str, Held]) -> JSON:
+    """What is in the robot's hands, in the order of grasping."""
+    return {name: [one.link, pose_json(one.offset), sorted(one.touched)] for name, one in all_.items()}
+
+
+def restore_held(all_: dict[str, Held], robot: Robot, known: Bodies, state: Mapping[str, Any]) -> None:
+    """Put things into the hands that held them."""
+    _known(known, state)
+    all_.clear()
+    for name, (link, offset, touched) in state.items():
+        if link not in robot.links:
+            raise ValueError(f"the robot has no link {link!r}")
+        all_[name] = Held(link, pose_of(offset), robot.hand_of(link), set(touched))
+
+
+def falling(all_: Falling) -> JSON:
+    """What is on its way down: speed [m/s] and where it will rest."""
+    return {name: [speed, pose_json(rest)] for name, (speed, rest) in all_.on_the_way.items()}
+
+
+def restore_falling(all_: Falling, state: Mapping[str, Any]) -> None:
+    """Let things go on falling."""
+    _known(all_.bodies, state)
+    all_.on_the_way = {name: (_numbers([speed], 1)[0], pose_of(rest)) for name, (speed, rest) in state.items()}
+
+
+def people(all_: People) -> JSON:
+    """Hands of persons, what they have and what they reach for, and how long things have been offered."""
+    persons = {
+        name: {
+            "hands": [np.asarray(hand).tolist() for hand in person.hands],
+            "holds": {thing: [k, pose_json(pose)] for thing, (k, pose) in person.holds.items()},
+            "reaching": None if person.reaching is None else list(person.reaching),
+            "close": person.close,
+        }
+        for name, person in all_.persons.items()
+    }
+    return {"persons": persons, "still": {name: [pose_json(p), count] for name, (p, count) in all_.still.items()}}
+
+
+def restore_people(all_: People, state: Mapping[str, Any]) -> None:
+    """Let persons go on with what they did."""
+    if state["persons"].keys() != all_.persons.keys():
+        raise ValueError(f"there are other persons: {', '.join(state['persons'])}")
+    for name, one in state["persons"].items():
+        person = all_.persons[name]
+        person.hands = [np.array(_numbers(hand, 3)) for hand in one["hands"]]
+        person.holds = {str(thing): (_arm(k), pose_of(pose)) for thing, (k, pose) in one["holds"].items()}
+        person.reaching = None if one["reaching"] is None else (_arm(one["reaching"][0]), str(one["reaching"][1]))
+        person.close = int(one["close"])
+        _known(all_.bodies, person.holds, [person.reaching[1]] if person.reaching is not None else [])
+        all_.place_arms(name, (0, 1))
+    all_.still = {str(name): (pose_of(pose), int(count)) for name, (pose, count) in state["still"].items()}
+
+
+def at_rest() -> Playback:
+    """A motion that is over: groups keep their order, in which motions are played."""
+    return Playback(Trajectory((), np.zeros((1, 0))), [], grip=False)
+
+
+def pose_json(pose: Pose) -> list[float]:
+    """Position and quaternion, seven numbers."""
+    return [*pose.position, *pose.orientation]
+
+
+def pose_of(state: object) -> Pose:
+    """The inverse of :func:`pose_json`; raises ValueError."""
+    x, y, z, a, b, c, d = _numbers(state, 7)
+    return Pose((x, y, z), (a, b, c, d))
+
+
+def _numbers(state: object, count: int) -> list[float]:
+    if not isinstance(state, list) or len(state) != count:
+        raise ValueError(f"{count} numbers are expected, not {state!r}")
+    if not all(type(value) in (int, float) and math.isfinite(value) for value in state):
+        raise ValueError(f"finite numbers are expected, not {state!r}")
+    return state
+
+
+def _arm(k: object) -> int:
+    if k not in (0, 1):
+        raise ValueError(f"an arm of a person is 0 or 1, not {k!r}")
+    return int(k)
+
+
+def _known(all_: Bodies, *names: Any) -> None:
+    unknown = [name for some in names for name in some if name not in all_.bodies]
+    if unknown:
+        raise ValueError(f"there is no body {', '.join(map(str, unknown))}")

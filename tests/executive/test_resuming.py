@@ -1,0 +1,286 @@
+"""Resuming and replaying runs of the command: any kill is survived, and what does not fit is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from executive.cli import app
+
+PLAN = '''"""Take the bottle, then bring it, in steps of their own."""
+
+from functools import partial
+
+from planlang import Object, a_location, a_person, a_posture, action, an_object, at_location, perform, plan, seq, sleep
+
+BOTTLE = an_object("DrinkingBottle", "http://planlang.org/kb/hospital_room.owl#bottle1")
+PATIENT = a_person("Patient", "http://planlang.org/kb/hospital_room.owl#patient1")
+
+
+async def grasp() -> None:
+    await perform(action("Reaching", to_location=a_location(in_front_of=BOTTLE)))
+    await perform(action("OpeningAGripper"))
+    await perform(action("Reaching", to_location=a_location(in_center_of=BOTTLE)))
+
+
+async def close() -> object:
+    await perform(action("ClosingAGripper"))
+    return {odd}
+
+
+async def give() -> None:
+    await perform(action("Reaching", to_location=a_location(in_reach_of=PATIENT)))
+    await perform(action("HandingOverAnObject", object_acted_on=BOTTLE, recipient=PATIENT))
+
+
+@plan
+async def serve(*, bottle: Object = BOTTLE) -> None:
+    await perform(action("Reaching", to_location=a_posture("carrying")), name="Tuck")
+    await at_location(a_location(in_reach_of=BOTTLE), grasp)
+    await seq(close, partial(sleep, 1.0))
+    await perform(action("Reaching", to_location=a_location(in_front_of=BOTTLE)), name="Lift")
+    await at_location(a_location(in_reach_of=PATIENT), give)
+'''
+OPTIONS = ("--robot", "amigo", "--environment", "hospital_room")
+
+
+def answer(*arguments: object) -> dict[str, Any]:
+    """What the command answers, as JSON."""
+    result = CliRunner().invoke(app, [*map(str, arguments), "--json"])
+    assert "Traceback" not in result.output, result.output
+    found: dict[str, Any] = json.loads(result.stdout)
+    assert found["exit_code"] == result.exit_code
+    return found
+
+
+def codes(found: dict[str, Any]) -> list[str]:
+    """The codes of the diagnostics."""
+    return [one["code"] for one in found["diagnostics"]]
+
+
+def lines(path: Path) -> list[str]:
+    """The records of a trace, without those that say where it was resumed."""
+    return [line for line in path.read_text().splitlines() if '"event": "resumed"' not in line]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The trace of a bundled run that was not interrupted, in a world that differs from its map."""
+    path = tmp_path_factory.mktemp("whole") / "run.jsonl"
+    assert answer("run", "serve_a_drink", "--seed", 3, "--trace", path)["exit_code"] == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def stepwise(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A plan of five steps and the trace of its run."""
+    folder = tmp_path_factory.mktemp("stepwise")
+    (folder / "serve.py").write_text(PLAN.format(odd=17))
+    ended = answer("run", folder / "serve.py", *OPTIONS, "--trace", folder / "run.jsonl")
+    assert ended["exit_code"] == 0, ended
+    return folder / "serve.py", folder / "run.jsonl"
+
+
+def completions(path: Path) -> list[int]:
+    """The lines with which steps completed, counted from 1."""
+    return [number for number, line in enumerate(lines(path), 1) if json.loads(line)["event"] == "completed"]
+
+
+def killed(trace: Path, to: Path, records: int, *, torn: str = "") -> Path:
+    """What a run leaves that was killed after so many records."""
+    to.write_text("\n".join(lines(trace)[:records]) + "\n" + torn)
+    return to
+
+
+def test_a_run_killed_after_each_step_ends_as_if_it_had_not_been_killed(
+    stepwise: tuple[Path, Path], tmp_path: Path
+) -> None:
+    plan, trace = stepwise
+    assert len(completions(trace)) == 7
+    for number in completions(trace):
+        part = killed(trace, tmp_path / f"{number}.jsonl", number)
+        ended = answer("run", plan, "--resume", part)
+        assert (ended["exit_code"], ended["final_state"]) == (0, ["bottle1: held by patient1"]), ended
+        assert lines(part) == lines(trace)
+        assert answer("replay", part, plan)["equal"]
+
+
+def test_a_bundled_run_needs_nothing_but_its_trace(whole: Path, tmp_path: Path) -> None:
+    part = killed(whole, tmp_path / "run.jsonl", completions(whole)[0] + 7, torn='{"step": 99, "ev')
+    before = part.read_bytes()
+    ended = answer("run", "--resume", part)
+    assert (ended["exit_code"], ended["final_state"]) == (0, ["bottle1: held by patient1"])
+    assert codes(ended).count("X026") == 1
+    assert lines(part) == lines(whole)
+    assert (tmp_path / "run.jsonl.old").read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run.jsonl", "run.jsonl.old"]
+    assert codes(answer("run", "--resume", part)) == ["X021"]
+
+
+def test_no_older_trace_is_lost_when_a_run_is_resumed_twice(whole: Path, tmp_path: Path) -> None:
+    first = killed(whole, tmp_path / "run.jsonl", completions(whole)[0] + 2).read_bytes()
+    answer("run", "--resume", tmp_path / "run.jsonl")
+    second = killed(tmp_path / "run.jsonl", tmp_path / "run.jsonl", completions(whole)[0] + 9).read_bytes()
+    answer("run", "--resume", tmp_path / "run.jsonl")
+    assert (tmp_path / "run.jsonl.old").read_bytes() == first
+    assert (tmp_path / "run.jsonl.old2").read_bytes() == second
+    assert lines(tmp_path / "run.jsonl") == lines(whole)
+
+
+def test_a_trace_named_otherwise_leaves_the_one_that_is_resumed_alone(whole: Path, tmp_path: Path) -> None:
+    part = killed(whole, tmp_path / "run.jsonl", completions(whole)[0])
+    before = part.read_bytes()
+    assert answer("run", "--resume", part, "--trace", tmp_path / "on.jsonl")["exit_code"] == 0
+    assert part.read_bytes() == before
+    assert lines(tmp_path / "on.jsonl") == lines(whole)
+
+
+def test_a_run_killed_before_any_step_has_completed_begins_anew(whole: Path, tmp_path: Path) -> None:
+    part = killed(whole, tmp_path / "run.jsonl", 9)
+    assert answer("run", "--resume", part)["exit_code"] == 0
+    assert lines(part) == lines(whole)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--seed", "4"), "the seed differs: 3 in the trace, 4 now"),
+        (("--schedule", "1"), "the schedule differs: None in the trace, 1 now"),
+        (("--start", "0.5,0,0"), "the robot's start differs: [0.0, 0.0, 0.0] in the trace, [0.5, 0.0, 0.0] now"),
+    ],
+)
+def test_what_must_agree_is_told_when_it_differs(
+    options: tuple[str, ...], told: str, whole: Path, tmp_path: Path
+) -> None:
+    part = killed(whole, tmp_path / "run.jsonl", completions(whole)[0])
+    ended = answer("run", "--resume", part, *options)
+    assert ended["exit_code"] == 2
+    assert [one["message"] for one in ended["diagnostics"] if one["code"] == "X022"] == [told]
+    assert part.read_bytes() == killed(whole, tmp_path / "same.jsonl", completions(whole)[0]).read_bytes()
+
+
+def test_another_plan_is_refused_and_other_versions_are_warned_of(stepwise: tuple[Path, Path], tmp_path: Path) -> None:
+    plan, trace = stepwise
+    part = killed(trace, tmp_path / "run.jsonl", completions(trace)[0])
+    changed = tmp_path / "serve.py"
+    changed.write_text(plan.read_text().replace('name="Lift"', 'name="Raise"'))
+    refused = answer("run", changed, "--resume", part)
+    assert (refused["exit_code"], codes(refused)) == (2, ["X022"])
+    first, rest = part.read_text().split("\n", 1)
+    part.write_text(first.replace('"pybullet": "', '"pybullet": "0.') + "\n" + rest)
+    ended = answer("run", plan, "--resume", part)
+    assert (ended["exit_code"], codes(ended)) == (0, ["X025"])
+
+
+def test_a_plan_of_ones_own_has_to_be_named(stepwise: tuple[Path, Path], tmp_path: Path) -> None:
+    part = killed(stepwise[1], tmp_path / "run.jsonl", completions(stepwise[1])[0])
+    for command in (("run", "--resume", part), ("replay", part)):
+        refused = answer(*command)
+        assert (refused["exit_code"], codes(refused)) == (2, ["X020"])
+        assert "planlang run PLAN --resume" in refused["diagnostics"][0]["help"]
+
+
+def test_a_result_that_does_not_survive_is_told_when_it_is_recorded_and_when_the_run_is_resumed(tmp_path: Path) -> None:
+    plan = tmp_path / "serve.py"
+    plan.write_text(PLAN.format(odd="object()"))
+    told = CliRunner().invoke(app, ["run", str(plan), *OPTIONS, "--trace", str(tmp_path / "run.jsonl")])
+    assert told.exit_code == 0, told.output
+    assert "cannot be resumed behind this step: its result, or a fluent" in told.output
+    part = killed(tmp_path / "run.jsonl", tmp_path / "part.jsonl", completions(tmp_path / "run.jsonl")[-1])
+    ended = answer("run", plan, "--resume", part)
+    assert (ended["exit_code"], codes(ended)) == (0, ["X024"])
+    assert "builtins.object" in ended["diagnostics"][0]["message"]
+    mark = next(json.loads(line) for line in part.read_text().splitlines() if '"event": "resumed"' in line)
+    assert mark["step"] == json.loads(lines(part)[completions(part)[1] - 1])["step"], "after reaching, not closing"
+    assert lines(part) == lines(tmp_path / "run.jsonl")
+
+
+def test_a_world_that_no_trace_tells_has_to_be_vouched_for(stepwise: tuple[Path, Path], tmp_path: Path) -> None:
+    plan, trace = stepwise
+    part = tmp_path / "run.jsonl"
+    records = [json.loads(line) for line in lines(trace)[: completions(trace)[0]]]
+    for record in records:
+        record.pop("left", None)
+    part.write_text("".join(json.dumps(record) + "\n" for record in records))
+    refused = answer("run", plan, "--resume", part)
+    assert (refused["exit_code"], codes(refused)) == (2, ["X023"])
+    assert refused["diagnostics"][0]["span"]["line"] == completions(trace)[0]
+    ended = answer("run", plan, "--resume", part, "--world-as-left")
+    assert ended["exit_code"] == 0, "the robot has only looked around so far"
+
+
+def test_a_plan_that_does_not_do_again_what_it_did_is_told_with_the_line(tmp_path: Path) -> None:
+    plan = tmp_path / "serve.py"
+    text = PLAN.format(odd=17).replace("partial(sleep, 1.0)", "partial(sleep, 1.0), name=(BASE / 'name').read_text()")
+    plan.write_text(
+        text.replace("from functools", "from pathlib import Path\nfrom functools", 1).replace(
+            "BOTTLE =", f"BASE = Path({str(tmp_path)!r})\nBOTTLE =", 1
+        )
+    )
+    (tmp_path / "name").write_text("one")
+    assert answer("run", plan, *OPTIONS, "--trace", tmp_path / "run.jsonl")["exit_code"] == 0
+    part = killed(tmp_path / "run.jsonl", tmp_path / "part.jsonl", completions(tmp_path / "run.jsonl")[4])
+    (tmp_path / "name").write_text("two")
+    refused = answer("run", plan, "--resume", part)
+    assert (refused["exit_code"], codes(refused)) == (2, ["X027"])
+    (line,) = (one["span"]["line"] for one in refused["diagnostics"])
+    assert '"name": "one"' in lines(part)[line - 1]
+    replayed = answer("replay", tmp_path / "run.jsonl", plan)
+    assert (replayed["exit_code"], replayed["line"]) == (1, line)
+    told = CliRunner().invoke(app, ["replay", str(tmp_path / "run.jsonl"), str(plan)])
+    assert told.exit_code == 1
+    assert f"line {line} is not repeated" in told.output
+    shown = [line for line in told.output.splitlines() if line.startswith("  * ")]
+    assert [("serve/one" in line, "serve/two" in line) for line in shown] == [(True, True)]
+
+
+def test_a_run_is_replayed_without_robot_or_world(whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a replay needs no world")
+
+    monkeypatch.setattr("sim.PyBulletWorld.__init__", refuse)
+    told = CliRunner().invoke(app, ["replay", str(whole)])
+    assert (told.exit_code, told.output) == (0, f"{whole}: equal to the end: {len(lines(whole))} lines\n")
+
+
+ODD: st.SearchStrategy[Any] = st.sampled_from(
+    [None, True, -1, 10**30, 1.5, "x", "", [], {}, [[]], {"$": "Pose"}, {"$enum": "os.x", "name": "y"}]
+)
+
+
+@given(data=st.data())
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_damaged_trace_never_ends_in_a_traceback(data: st.DataObject, whole: Path, tmp_path: Path) -> None:
+    records = lines(whole)[: completions(whole)[0] + 3]
+    number = data.draw(st.integers(0, len(records) - 1))
+    way = data.draw(st.sampled_from(["value", "cut", "twice", "gone", "bytes"]))
+    text = records[number]
+    if way == "value":
+        record = json.loads(text)
+        place: Any = record
+        key = data.draw(st.sampled_from(sorted(record)))
+        while isinstance(place[key], dict) and place[key] and data.draw(st.booleans()):
+            place = place[key]
+            key = data.draw(st.sampled_from(sorted(place)))
+        place[key] = data.draw(ODD)
+        records[number] = json.dumps(record)
+    elif way == "cut":
+        records[number] = text[: data.draw(st.integers(0, len(text)))]
+    elif way == "twice":
+        records.insert(number, text)
+    elif way == "gone":
+        del records[number]
+    damaged = tmp_path / "damaged.jsonl"
+    content = ("\n".join(records) + "\n").encode()
+    damaged.write_bytes(content if way != "bytes" else content[:-5] + bytes([0xFF, 0, 10]))
+    replayed = answer("replay", damaged)
+    assert replayed["exit_code"] in (0, 1, 2)
+    if number < completions(whole)[0] and way == "value":
+        ended = answer("run", "--resume", damaged, "--trace", tmp_path / "on.jsonl", "--start", "9,9,0")
+        assert ended["exit_code"] == 2

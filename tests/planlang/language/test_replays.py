@@ -1,0 +1,387 @@
+"""Replaying a run: the plan decides again by what it was told, and the first difference is found."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from functools import partial
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planlang import (
+    Fluent,
+    Policy,
+    Recovery,
+    achieve,
+    action,
+    at_location,
+    budget,
+    in_thread,
+    now,
+    par,
+    perform,
+    plan,
+    pursue,
+    rng,
+    seq,
+    sleep,
+    suspend,
+    tag,
+    task,
+    timeout,
+    try_all,
+    unwind_protect,
+    wait_for,
+    wake_up,
+    with_failure_handling,
+    with_policies,
+)
+from planlang.designators import a_location, an_object, holding
+from planlang.failures import GraspMissed, ManipulationPoseUnreachable, ObjectNotFound, PlanFailure
+from planlang.kernel.recorded import RecordedRun
+from planlang.testing import PlanRun, Script, replay, run_plan
+
+Branch = Callable[[], Awaitable[Any]]
+CUP = an_object("Cup")
+
+
+def at_every_cut(top: Branch, run: PlanRun[Any]) -> list[int]:
+    """After how many records of a run its replay is not equal."""
+    events = run.trace.events
+    return [n for n in range(1, len(events) + 1) if not replay(top, RecordedRun.of(events[:n])).equal]
+
+
+def difference(top: Branch, run: PlanRun[Any]) -> tuple[Any, Any]:
+    """What was recorded and what was found at the first difference."""
+    found = replay(top, run).difference
+    assert found is not None
+    return found.recorded, found.found
+
+
+async def performing(cls: str, name: str) -> Any:
+    return await perform(action(cls), name=name)
+
+
+async def guarded(body: Branch, seconds: float) -> Any:
+    return await unwind_protect(body, partial(sleep, seconds))
+
+
+async def recovering(body: Branch) -> Any:
+    return await with_failure_handling(body, Recovery(PlanFailure, attempts=2))
+
+
+LEAVES = st.one_of(
+    st.builds(
+        lambda cls, name: partial(performing, cls, name),
+        st.sampled_from(["Perceiving", "Reaching", "OpeningAGripper"]),
+        st.sampled_from(["one", "two"]),
+    ),
+    st.builds(lambda seconds: partial(sleep, seconds), st.sampled_from([0.0, 0.5, 1.0])),
+)
+BODIES: st.SearchStrategy[Branch] = st.recursive(
+    LEAVES,
+    lambda inner: st.one_of(
+        st.builds(lambda parts: partial(par, *parts), st.lists(inner, min_size=1, max_size=3)),
+        st.builds(lambda parts: partial(pursue, *parts), st.lists(inner, min_size=1, max_size=3)),
+        st.builds(lambda parts: partial(try_all, *parts), st.lists(inner, min_size=1, max_size=3)),
+        st.builds(lambda parts: partial(seq, *parts), st.lists(inner, min_size=1, max_size=3)),
+        st.builds(lambda s, part: partial(timeout, s, part), st.sampled_from([0.5, 1.0, 2.5]), inner),
+        st.builds(lambda part, s: partial(guarded, part, s), inner, st.sampled_from([0.0, 0.5])),
+        st.builds(lambda part: partial(recovering, part), inner),
+    ),
+    max_leaves=8,
+)
+SCRIPTS = st.builds(
+    lambda times, after: (
+        Script()
+        .on("Reaching", fails=ManipulationPoseUnreachable, times=times, after=after)
+        .on("one", fails=ObjectNotFound, times=1, after=0.5)
+        .on("OpeningAGripper", returns=(1, 2.5), after=after)
+    ),
+    st.integers(1, 3),
+    st.sampled_from([0.0, 0.5, 1.0]),
+)
+
+
+@given(body=BODIES, script=SCRIPTS, schedule=st.sampled_from([None, None, 0, 1]), data=st.data())
+@settings(max_examples=80, deadline=None)
+def test_random_plans_are_repeated_wherever_their_record_ends(
+    body: Branch, script: Script, schedule: int | None, data: st.DataObject
+) -> None:
+    async def top() -> Any:
+        try:
+            return await body()
+        except PlanFailure as failure:
+            return failure
+
+    run = run_plan(top, script=script, schedule=schedule, resumable=True)
+    whole = replay(top, run)
+    assert whole.equal, whole.difference and (whole.difference.recorded, whole.difference.found)
+    assert (whole.lines, whole.of, whole.outcome) == (len(run.trace.events), len(run.trace.events), "succeeded")
+    records = data.draw(st.integers(1, len(run.trace.events)), label="records")
+    part = replay(top, RecordedRun.of(run.trace.events[:records]))
+    assert part.equal, part.difference and (part.difference.recorded, part.difference.found)
+
+
+def test_location_scopes_goals_and_recoveries_are_told_what_the_executive_answered() -> None:
+    script = (
+        Script()
+        .on("Reaching", fails=ManipulationPoseUnreachable, times=2, after=1.5)
+        .on("ClosingAGripper", fails=GraspMissed, times=1)
+    )
+
+    async def grasp() -> None:
+        await perform(action("Reaching", to_location=CUP))
+        await perform(action("ClosingAGripper", object_acted_on=CUP))
+
+    @plan
+    async def top() -> None:
+        body = partial(achieve, holding(CUP), grasp)
+        await at_location(
+            a_location(in_reach_of=CUP), partial(with_failure_handling, body, Recovery(GraspMissed, attempts=2))
+        )
+        await achieve(holding(CUP), grasp)
+
+    run = run_plan(top, script=script, resumable=True)
+    assert run.failure is None
+    assert at_every_cut(top, run) == []
+
+
+def test_world_fluents_policies_threads_and_suspensions_are_told_again_and_nothing_outside_is_asked() -> None:
+    asked: list[str] = []
+
+    async def reach() -> None:
+        await perform(action("Reaching"))
+
+    async def holding_back() -> None:
+        await sleep(0.5)
+        suspend(task("reach"))
+        await sleep(2)
+        wake_up(task("reach"))
+
+    def is_open() -> bool:
+        asked.append("door")
+        return now() > 1.0
+
+    def distance() -> float:
+        asked.append("distance")
+        return 3.0 - now()
+
+    def number() -> int:
+        asked.append("number")
+        return 42
+
+    @plan
+    async def top() -> Any:
+        await wait_for(Fluent(read=is_open, name="the door"))
+        told = await in_thread(number)
+        await par(partial(tag, "reach", reach), holding_back)
+        near: Fluent[float] = Fluent(read=distance, name="distance")
+        try:
+            await with_policies([Policy("far", near < -2.0)], partial(sleep, 10))
+        except PlanFailure as failure:
+            return told, str(failure), rng().random(), near.value
+
+    run = run_plan(top, resumable=True)
+    assert run.value[0] == 42
+    assert set(asked) == {"door", "distance", "number"}
+    asked.clear()
+    assert at_every_cut(top, run) == []
+    assert asked == []
+
+
+def test_a_call_in_a_thread_that_failed_fails_again() -> None:
+    def broken() -> None:
+        raise OSError("no such port")
+
+    @plan
+    async def top() -> str:
+        try:
+            await in_thread(broken)
+        except OSError as error:
+            await tag(str(error), partial(sleep, 1))
+        return "done"
+
+    assert replay(top, run_plan(top, resumable=True)).equal
+
+
+def test_a_plan_that_decides_otherwise_differs_at_the_line_of_its_first_other_record() -> None:
+    names = ["reach"]
+
+    @plan
+    async def top() -> None:
+        await perform(action("Perceiving"))
+        await perform(action("Reaching"), name=names[0])
+        await perform(action("Perceiving"))
+
+    run = run_plan(top, resumable=True)
+    names[0] = "stretch"
+    found = replay(top, run)
+    assert found.difference is not None
+    recorded, now_found = difference(top, run)
+    assert (recorded["event"], recorded["path"]) == ("started", "top/reach")
+    assert (now_found["event"], now_found["path"]) == ("started", "top/stretch")
+    assert found.difference.line is not None
+    assert run.trace.events[found.difference.line - 1]["name"] == "reach"
+    assert (found.equal, found.lines) == (False, found.difference.line - 1)
+
+
+@pytest.mark.parametrize("seconds", [0.5, 2.0, None])
+def test_a_plan_that_waits_longer_shorter_or_for_ever_differs(seconds: float | None) -> None:
+    wait: list[float | None] = [1.0]
+
+    @plan
+    async def top() -> None:
+        if wait[0] is None:
+            await wait_for(Fluent(False))
+        else:
+            await sleep(wait[0])
+        await seq(partial(sleep, 1))
+
+    run = run_plan(top, resumable=True)
+    wait[0] = seconds
+    recorded, found = difference(top, run)
+    assert (recorded["step"], recorded["path"]) == (240, "top/seq")
+    if seconds == 0.5:
+        assert (found["step"], found["path"]) == (120, "top/seq")
+    else:
+        assert str(found).startswith("nothing")
+
+
+def test_a_plan_that_ends_early_or_performs_something_else_differs() -> None:
+    what: list[str | None] = ["Reaching"]
+
+    @plan
+    async def top() -> None:
+        if what[0] is not None:
+            await perform(action(what[0]))
+
+    run = run_plan(top, resumable=True)
+    what[0] = None
+    recorded, found = difference(top, run)
+    assert (recorded["event"], found["event"]) == ("started", "ended")
+    what[0] = "Perceiving"
+    recorded, found = difference(top, run)
+    assert (recorded["path"], found["path"]) == ("top/Reaching", "top/Perceiving")
+
+
+def test_a_result_that_does_not_survive_json_is_handed_on_as_it_was_told() -> None:
+    @plan
+    async def top() -> Any:
+        return await seq(partial(perform, action("Reaching")))
+
+    run = run_plan(top, script=Script().on("Reaching", returns={1, 2}), resumable=True)
+    assert run.value == [{1, 2}]
+    assert replay(top, run).equal
+
+
+def test_a_run_that_deadlocked_or_crashed_is_repeated_to_its_end() -> None:
+    @plan
+    async def stuck() -> None:
+        await perform(action("Reaching"))
+        await wait_for(Fluent(False, "what never comes"))
+
+    @plan
+    async def crashing() -> None:
+        await perform(action("Reaching"))
+        raise ZeroDivisionError("seventeen")
+
+    for top in (stuck, crashing):
+        trace = attempt_of(top)
+        assert replay(top, trace).equal
+
+
+def attempt_of(top: Branch) -> RecordedRun:
+    from planlang.testing.running import attempt
+
+    return RecordedRun.of(attempt(top, resumable=True).trace.events)
+
+
+def test_only_a_trace_that_tells_what_the_plan_was_told_can_be_replayed() -> None:
+    @plan
+    async def top() -> None:
+        await sleep(1)
+
+    with pytest.raises(ValueError, match="resumable=True"):
+        replay(top, run_plan(top))
+
+
+async def looks_first(belief: Any, asked: Any) -> str:
+    await perform(action("LookingForSomething", object_acted_on=CUP))
+    return "seen"
+
+
+@pytest.mark.parametrize("limit", [0.5, 1.5, 2.5, 9.0])
+def test_what_process_modules_perform_themselves_takes_its_time_and_resources_again(limit: float) -> None:
+    script = Script().on("Reaching", does=looks_first).on("LookingAtSomething", after=0.5)
+
+    async def reaching() -> Any:
+        return await perform(action("Reaching"))
+
+    async def looking() -> None:
+        for _ in range(4):
+            await perform(action("LookingAtSomething"))  # which needs the head, too
+
+    @plan
+    async def top() -> Any:
+        try:
+            return await budget(partial(timeout, limit, partial(par, reaching, looking)), seconds=2.25)
+        except PlanFailure as failure:
+            return str(failure)
+
+    run = run_plan(top, script=script, resumable=True)
+    assert at_every_cut(top, run) == []
+
+
+def test_retries_and_displaced_bases_are_repeated() -> None:
+    from planlang.testing.scripted import ScriptedExecutive
+
+    class Tucking(ScriptedExecutive):
+        def before_retry(self) -> Any:
+            yield action("Reaching", to_location=CUP)
+
+    script = Script().on("Grasp", fails=ManipulationPoseUnreachable, times=2).places("Cup", (1, 0, 0), (2, 0, 0))
+
+    async def inner() -> None:
+        await perform(action("Perceiving"))
+
+    async def body() -> None:
+        await at_location(a_location(in_reach_of=an_object("Table")), inner)
+        await perform(action("Perceiving"), name="back again")
+        await perform(action("Reaching"), name="Grasp")
+
+    @plan
+    async def top() -> str:
+        try:
+            await at_location(a_location(in_reach_of=CUP), body)
+        except PlanFailure as failure:
+            return str(failure)
+        return "done"
+
+    executive = Tucking(script)
+    run = run_plan(top, executive=executive, resumable=True)
+    assert run.attempts("Grasp") == 2
+    assert at_every_cut(top, run) == []
+
+
+def test_answers_that_were_tampered_with_are_told_with_their_line() -> None:
+    @plan
+    async def top() -> None:
+        await wait_for(Fluent(read=lambda: now() > 1, name="late"))
+        await perform(action("Reaching"))
+
+    run = run_plan(top, resumable=True)
+    for event in ("world", "answer", "performed"):
+        place = next(n for n, one in enumerate(run.trace.events) if one["event"] == event)
+        for key, value in (("value", {"$": "Popen"}), ("failure", {"type": "os.system"})):
+            events = list(run.trace.events)
+            events[place] = {**events[place], key: value}
+            found = replay(top, RecordedRun.of(events))
+            assert found.difference is not None, (event, key)
+            assert found.difference.line == place + 1
+            assert f"line {place + 1} is damaged" in str(found)
+    assert str(replay(top, run)) == f"equal to the end: {len(run.trace.events)} lines"
+    part = replay(top, RecordedRun.of(run.trace.events[:9]))
+    assert str(part) == "equal to the end: 9 lines, where the record ends before the plan does"
