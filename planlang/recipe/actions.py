@@ -34,7 +34,7 @@ class Actions:
 
     def is_a(self, step: Step | Recipe, *classes: str) -> bool:
         """True if the step's class is below one of the classes (local names of the vocabulary)."""
-        return any(self.ontology.is_a(step.iri, expand(name)) for name in classes)
+        return any(self.ontology.is_a(step.action_class, expand(name)) for name in classes)
 
     def primitive(self, step: Step) -> Primitive | None:
         """The primitive that performs the step, if one does."""
@@ -52,7 +52,7 @@ class Actions:
             restriction.property == _DEPENDS
             and isinstance(restriction.filler, str)
             and self.ontology.is_a(restriction.filler, _BASE_MOTION)
-            for ancestor in self.ontology.ancestors(step.iri)
+            for ancestor in self.ontology.ancestors(step.action_class)
             for restriction in self.ontology.restrictions(ancestor)
         )
 
