@@ -99,7 +99,7 @@ CODES: dict[str, str] = {
     "O014": "a restriction does not say that it is one",
     "O015": "names of an old namespace are read as those of the new one",
     "O016": "an entity of an XML file is not declared and is read as the prefix of its name",
-    "O020": "a syntax error in Manchester syntax",
+    "O020": "a syntax error in Manchester syntax or Turtle",
     "O021": "a prefix is not declared",
     "O022": "names without prefix are used without a default prefix",
     "O030": "an import was not found",

@@ -15,7 +15,7 @@ from lark import Lark, Token, Transformer, UnexpectedInput
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.ontology.expressions import Statements
 from planlang.ontology.frames import Frames
-from planlang.ontology.rdfxml import Parsed
+from planlang.ontology.parsed import Parsed
 from planlang.ontology.syntax_errors import FRAME_WORDS, explain, where
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary
 from planlang.ontology.xml_text import decode, offset_of

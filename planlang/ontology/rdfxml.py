@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from urllib.parse import urljoin
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.entities import EntityTable
+from planlang.ontology.iris import resolve
+from planlang.ontology.parsed import Parsed
 from planlang.ontology.terms import FIRST, NIL, ONTOLOGY, RDF, REST, TYPE, BNode, Literal, Term, Triple
 from planlang.ontology.xml_repairs import repair
 from planlang.ontology.xml_text import decode, explain
@@ -33,18 +34,8 @@ _SYNTAX = frozenset(
 _OUTDATED = frozenset(RDF + name for name in ("bagID", "aboutEach", "aboutEachPrefix"))
 _NOT_NODES = _SYNTAX - {RDF + "Description"}
 _NOT_PROPERTIES = (_SYNTAX - {RDF + "li"}) | _OUTDATED
-_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 _LEGAL_NAME = re.compile(r"[^\W\d][\w.\-\u00b7]*")
 _MISPLACED = {"ID", "about", "resource", "datatype", "nodeID", "parseType", "type"}
-
-
-@dataclass
-class Parsed:
-    """What a file says: its triples in document order, its name, and what was repaired on the way."""
-
-    triples: list[Triple]
-    diagnostics: list[Diagnostic] = field(default_factory=list)
-    prefixes: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -390,18 +381,7 @@ class _Handler:
     def _resolve(self, base: str, reference: str) -> str:
         known = self.resolved.get((base, reference))
         if known is None:
-            if reference.startswith("#"):
-                known = base + reference
-            elif not reference:
-                known = base
-            elif _SCHEME.match(reference):
-                known = reference
-            else:
-                try:
-                    known = urljoin(base, reference)
-                except ValueError:
-                    known = reference
-            self.resolved[base, reference] = known
+            known = self.resolved[base, reference] = resolve(base, reference)
         return known
 
     def _identifier(self, value: str, base: str, span: Span) -> str:
