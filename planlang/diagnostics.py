@@ -113,7 +113,7 @@ CODES: dict[str, str] = {
     # R: recipes
     "R001": "the file holds no task, or not the one that was asked for",
     "R002": "the file holds several tasks, and none was chosen",
-    "R003": "the recipe is written in a dialect that is not read yet",
+    "R003": "parts of a recipe are there, but no task that they are of",
     "R004": "the task has no sub-actions",
     "R010": "an ordering constraint names what is not a sub-action",
     "R011": "an ordering constraint is not defined, or lacks one of its ends",

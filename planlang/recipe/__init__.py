@@ -1,8 +1,9 @@
 """Recipes: their model, readers of the dialects they are written in, checks, and their dependency graph.
 
-General layout: ``model`` is what a recipe says; ``reading`` and ``terms`` get it from an ontology, ``tasks`` finds the
-task and what is below it, ``dialects`` names what is not read; ``repairs`` mends what is safe to mend; ``check_*`` and
-``wise`` judge; ``graph`` answers questions about orders; ``actions`` and ``tables`` know the action classes.
+General layout: ``model`` is what a recipe says. ``readers`` get ``statements`` from an ontology, one reader for each
+dialect; ``reading``, ``fillings`` and ``terms`` make the model of them, ``tasks`` finds the task and what is below it,
+``dialects`` tells parts that no task holds together. ``repairs`` mends what is safe to mend; ``check_*`` and ``wise``
+judge; ``graph`` and ``intervals`` answer questions about orders; ``actions`` and ``tables`` know the action classes.
 """
 
 from planlang.recipe.actions import Actions

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from planlang.designators import local_name
 from planlang.ontology import Ontology, expand
 from planlang.recipe.model import Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.readers import statements_of
+from planlang.recipe.statements import Statements
 from planlang.recipe.tables import Goal, Primitive, RecoveryRule, read_goals, read_primitives, read_recoveries
 
 
@@ -31,6 +33,13 @@ class Actions:
         self.primitives: dict[str, Primitive] = read_primitives(ontology)
         self.goals: dict[str, Goal] = read_goals(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
+        self._statements: dict[str, Statements | None] = {}
+
+    def statements(self, iri: str) -> Statements | None:
+        """What a class or an individual states as a recipe; None if it states none. Each is read once."""
+        if iri not in self._statements:
+            self._statements[iri] = statements_of(self.ontology, iri)
+        return self._statements[iri]
 
     def is_a(self, step: Step | Recipe, *classes: str) -> bool:
         """True if the step's class is below one of the classes (local names of the vocabulary)."""

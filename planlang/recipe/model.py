@@ -7,7 +7,8 @@ A recipe is steps with four kinds of statements among them, each about IRIs of s
 * ``overlaps``: of two intervals, any other relation. It constrains when the steps begin and end relative to each
   other (:meth:`Allen.endpoints`), so that they have to run side by side: a parallel scope, in which the one watches
   the other. One of the two may be the recipe itself: a step that starts it begins no later than any other step, and
-  one that finishes it ends no earlier.
+  one that finishes it ends no earlier. An order of steps that follows from overlaps is also among the orderings, with
+  reason OVERLAP.
 * ``flows``: one step makes or finds what another one uses. Every flow that says which step comes first also is an
   ordering with reason DATA_FLOW, so that who looks at orders alone misses nothing; a flow besides says what is passed.
 * ``machine``: the steps are states, which follow each other by transitions as they end this way or that. Then
@@ -105,14 +106,17 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """Any situation of a class (``type``, an IRI) in which these properties are filled like this."""
+    """Any situation of a class (``type``, an IRI) in which these properties are filled like this.
+
+    ``type`` may also be an individual: then that very situation.
+    """
 
     type: str
     parameters: tuple[Parameter, ...] = ()
 
     @property
     def name(self) -> str:
-        """Local name of the class."""
+        """Local name of the class or the individual."""
         return local_name(self.type)
 
 
@@ -161,6 +165,7 @@ class Reason(Enum):
 
     CONSTRAINT = "ordering constraint"
     DATA_FLOW = "data flow"
+    OVERLAP = "overlap"
     SCOPE = "location scope"
 
 
