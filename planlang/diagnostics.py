@@ -102,6 +102,7 @@ CODES: dict[str, str] = {
     "O020": "a syntax error in Manchester syntax or Turtle",
     "O021": "a prefix is not declared",
     "O022": "names without prefix are used without a default prefix",
+    "O023": "a rule in Manchester syntax is skipped",
     "O030": "an import was not found",
     "O031": "an import of an unknown address is left out",
     "O032": "an import outside the given folders is left out",
