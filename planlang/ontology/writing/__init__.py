@@ -1,0 +1,1 @@
+"""Triples -> text, in every syntax that is read."""
