@@ -161,8 +161,8 @@ def _function(symbols: Symbols, function: Function) -> list[str]:
         for thing in function.parameters
     ]
     title = _sentence(function.label or humanised(local_name(function.iri)))
-    body = Statements(symbols, name).body(function.body, 1)
-    first = next(line.lstrip() for line in body if not line.lstrip().startswith("#"))
+    body = Statements(symbols, name, function.body).lines()
+    first = next((line.lstrip() for line in body if not line.lstrip().startswith("#")), "")
     if first.startswith("async def "):
         body.insert(0, "")
     return [

@@ -34,6 +34,7 @@ class Actions:
         self.goals: dict[str, Goal] = read_goals(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
         self._statements: dict[str, Statements | None] = {}
+        self._last_moving: tuple[RecipeSet, frozenset[str]] | None = None
 
     def statements(self, iri: str) -> Statements | None:
         """What a class or an individual states as a recipe; None if it states none. Each is read once."""
@@ -67,21 +68,30 @@ class Actions:
 
     def moves_the_base(self, recipe: Recipe, recipes: RecipeSet) -> bool:
         """True if the recipe has a base motion, itself or in a recipe below it."""
-        return any(
-            self.is_base_motion(step)
-            or any(self.moves_the_base(recipes.recipes[callee], recipes) for callee in step.recipes)
-            for step in recipe.steps
-        )
+        return recipe.iri in self._moving(recipes)
 
     def movers(self, recipe: Recipe, recipes: RecipeSet) -> Movers:
         """The steps of a recipe that move the base: by themselves, or in a recipe below them."""
+        moving = self._moving(recipes)
         opening = frozenset(step.iri for step in recipe.steps if self.is_base_motion(step))
-        ending = frozenset(
-            step.iri
-            for step in recipe.steps
-            if any(self.moves_the_base(recipes.recipes[callee], recipes) for callee in step.recipes)
-        )
+        ending = frozenset(step.iri for step in recipe.steps if not moving.isdisjoint(step.recipes))
         return Movers(opening, ending)
+
+    def _moving(self, recipes: RecipeSet) -> frozenset[str]:
+        """The recipes that move the base, themselves or in a recipe below them."""
+        if self._last_moving is None or self._last_moving[0] is not recipes:
+            callers: dict[str, list[str]] = {}
+            for recipe in recipes.recipes.values():
+                for callee in (callee for step in recipe.steps for callee in step.recipes):
+                    callers.setdefault(callee, []).append(recipe.iri)
+            waiting = [recipe.iri for recipe in recipes.recipes.values() if any(map(self.is_base_motion, recipe.steps))]
+            found = set(waiting)
+            while waiting:
+                above = [caller for caller in callers.get(waiting.pop(), ()) if caller not in found]
+                found.update(above)
+                waiting += above
+            self._last_moving = recipes, frozenset(found)
+        return self._last_moving[1]
 
     def uses_hand(self, step: Step) -> bool:
         """True for a primitive that needs an arm or a gripper."""
