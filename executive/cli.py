@@ -10,7 +10,7 @@ import typer
 from executive.console import BAD_INPUT, Answer, answer, say, show
 from executive.graph_files import check_graph, write_graph
 from executive.inputs import PlanFile, RecipeFile, find, names, read
-from executive.outputs import check_outputs, write_plan
+from executive.outputs import check_outputs, write_plan, write_text
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
 from planlang.resources import bundled
 
@@ -146,6 +146,36 @@ def check_command(
                 return Answer(code, diagnostics, f"{found.path}: {state}", {"kind": "plan", "state": state})
 
     answer("check", work, as_json=json)
+
+
+@app.command("convert", epilog="Example: planlang convert my_recipe.owl --to manchester -o my_recipe.omn")
+def convert_command(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="An ontology's file, in any syntax that is read.")],
+    to: Annotated[
+        str, typer.Option("--to", metavar="SYNTAX", help="manchester, turtle, ntriples or rdfxml.", show_default=False)
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text here, not to stdout.")
+    ] = None,
+    json: AsJson = False,
+) -> None:
+    """Write an ontology, such as a recipe, in another syntax; what does not survive that is told."""
+    from planlang.ontology.writing import Target, convert
+
+    if to not in [target.value for target in Target]:
+        raise typer.BadParameter(f"{to!r} is none of {', '.join(target.value for target in Target)}", param_hint="--to")
+
+    def work() -> Answer:
+        path = find("recipe", file, bundled("recipes"))
+        _refuse(check_outputs({"--output": output}, {"the file": path}))
+        converted = convert(path, Target(to))
+        if output is not None:
+            write_text(output, converted.text)
+        data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": converted.text}
+        text = converted.text if output is None else f"{output}: {len(converted.triples)} statements"
+        return Answer(diagnostics=converted.diagnostics, text=text, data=data)
+
+    answer("convert", work, as_json=json)
 
 
 @app.command(

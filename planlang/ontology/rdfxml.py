@@ -25,6 +25,9 @@ DEEPEST = 100
 MOST_WARNINGS = 100
 """Warnings about one file; a file with more is not RDF/XML in earnest."""
 
+MOST_PREFIXES = 1000
+"""Prefixes of a file that are remembered."""
+
 _XML = "http://www.w3.org/XML/1998/namespace"
 _SYNTAX = frozenset(
     RDF + name
@@ -87,7 +90,7 @@ def _parse(text: str, file: str, base: str, label: str) -> Parsed:
     except expat.ExpatError as problem:
         open_lines = [frame.span.line for frame in handler.frames[1:]]
         raise BadInput([explain(problem, text, file, open_lines, handler.entities.names)]) from None
-    return Parsed(handler.triples, handler.diagnostics)
+    return Parsed(handler.triples, handler.diagnostics, handler.prefixes)
 
 
 class _Handler:
@@ -104,9 +107,11 @@ class _Handler:
         self.ids: dict[str, Span] = {}
         self.entities = EntityTable(text, file)
         self.resolved: dict[tuple[str, str], str] = {}
+        self.prefixes: dict[str, str] = {}
         parser.ordered_attributes = True
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
+        parser.StartNamespaceDeclHandler = self.namespace
         parser.CharacterDataHandler = self.characters
         parser.StartDoctypeDeclHandler = self.doctype
         parser.EndDoctypeDeclHandler = self.entities.check
@@ -148,6 +153,10 @@ class _Handler:
 
     def skipped_entity(self, name: str, is_parameter: bool) -> None:
         raise BadInput([error("O009", f"an entity that is not in the file is refused: &{name};", self.here())])
+
+    def namespace(self, prefix: str | None, namespace: str | None) -> None:
+        if namespace and len(self.prefixes) < MOST_PREFIXES:
+            self.prefixes.setdefault(prefix or "", namespace)
 
     # elements
 
