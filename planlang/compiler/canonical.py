@@ -20,6 +20,7 @@ from planlang.recipe.model import (
     Reason,
     Recipe,
     RecipeSet,
+    StateMachine,
     Step,
     Thing,
 )
@@ -71,9 +72,12 @@ def _recipe(recipe: Recipe, *, data_flow: bool) -> Recipe:
             machine.transitions, key=lambda one: (iri_key(one.source), one.outcome or "", iri_key(one.target))
         )
         machine = replace(machine, transitions=tuple(transitions), ends=tuple(sorted(machine.ends, key=iri_key)))
+    visit = _visits(machine) if machine is not None else {}
     return replace(
         recipe,
-        steps=tuple(sorted((_step(step) for step in recipe.steps), key=lambda step: keys[step.iri])),
+        steps=tuple(
+            sorted(map(_step, recipe.steps), key=lambda step: (visit.get(step.iri, len(keys)), keys[step.iri]))
+        ),
         orderings=tuple(sorted(orderings, key=order)),
         parameters=_parameters(recipe.parameters),
         overlaps=tuple(
@@ -87,6 +91,21 @@ def _recipe(recipe: Recipe, *, data_flow: bool) -> Recipe:
         ),
         machine=machine,
     )
+
+
+def _visits(machine: StateMachine) -> dict[str, int]:
+    """The states that can be reached, numbered as they are from the start on, nearer ones first."""
+    after: dict[str, list[str]] = {}
+    for transition in machine.transitions:
+        after.setdefault(transition.source, []).append(transition.target)
+    found = {machine.start: 0}
+    waiting = [machine.start]
+    for state in waiting:
+        for target in after.get(state, ()):
+            if target not in found:
+                found[target] = len(found)
+                waiting.append(target)
+    return found
 
 
 def _step(step: Step) -> Step:

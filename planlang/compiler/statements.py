@@ -307,13 +307,13 @@ class Statements:
         """The statements of a state that do what is done in it and return how it ended."""
         indent = INDENT * depth
         if state.checks:
-            answer = self._local_name(f"{state.name}_holds")
+            answer = self._local_name("holds")
             return [
                 *statement(expression, depth=depth, before=f"{answer} = await "),
                 f"{indent}return {quoted(FALSE)} if {answer} is False else {quoted(TRUE)}",
             ]
         if state.outcomes:
-            outcome = self._local_name(f"{state.name}_outcome")
+            outcome = self._local_name("outcome")
             said = statement(expression, depth=depth, before=f"{outcome} = await ")
             if not has_done:
                 return [*said, f"{indent}return str({outcome})"]
@@ -326,8 +326,9 @@ class Statements:
 def _comment(node: Node, depth: int) -> list[str]:
     """What a step says in words, above it."""
     match node:
-        case Perform(label=str(label)) | Scope(label=str(label)):
-            return _words(label, depth)
+        case Perform(name=name, label=str(label)) | Scope(name=name, label=str(label)):
+            says_more = snake_case(label) != snake_case(name)
+            return _words(label, depth) if says_more else []
         case Gate(body=body, said=said):
             return [*(_words(said, depth) if said else ()), *_comment(body, depth)]
         case Handle(body=body) | Achieve(body=body) | Hold(body=body):
