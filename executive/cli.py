@@ -178,6 +178,58 @@ def convert_command(
     answer("convert", work, as_json=json)
 
 
+@app.command("match", epilog="Example: planlang match serve_a_drink --robot amigo")
+def match_command(
+    recipe: RecipeArgument,
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="A robot's file, or a bundled robot's name.")
+    ] = None,
+    urdf: Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's URDF.")] = None,
+    environment: Annotated[
+        str | None,
+        typer.Option(metavar="MAP", help="A map's file, or a bundled one: look for what is missing there, too."),
+    ] = None,
+    semantics: Annotated[
+        str, typer.Option(metavar="closure|original", help="How requirements are read; original: as KnowRob did.")
+    ] = "closure",
+    task: Task = None,
+    ontologies: Ontologies = None,
+    json: AsJson = False,
+) -> None:
+    """Tell whether a robot has what a recipe requires, and why.
+
+    What is missing is looked for in the ontologies at hand. Exit code 3 if something is missing.
+    """
+    if semantics not in ("closure", "original"):
+        raise typer.BadParameter(f"--semantics is closure or original, not {semantics!r}")
+
+    def work() -> Answer:
+        from executive.capabilities import Semantics
+        from executive.feasibility import compare
+
+        file = _recipe(recipe)
+        problems: list[Diagnostic] = []
+        if urdf is not None and not urdf.is_file():
+            problems.append(error("C001", f"no such URDF file: {urdf}"))
+        self_model = _named("robot", robot, "robots", "amigo", file.is_bundled, problems)
+        place = None
+        if environment is not None:
+            place = _named("environment", environment, "environments", "", False, problems)
+        _refuse(problems)
+        assert self_model is not None
+        return compare(
+            file.path,
+            self_model,
+            urdf=urdf,
+            environment=place,
+            folders=tuple(ontologies or ()),
+            task=task,
+            semantics=Semantics(semantics),
+        )
+
+    answer("match", work, as_json=json)
+
+
 @app.command(
     "run",
     epilog="Example: planlang run serve_a_drink --seed 3 --trace run.jsonl --picture scene.png",

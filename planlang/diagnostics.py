@@ -196,6 +196,7 @@ CODES: dict[str, str] = {
     "X006": "what a parameter is set to is of another class",
     "X007": "the robot cannot start where it should",
     "X008": "the robot cannot do one of several alternatives of a plan",
+    "X009": "nothing says whether the robot has something that a plan requires",
     # C: command line
     "C001": "a file or folder that was named is not there or cannot be read",
     "C002": "the file is neither a recipe nor a plan",
