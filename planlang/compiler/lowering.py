@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import networkx as nx
+
 from planlang.compiler.machines import machine
 from planlang.compiler.overlaps import Overlaps
 from planlang.compiler.roles import Roles
@@ -30,6 +32,7 @@ class Lowering:
         self._roles = Roles(recipes, actions, self._terms)
         self._steps = Steps(recipes, actions, self._terms, self._roles)
         self._bases: list[tuple[PlaceUse, list[HandUse]]] = []
+        self._small: dict[str, nx.DiGraph] = {}
         self.diagnostics: list[Diagnostic] = []
         self.added: dict[str, tuple[tuple[str, str], ...]] = {}
 
@@ -58,13 +61,12 @@ class Lowering:
         return Series((machine(recipe, done_in),))
 
     def _ordered(self, recipe: Recipe) -> Series:
-        graph = self._terms.order(recipe).graph
         found = self._scoping(recipe)
         self.added[recipe.iri] = found.added
         self.diagnostics += [self._said(recipe, before, after) for before, after in found.added]
         order = self._terms.order(recipe)
         if found.added:
-            order = Precedence(order_graph(graph.nodes, [*graph.edges, *found.added]))
+            order = Precedence(order_graph(order.nodes, [*order.graph.edges, *found.added]))
         overlaps = Overlaps(recipe, order)
         holding = self._roles.held(recipe, order)
 
@@ -86,22 +88,22 @@ class Lowering:
 
     def _scoping(self, recipe: Recipe) -> Scoping:
         """The units of a recipe. What overlaps a base motion has to run beside it: then there are no scopes."""
-        graph = self._terms.order(recipe).graph
+        order = self._terms.order(recipe)
         if not self._scopes:
-            return single_steps(graph)
+            return single_steps(order)
         movers = self._actions.movers(recipe, self._recipes)
         overlapping = {iri for overlap in recipe.overlaps for iri in (overlap.first, overlap.second)}
         if overlapping & movers.opening:
-            return single_steps(graph)
-        return scoping(graph, movers, placed(recipe))
+            return single_steps(order)
+        return scoping(order, movers, placed(recipe))
 
     def _scope(self, recipe: Recipe, unit: Unit, nodes: list[Node]) -> Node:
         assert unit.base is not None
-        graph = self._terms.order(recipe).graph
+        small = self._reduced(recipe)
         base = self._terms.step(recipe, unit.base)
         steps = [self._terms.step(recipe, iri) for iri in unit.steps]
         index = {step: number for number, step in enumerate(unit.steps)}
-        pairs = [(index[a], index[b]) for a in unit.steps for b in graph.successors(a) if b in index]
+        pairs = [(index[a], index[b]) for a in unit.steps for b in small.successors(a) if b in index]
         names = [self._name(recipe, iri) for iri in unit.steps]
         body = structured(order_graph(index.values(), pairs), nodes, names)
         inside = frozenset(unit.steps)
@@ -112,6 +114,12 @@ class Lowering:
         attempts = self._steps.recoveries.attempts_at_places(base)
         scope = Scope(base.name, use, reaching, attempts, body, base.label)
         return self._steps.with_looking(recipe, scope, [base, *steps])
+
+    def _reduced(self, recipe: Recipe) -> nx.DiGraph:
+        if recipe.iri not in self._small:
+            order = self._terms.order(recipe)
+            self._small[recipe.iri] = order_graph(order.nodes, order.reduction())
+        return self._small[recipe.iri]
 
     def _name(self, recipe: Recipe, iri: str) -> str:
         """What a branch of a step is called; not like a function if others take the branch's result by this name."""

@@ -32,7 +32,7 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Scoping:
-    """Units in the order of the graph, the graph of their indices, and the orders that were added among steps.
+    """Units in the order of the graph, the reduced graph of their indices, and the orders that were added among steps.
 
     From ``added`` and the stated orders all orders of the scoped plan follow.
     """
@@ -42,21 +42,21 @@ class Scoping:
     added: tuple[tuple[str, str], ...]
 
 
-def single_steps(graph: nx.DiGraph) -> Scoping:
+def single_steps(stated: Precedence[str]) -> Scoping:
     """Each step a unit of its own."""
-    index = {step: number for number, step in enumerate(graph.nodes)}
-    units = tuple(Unit(None, (step,)) for step in graph.nodes)
-    return Scoping(units, order_graph(index.values(), ((index[a], index[b]) for a, b in graph.edges)), ())
+    index = {step: number for number, step in enumerate(stated.nodes)}
+    units = tuple(Unit(None, (step,)) for step in stated.nodes)
+    return Scoping(units, order_graph(index.values(), ((index[a], index[b]) for a, b in stated.reduction())), ())
 
 
-def scoping(graph: nx.DiGraph, movers: Movers, placed: frozenset[str]) -> Scoping:
-    """Group the steps of an acyclic graph whose movers are totally ordered.
+def scoping(stated: Precedence[str], movers: Movers, placed: frozenset[str]) -> Scoping:
+    """Group the steps of an order in which the movers are totally ordered.
 
     ``placed`` are the steps that have a location or an object.
     """
     if not movers.opening:
-        return single_steps(graph)
-    stated: Precedence[str] = Precedence(graph)
+        return single_steps(stated)
+    graph = stated.graph
     is_moving = movers.opening | movers.ending
     moving = [step for step in stated.extension if step in is_moving]
     before_next = _put_before_next_motion(stated, moving, movers, placed)
@@ -78,9 +78,9 @@ def scoping(graph: nx.DiGraph, movers: Movers, placed: frozenset[str]) -> Scopin
             units.append(Unit(None, (step,)))
     unit_of = {member: index for index, unit in enumerate(units) for member in unit.members()}
     pairs = ((unit_of[a], unit_of[b]) for a, b in order.reduction())
-    unit_graph = order_graph(range(len(units)), ((a, b) for a, b in pairs if a != b))
-    added = _added(stated, order, units, unit_graph)
-    return Scoping(tuple(units), unit_graph, added)
+    between: Precedence[int] = Precedence(order_graph(range(len(units)), ((a, b) for a, b in pairs if a != b)))
+    unit_graph = order_graph(between.nodes, between.reduction())
+    return Scoping(tuple(units), unit_graph, _added(stated, order, units, unit_graph))
 
 
 def _added(
@@ -88,10 +88,9 @@ def _added(
 ) -> tuple[tuple[str, str], ...]:
     """The orders between units that are not stated: from each last step of one to the first step of the next."""
     rank = {step: number for number, step in enumerate(stated.nodes)}
-    between: Precedence[int] = Precedence(unit_graph)
     added = []
     lasts: dict[int, list[str]] = {}
-    for first, second in between.reduction():
+    for first, second in unit_graph.edges:
         if first not in lasts:
             members = units[first].members()
             own = sum(order.bit(step) for step in members)

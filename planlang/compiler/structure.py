@@ -10,7 +10,6 @@ from planlang.compiler.naming import Names, snake_case
 from planlang.compiler.tree import Node, Parallel, PartialOrder, Series
 from planlang.recipe.decomposition import Parallel as ParallelPart
 from planlang.recipe.decomposition import Part, Prime, Serial, decomposed
-from planlang.recipe.graph import reduced
 
 MOST_NESTED = 3
 """How deep constructs stand in each other: what is nested deeper is one partial order, which says the same."""
@@ -19,12 +18,11 @@ LONGEST_NAME = 50
 """Characters in the name of a branch of several steps."""
 
 
-def structured(graph: nx.DiGraph, nodes: Sequence[Node], names: Sequence[str]) -> Series:
-    """Nodes in the order of a graph of their indices, which has no cycle; ``names`` are what branches are called by.
+def structured(small: nx.DiGraph, nodes: Sequence[Node], names: Sequence[str]) -> Series:
+    """Nodes in the order of a reduced graph of their indices; ``names`` are what branches are called by.
 
     The constructs allow exactly the orders that the graph allows.
     """
-    small = reduced(graph)
     return _Structure(small, nodes, names).series(decomposed(small))
 
 

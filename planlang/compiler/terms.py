@@ -32,7 +32,8 @@ class Terms:
         self._recipes = recipes
         self._actions = actions
         self._parameters: dict[str, tuple[Thing, ...]] = {}
-        self._steps: dict[str, dict[str, Step]] = {}
+        self._steps: dict[str, tuple[Step, ...]] = {}
+        self._by_iri: dict[str, dict[str, Step]] = {}
         self._orders: dict[str, Precedence[str]] = {}
         self._passed: dict[str, dict[tuple[str, str], list[Flow]]] = {}
         self._uses: dict[str, tuple[HandUse, ...]] = {}
@@ -51,14 +52,15 @@ class Terms:
     def steps(self, recipe: Recipe) -> Sequence[Step]:
         """The steps of a recipe in the order in which the plan names them."""
         if recipe.iri not in self._steps:
-            by_iri = {step.iri: step for step in recipe.steps}
-            self._steps[recipe.iri] = {iri: by_iri[iri] for iri in self.order(recipe).extension}
-        return tuple(self._steps[recipe.iri].values())
+            by_iri = self._by_iri[recipe.iri] = {step.iri: step for step in recipe.steps}
+            self._steps[recipe.iri] = tuple(by_iri[iri] for iri in self.order(recipe).extension)
+        return self._steps[recipe.iri]
 
     def step(self, recipe: Recipe, iri: str) -> Step:
         """A step of a recipe."""
-        self.steps(recipe)
-        return self._steps[recipe.iri][iri]
+        if recipe.iri not in self._by_iri:
+            self.steps(recipe)
+        return self._by_iri[recipe.iri][iri]
 
     def parameters(self, recipe: Recipe) -> tuple[Thing, ...]:
         """The objects and persons that a recipe uses, itself or in what it calls, by first use."""
