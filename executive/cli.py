@@ -77,6 +77,9 @@ def compile_command(
     scopes: Annotated[
         bool, typer.Option("--scopes/--no-scopes", help="Open a location scope at each base motion.")
     ] = True,
+    data_flow: Annotated[
+        bool, typer.Option("--dataflow/--no-dataflow", help="Order steps by what they hand on, and hand it on.")
+    ] = True,
     force: Annotated[bool, typer.Option("--force", help="Overwrite a plan that was edited by hand.")] = False,
     json: AsJson = False,
 ) -> None:
@@ -86,17 +89,17 @@ def compile_command(
         file = _recipe(recipe)
         problems = check_outputs({"--output": output, "--graph": graph}, {"the recipe": file.path})
         _refuse([*problems, *check_graph(graph)])
-        plan = _compile(file, task=task, ontologies=ontologies, allow_abstract=allow_abstract, scopes=scopes)
-        notes: list[Diagnostic] = []
+        options = {"scopes": scopes, "data_flow": data_flow}
+        plan = _compile(file, task=task, ontologies=ontologies, allow_abstract=allow_abstract, **options)
         if output is not None:
-            notes = write_plan(output, plan.source, force=force)
+            write_plan(output, plan.source, force=force)
         if graph is not None:
             write_graph(graph, plan)
         data: dict[str, Any] = {"task": plan.task, "functions": list(plan.functions)}
         data |= {"graph": str(graph)} if graph is not None else {}
         data |= {"plan": str(output)} if output is not None else {"source": plan.source}
         text = plan.source if output is None else f"{output}: {plan.task}"
-        return Answer(diagnostics=(*plan.diagnostics, *notes), text=text, data=data)
+        return Answer(diagnostics=plan.diagnostics, text=text, data=data)
 
     answer("compile", work, as_json=json)
 
@@ -122,7 +125,8 @@ def check_command(
 ) -> None:
     """Check a recipe or a plan; nothing is run.
 
-    Of a recipe: everything that is wrong with it. Of a plan: whether its recipe has changed since, or it was edited.
+    Of a recipe: everything that is wrong with it. Of a plan: whether its recipe or the compiler has changed since, or
+    it was edited, and how a fresh compile differs from it.
     """
     if not fix and (accept or output):
         raise typer.BadParameter("--accept and --output need --fix")
@@ -141,9 +145,11 @@ def check_command(
             case PlanFile() as found:
                 from executive.freshness import freshness
 
-                state, diagnostics = freshness(found, folders=tuple(ontologies or ()))
-                code = BAD_INPUT if has_errors(diagnostics) else 0
-                return Answer(code, diagnostics, f"{found.path}: {state}", {"kind": "plan", "state": state})
+                fresh = freshness(found, folders=tuple(ontologies or ()))
+                code = BAD_INPUT if has_errors(fresh.diagnostics) else 0
+                text = "\n".join(filter(None, (f"{found.path}: {fresh.state}", fresh.difference)))
+                data = {"kind": "plan", "state": fresh.state, "difference": fresh.difference}
+                return Answer(code, fresh.diagnostics, text, data)
 
     answer("check", work, as_json=json)
 
@@ -352,11 +358,17 @@ def _compile(
     ontologies: list[Path] | None,
     allow_abstract: bool,
     scopes: bool = True,
+    data_flow: bool = True,
 ) -> CompiledPlan:
     from planlang.compiler import compile_recipe
 
     return compile_recipe(
-        file.path, task=task, folders=tuple(ontologies or ()), allow_abstract=allow_abstract, scopes=scopes
+        file.path,
+        task=task,
+        folders=tuple(ontologies or ()),
+        allow_abstract=allow_abstract,
+        scopes=scopes,
+        data_flow=data_flow,
     )
 
 

@@ -203,7 +203,7 @@ CODES: dict[str, str] = {
     "C003": "the file is Python, but no plan",
     "C004": "an output cannot be written where it was asked for",
     "C005": "an output would overwrite what a person wrote",
-    "C006": "the plan of an earlier recipe was kept under another name",
+    "C006": "the compiler has changed since the plan was compiled, or what the recipe imports",
     "C007": "a plan was given where a recipe is needed",
     "C008": "the robot or the environment is not named and has no default",
     "C009": "the recipe has changed since the plan was compiled from it",

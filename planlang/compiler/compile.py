@@ -13,6 +13,7 @@ from planlang.compiler.lowering import Lowering
 from planlang.compiler.recoveries import check_recoveries
 from planlang.diagnostics import BadInput, Diagnostic, has_errors
 from planlang.ontology import Ontology, load
+from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES
 from planlang.recipe import RecipeSet, read_recipe
 from planlang.recipe.actions import Actions
 
@@ -70,12 +71,15 @@ def compile_ontology(
     recipes = canonical(reading.recipes, data_flow=data_flow)
     lowering = Lowering(ontology, recipes, actions, scopes=scopes)
     tree = lowering.tree()
-    source, functions = emit(tree, recipes, _version())
+    left_out = ((NO_SCOPES, not scopes), (NO_DATA_FLOW, not data_flow))
+    options = tuple(option for option, is_left_out in left_out if is_left_out)
+    source, functions = emit(tree, recipes, installed_version(), options)
     found = (*diagnostics, *lowering.diagnostics)
     return CompiledPlan(source, recipes.main.name, functions, recipes, lowering.added, found)
 
 
-def _version() -> str:
+def installed_version() -> str:
+    """The version of planlang that compiles."""
     try:
         return version("planlang")
     except PackageNotFoundError:
