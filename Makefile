@@ -2,6 +2,7 @@
 # make test    the test suite          make lint    ruff, mypy --strict, import contracts
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
+# make fuzz    broken files; FUZZ_SECONDS=1800 for half an hour, FUZZ_SEED=7 for other cases
 #
 # Everything happens in .venv, made on first use by python3.11, or python3 if that is 3.11 or newer.
 # PYTHON=/path/to/python make test   takes another interpreter.
@@ -15,9 +16,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 SEEDS ?= 30
 JOBS ?= 2
+FUZZ_SECONDS ?= 60
+FUZZ_SEED ?= 0
 PYTEST_ARGS ?=
 
-.PHONY: help demo test lint bench coverage mutants seeds golden clean
+.PHONY: help demo test lint bench coverage mutants seeds fuzz golden clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -82,6 +85,9 @@ mutants: $(VENV)/.dev-stamp
 
 seeds: $(VENV)/.dev-stamp
 	$(BIN)/python tests/benchmarks/seeds.py --seeds $(SEEDS) --jobs $(JOBS)
+
+fuzz: $(VENV)/.dev-stamp
+	$(BIN)/python tests/fuzz/run.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --jobs $(JOBS)
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

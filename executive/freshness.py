@@ -2,51 +2,97 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from executive.inputs import PlanFile, PlanHeader
+from executive.inputs import PlanFile
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
+from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES, PlanHeader, header
 from planlang.resources import bundled
 
 
-def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> tuple[str, tuple[Diagnostic, ...]]:
-    """The state of a plan in words, and diagnostics: an error when its recipe has changed since.
+@dataclass(frozen=True, slots=True)
+class Freshness:
+    """The state of a plan in words, what there is to say about it, and how a fresh compile differs from it.
 
-    The recipe is looked for beside the plan, then in ``folders``, then among the bundled recipes.
+    ``difference`` is a unified diff, from the plan to what the recipe compiles to now; empty if they are the same or
+    that is not known.
+    """
+
+    state: str
+    diagnostics: tuple[Diagnostic, ...] = ()
+    difference: str = ""
+
+
+def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
+    """Compare a plan with what its recipe compiles to now, with the options that the plan was compiled with.
+
+    The recipe is looked for beside the plan, then in ``folders``, then among the bundled recipes. That it has changed
+    is an error; that the compiler has, or what the recipe imports, is a warning; that the plan was edited, a note.
     """
     origin = plan.header
     if origin is None:
-        return "a plan written by hand", ()
+        return Freshness("a plan written by hand")
     span = Span(str(plan.path))
     places = [place / origin.recipe for place in (plan.path.parent, *folders, bundled("recipes"))]
     found = [place for place in places if place.is_file()]
     if not found:
         advice = "--ontologies DIR names a folder in which it is"
         message = f"the recipe {origin.recipe} is not beside the plan: whether it has changed is not known"
-        return "a compiled plan without its recipe", (warning("C011", message, span, advice),)
-    recipe = next((place for place in found if origin.matches(place.read_bytes())), None)
-    if recipe is None:
-        advice = f"planlang compile {found[0]} -o {plan.path} writes the plan anew"
-        message = f"the recipe has changed since this plan was compiled from it: {found[0]}"
-        return "out of date", (error("C009", message, span, advice),)
-    return _compare(plan, origin, recipe, folders)
+        return Freshness("a compiled plan without its recipe", (warning("C011", message, span, advice),))
+    same = next((place for place in found if origin.matches(place.read_bytes())), None)
+    recipe = same or found[0]
+    said: list[Diagnostic] = []
+    if same is None:
+        advice = f"planlang compile {recipe} -o {plan.path} writes the plan anew"
+        message = f"the recipe has changed since this plan was compiled from it: {recipe}"
+        said.append(error("C009", message, span, advice))
+    fresh, problems = _compiled(recipe, origin, folders)
+    if fresh is None:
+        state = "out of date" if same is None else "compiled from a recipe that no longer compiles"
+        return Freshness(state, tuple(said) if same is None else problems)
+    if fresh == plan.source:
+        return Freshness(f"what {recipe.name} compiles to")
+    is_edited = origin.is_edited(plan.source)
+    if same is not None and not is_edited:
+        message = f"{origin.recipe} compiles to another plan now: planlang has changed ({_versions(origin, fresh)})"
+        said.append(warning("C006", f"{message}, or what the recipe imports", span, "compile the plan anew"))
+    if is_edited and origin.digest is not None:
+        said.append(note("C010", "the plan was edited since it was compiled", span))
+    elif same is not None and is_edited:
+        message = f"the plan differs from what {origin.recipe} compiles to: it was edited, or planlang has changed"
+        said.append(note("C010", message, span))
+    state = "out of date" if same is None or not is_edited else "an edited plan"
+    return Freshness(state, tuple(said), _difference(plan, recipe, fresh))
 
 
-def _compare(
-    plan: PlanFile, origin: PlanHeader, recipe: Path, folders: Sequence[Path]
-) -> tuple[str, tuple[Diagnostic, ...]]:
-    """The recipe is the same file as then: compile it again, with every option that shapes the source."""
+def _compiled(recipe: Path, origin: PlanHeader, folders: Sequence[Path]) -> tuple[str | None, tuple[Diagnostic, ...]]:
     from planlang.compiler import compile_recipe
 
-    sources: list[str] = []
     try:
-        for scopes in (True, False):
-            compiled = compile_recipe(recipe, task=origin.task, folders=folders, allow_abstract=True, scopes=scopes)
-            sources.append(compiled.source)
+        compiled = compile_recipe(
+            recipe,
+            task=origin.task,
+            folders=folders,
+            allow_abstract=True,
+            scopes=NO_SCOPES not in origin.options,
+            data_flow=NO_DATA_FLOW not in origin.options,
+        )
     except BadInput as problem:
-        return "compiled from a recipe that no longer compiles", problem.diagnostics
-    if plan.source in sources:
-        return f"what {recipe.name} compiles to", ()
-    message = f"the plan differs from what {origin.recipe} compiles to: it was edited, or another planlang compiled it"
-    return "an edited plan", (note("C010", message, Span(str(plan.path))),)
+        return None, problem.diagnostics
+    return compiled.source, ()
+
+
+def _versions(origin: PlanHeader, fresh: str) -> str:
+    now = header(fresh)
+    new = now.version if now is not None else "unknown"
+    return f"version {new}" if new == origin.version else f"from {origin.version} to {new}"
+
+
+def _difference(plan: PlanFile, recipe: Path, fresh: str) -> str:
+    lines = difflib.unified_diff(
+        plan.source.splitlines(), fresh.splitlines(), str(plan.path), f"what {recipe.name} compiles to now", lineterm=""
+    )
+    return "\n".join(lines)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import hashlib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Span, error
+from planlang.plan_header import PlanHeader, header
 from planlang.resources import bundled
 
 SUFFIXES = (".omn", ".owl", ".ttl", ".owl.in")
@@ -18,25 +18,6 @@ SUFFIXES = (".omn", ".owl", ".ttl", ".owl.in")
 
 LARGEST_PLAN = 10_000_000
 """Bytes of a plan that are read at most; recipes are bounded by their own reader."""
-
-LONGEST_HEADER = 10_000
-"""Characters at the start of a plan among which its header is looked for."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlanHeader:
-    """Where a plan came from, read from the first docstring of its source."""
-
-    version: str
-    recipe: str
-    """File name of the recipe, without its folder."""
-    sha256: str
-    """Digest of the recipe's bytes, maybe only its first digits."""
-    task: str
-
-    def matches(self, content: bytes) -> bool:
-        """True if these are the bytes of the recipe from which the plan was compiled."""
-        return hashlib.sha256(content).hexdigest().startswith(self.sha256)
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,15 +139,3 @@ def _imports_planlang(statements: Iterable[ast.stmt]) -> bool:
             case ast.Import(names=aliases) if any(alias.name.split(".")[0] == "planlang" for alias in aliases):
                 return True
     return False
-
-
-_HEADER = re.compile(
-    r"Compiled by planlang (?P<version>\S+) from (?P<recipe>.+?) \(sha256 (?P<sha256>[0-9a-f]{8,64})[.…]*\),"
-    r" task (?P<task>\S+?)\.?(\s|$)"
-)
-
-
-def header(source: str) -> PlanHeader | None:
-    """Where a plan's source says it came from, at its start; None if it does not say. The source need not be valid."""
-    found = _HEADER.search(" ".join(source[:LONGEST_HEADER].split()))
-    return PlanHeader(**found.groupdict()) if found else None

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from executive.inputs import header
-from planlang.diagnostics import BadInput, Diagnostic, error, note
+from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.plan_header import header
 
 
 def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> list[Diagnostic]:
@@ -64,39 +64,26 @@ def write_text(path: Path, text: str) -> None:
     replace(path, lambda temporary: _write(temporary, text))
 
 
-def write_plan(path: Path, source: str, *, force: bool) -> list[Diagnostic]:
-    """Write a compiled plan, unless that would lose a person's work; returns notes on what happened to an older file.
+def write_plan(path: Path, source: str, *, force: bool) -> None:
+    """Write a compiled plan, unless that would lose a person's work.
 
-    A file that is no compiled plan, or that differs although its recipe is the same (edited, or compiled with other
-    options), is refused without ``force``. When the recipe has changed, nobody can tell an edited plan from an old one:
-    the old file is kept as ``<name>.old``. Raises BadInput for what is refused.
+    What is no compiled plan, or one that was edited since, is refused without ``force``. Raises BadInput for that.
     """
-    notes: list[Diagnostic] = []
     if path.exists() and not force:
         try:
             old = path.read_text(encoding="utf-8")
         except (OSError, ValueError):
             old = "unreadable"
-        before, after = header(old), header(source)
         if old == source:
-            return notes
+            return
+        before = header(old)
         if before is None and old.strip():
             advice = "--force overwrites it"
             raise BadInput([error("C005", f"{path} is there and is not a compiled plan", help=advice)])
-        if before is not None and after is not None and _same_origin(before.sha256, after.sha256):
-            advice = "--force overwrites it; -o writes the plan somewhere else"
-            message = f"{path} is not what its recipe compiles to: it was edited, or compiled with other options"
-            raise BadInput([error("C005", message, help=advice)])
-        if old.strip():
-            kept = path.with_name(path.name + ".old")
-            write_text(kept, old)
-            notes.append(note("C006", f"the plan of the earlier recipe is kept as {kept}"))
+        if before is not None and before.is_edited(old):
+            advice = f"planlang check {path} shows what was edited; --force overwrites it; -o writes somewhere else"
+            raise BadInput([error("C005", f"{path} was edited since it was compiled", help=advice)])
     write_text(path, source)
-    return notes
-
-
-def _same_origin(one: str, other: str) -> bool:
-    return one.startswith(other) or other.startswith(one)
 
 
 def _write(path: Path, text: str) -> None:

@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from executive.capabilities import Missing
-from planlang.diagnostics import Diagnostic, Span, note
+from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.language.plans import Plan
 
 MOVING = "Translation-LocationChange"
@@ -41,13 +41,23 @@ class Alternative:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What a robot lacks for a plan, and the alternatives that it cannot do while another one will do."""
+    """What a robot lacks for a plan, and the alternatives that it cannot do while another one will do.
+
+    ``unknown`` is what it may lack: the plan runs, and says so.
+    """
 
     missing: tuple[Missing, ...]
     infeasible: tuple[tuple[Alternative, Missing], ...] = ()
+    unknown: tuple[Missing, ...] = ()
 
     def notes(self, file: Path | None) -> Iterator[Diagnostic]:
-        """A note for each alternative that the robot cannot do; ``file`` is the plan's if it lasts."""
+        """A note for each alternative that the robot cannot do, a warning for what it may lack.
+
+        ``file`` is the plan's if it lasts.
+        """
+        for what in self.unknown:
+            advice = "planlang match RECIPE --robot ROBOT shows what requires it; a self-model can claim it"
+            yield warning("X009", f"the robot may lack {what}", None, advice)
         for alternative, why in self.infeasible:
             span = Span(str(file), alternative.line) if file is not None else None
             yield note("X008", f"the robot cannot do the alternative `{alternative.name}`: {why}", span)
@@ -58,19 +68,22 @@ def judged(needs: Needs, lacking: Callable[[Iterable[str]], tuple[Missing, ...]]
 
     When no alternative of a choice is feasible, what all of them lack is missing.
     """
-    missing = dict.fromkeys(lacking(needs.actions))
+    found_missing = lacking(needs.actions)
+    missing = dict.fromkeys(one for one in found_missing if one.state == "missing")
+    unknown = dict.fromkeys(one for one in found_missing if one.state != "missing")
     infeasible: dict[tuple[Alternative, Missing], None] = {}
     for choice in needs.choices:
         found = [(alternative, judged(alternative.needs, lacking)) for alternative in choice]
         feasible = [judgement for _, judgement in found if not judgement.missing]
         for alternative, judgement in found:
+            unknown.update(dict.fromkeys(judgement.unknown))
             if not feasible:
                 missing.update(dict.fromkeys(judgement.missing))
             elif judgement.missing:
                 infeasible[alternative, judgement.missing[0]] = None
             else:
                 infeasible.update(dict.fromkeys(judgement.infeasible))
-    return Judgement(tuple(missing), tuple(infeasible))
+    return Judgement(tuple(missing), tuple(infeasible), tuple(unknown))
 
 
 def needs_of(module: ModuleType, plan: Plan[Any, Any]) -> Needs:

@@ -51,6 +51,7 @@ from planlang.language.location import at_location
 from planlang.language.machine import state_machine
 from planlang.language.ordering import partial_order
 from planlang.language.parallel import par, par_each, pursue, race, try_all
+from planlang.language.passing import given
 from planlang.language.performing import perform, perform_or
 from planlang.language.plans import Plan, plan
 from planlang.language.policies import Policy, with_policies
@@ -123,6 +124,7 @@ __all__ = [
     "checkpoint",
     "evaporate",
     "explain",
+    "given",
     "holding",
     "ignore",
     "in_thread",

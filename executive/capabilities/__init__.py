@@ -1,21 +1,28 @@
 """What a robot is and can do: its self-model bound to a URDF, and what a task requires of it.
 
 General layout: ``binding`` is the entrance; ``self_model`` reads SRDL, ``robot_file`` the numbers beside it,
-``mechanism`` the URDF; ``naming`` and ``limbs`` bring them together into a ``robot``. ``requirements`` compares tasks
-with robots (``components``: the classes of a robot's parts).
+``mechanism`` the URDF; ``naming`` and ``limbs`` bring them together into a ``robot`` with its ``parts``.
+``requirements`` says what classes of actions and capabilities require, ``matching`` compares that with a robot (with
+``closed_world`` for class expressions) and gives a tree of findings (``finding``); ``tasks`` does so for a whole
+recipe, and ``remedies`` tells where what is missing could be had.
 """
 
 from executive.capabilities.binding import bind_robot, robots
-from executive.capabilities.requirements import Missing, missing_capabilities, requirements
+from executive.capabilities.finding import Availability, Finding
+from executive.capabilities.matching import Missing, missing_capabilities
+from executive.capabilities.requirements import Semantics, requirements
 from executive.capabilities.robot import Arm, BaseDrive, Gripper, JointLimits, Robot
 
 __all__ = [
     "Arm",
+    "Availability",
     "BaseDrive",
+    "Finding",
     "Gripper",
     "JointLimits",
     "Missing",
     "Robot",
+    "Semantics",
     "bind_robot",
     "missing_capabilities",
     "requirements",

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.capabilities.components import components_of, inherent_components
 from executive.capabilities.limbs import Limbs, renamed, with_camera_neck
 from executive.capabilities.mechanism import Mechanism
 from executive.capabilities.naming import Naming
+from executive.capabilities.parts import Part, claims_of, inherent, parts_of
 from executive.capabilities.robot import Arm, JointLimits, Robot
 from executive.capabilities.robot_file import (
     DEFAULT_BASE,
@@ -155,9 +155,10 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
             note("B010", f"speeds, postures and hands are those of the bundled robot {numbers.name}", None, help)
         )
     if model is not None:
-        components, capabilities = components_of(model)
+        parts: tuple[Part, ...] = parts_of(model)
+        claims: Mapping[str, Span | None] = claims_of(model)
     else:
-        components, capabilities = inherent_components(arms, camera is not None)
+        parts, claims = inherent([(arm.name, arm.gripper is not None) for arm in arms], camera is not None)
     return Robot(
         name=numbers.name if numbers else (model.name if model else urdf.stem),
         iri=model.iri if model else None,
@@ -171,8 +172,9 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
         postures=numbers.postures if numbers else {},
         limits=_limits(numbers, mechanism, arms, torso, neck),
         allowed_contacts=numbers.allowed_contacts if numbers else (),
-        components=components,
-        capabilities=capabilities,
+        parts=parts,
+        claims=claims,
+        model=model,
         diagnostics=tuple(found),
     )
 

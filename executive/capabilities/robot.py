@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 
+from executive.capabilities.parts import Part
+from executive.capabilities.self_model import SelfModel
 from planlang.designators import Device, Object, local_name
-from planlang.diagnostics import Diagnostic
+from planlang.diagnostics import Diagnostic, Span
 from sim import CameraModel, RobotBody
 
 Axis = tuple[float, float, float]
@@ -96,10 +98,12 @@ class Robot:
     """For every actuated joint of torso, arms, grippers and neck."""
     allowed_contacts: tuple[tuple[str, str], ...] = ()
     """Pairs of links that may touch."""
-    components: frozenset[str] = frozenset()
-    """Classes of its parts, superclasses included (IRIs)."""
-    capabilities: frozenset[str] = frozenset()
-    """Capabilities that its self-model claims, superclasses included (IRIs)."""
+    parts: tuple[Part, ...] = ()
+    """What it is made of, software included; without self-model, what its shape implies."""
+    claims: Mapping[str, Span | None] = field(default_factory=dict)
+    """Capabilities (IRIs of classes) that it claims, and where."""
+    model: SelfModel | None = field(default=None, compare=False, repr=False)
+    """The self-model that was bound, if there is one."""
     diagnostics: tuple[Diagnostic, ...] = field(default=(), compare=False)
     """What was repaired, assumed or left out when binding."""
 

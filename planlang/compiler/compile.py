@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from planlang.compiler.canonical import canonical
 from planlang.compiler.emit import emit
 from planlang.compiler.lowering import Lowering
 from planlang.compiler.recoveries import check_recoveries
 from planlang.diagnostics import BadInput, Diagnostic, has_errors
 from planlang.ontology import Ontology, load
+from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES
 from planlang.recipe import RecipeSet, read_recipe
 from planlang.recipe.actions import Actions
 
@@ -39,19 +41,26 @@ def compile_recipe(
     folders: Sequence[Path] = (),
     allow_abstract: bool = False,
     scopes: bool = True,
+    data_flow: bool = True,
 ) -> CompiledPlan:
     """Compile the recipe in a file: RDF/XML or Manchester syntax, told by its content.
 
     ``task`` chooses one of several by local name or IRI; imports are looked for beside the file, then in ``folders``,
     then among the bundled ontologies. With ``allow_abstract`` steps that nothing can execute are warnings. Without
-    ``scopes`` base motions are steps like any other. Raises BadInput with all diagnostics if there is an error.
+    ``scopes`` base motions are steps like any other; without ``data_flow`` steps hand nothing on, and what they could
+    hand on orders nothing. Raises BadInput with all diagnostics if there is an error.
     """
     ontology = load(path, folders=folders)
-    return compile_ontology(ontology, task=task, allow_abstract=allow_abstract, scopes=scopes)
+    return compile_ontology(ontology, task=task, allow_abstract=allow_abstract, scopes=scopes, data_flow=data_flow)
 
 
 def compile_ontology(
-    ontology: Ontology, *, task: str | None = None, allow_abstract: bool = False, scopes: bool = True
+    ontology: Ontology,
+    *,
+    task: str | None = None,
+    allow_abstract: bool = False,
+    scopes: bool = True,
+    data_flow: bool = True,
 ) -> CompiledPlan:
     """Compile a recipe of an ontology whose main document is the recipe; see :func:`compile_recipe`."""
     actions = Actions(ontology)
@@ -59,14 +68,18 @@ def compile_ontology(
     diagnostics = (*ontology.diagnostics, *reading.diagnostics, *check_recoveries(actions.recoveries))
     if reading.recipes is None or has_errors(diagnostics):
         raise BadInput(diagnostics)
-    lowering = Lowering(ontology, reading.recipes, actions, scopes=scopes)
+    recipes = canonical(reading.recipes, data_flow=data_flow)
+    lowering = Lowering(ontology, recipes, actions, scopes=scopes)
     tree = lowering.tree()
-    source, functions = emit(tree, reading.recipes, _version())
+    left_out = ((NO_SCOPES, not scopes), (NO_DATA_FLOW, not data_flow))
+    options = tuple(option for option, is_left_out in left_out if is_left_out)
+    source, functions = emit(tree, recipes, installed_version(), options)
     found = (*diagnostics, *lowering.diagnostics)
-    return CompiledPlan(source, reading.recipes.main.name, functions, reading.recipes, lowering.added, found)
+    return CompiledPlan(source, recipes.main.name, functions, recipes, lowering.added, found)
 
 
-def _version() -> str:
+def installed_version() -> str:
+    """The version of planlang that compiles."""
     try:
         return version("planlang")
     except PackageNotFoundError:

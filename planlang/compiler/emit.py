@@ -10,6 +10,7 @@ from planlang.compiler.statements import Statements
 from planlang.compiler.symbols import Symbols, is_iri, quoted
 from planlang.compiler.tree import Function, PlanTree
 from planlang.designators import local_name
+from planlang.plan_header import PlanHeader, digest
 from planlang.recipe.model import Kind, Place, RecipeSet, Thing
 
 TYPES = {Kind.OBJECT: "Object", Kind.PERSON: "Person", Kind.DEVICE: "Device"}
@@ -28,10 +29,13 @@ PHRASES = {
 """Relations of places in words, for docstrings."""
 
 
-def emit(tree: PlanTree, recipes: RecipeSet, version: str) -> tuple[str, tuple[str, ...]]:
+def emit(
+    tree: PlanTree, recipes: RecipeSet, version: str, options: tuple[str, ...] = ()
+) -> tuple[str, tuple[str, ...]]:
     """The source of a plan module and the names of its plan functions; formatted, deterministic.
 
     Functions stand before their callers, constants and places in the order in which the plan first uses them.
+    ``options`` are those of the compiler that shaped the tree.
     """
     symbols = Symbols(tree, recipes)
     for function in tree.functions:
@@ -41,12 +45,14 @@ def emit(tree: PlanTree, recipes: RecipeSet, version: str) -> tuple[str, tuple[s
     places = _places(symbols)
     constants = [line for thing in symbols.things() for line in _thing(symbols, thing)]
     constants += [line for place in symbols.places() if place.is_posture for line in _posture(symbols, place)]
-    parts = [*_header(recipes, version), "", *_imports(symbols), "", *_namespaces(symbols)]
+    parts = ["", *_imports(symbols), "", *_namespaces(symbols)]
     if constants:
         parts += ["", *constants]
     for block in [*places, *functions]:
         parts += ["", "", *block]
-    return "\n".join(parts) + "\n", tuple(symbols.functions[function.iri] for function in tree.functions)
+    below = "\n".join(parts) + "\n"
+    source = "\n".join([*_header(recipes, version, options, digest(f'""""""\n{below}')), below])
+    return source, tuple(symbols.functions[function.iri] for function in tree.functions)
 
 
 def humanised(name: str) -> str:
@@ -56,17 +62,10 @@ def humanised(name: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _header(recipes: RecipeSet, version: str) -> list[str]:
-    source = recipes.source
-    return _docstring(
-        [
-            _sentence(recipes.main.label or humanised(recipes.main.name)),
-            "",
-            f"Compiled by planlang {version} from {source.file}",
-            f"(sha256 {source.sha256}), task {recipes.main.name}.",
-        ],
-        depth=0,
-    )
+def _header(recipes: RecipeSet, version: str, options: tuple[str, ...], below: str) -> list[str]:
+    source, main = recipes.source, recipes.main
+    origin = PlanHeader(version, source.file, source.sha256, main.name, options, below)
+    return _docstring([_sentence(main.label or humanised(main.name)), "", *origin.paragraphs()], depth=0)
 
 
 def _imports(symbols: Symbols) -> list[str]:
@@ -161,8 +160,8 @@ def _function(symbols: Symbols, function: Function) -> list[str]:
         for thing in function.parameters
     ]
     title = _sentence(function.label or humanised(local_name(function.iri)))
-    body = Statements(symbols, name).body(function.body, 1)
-    first = next(line.lstrip() for line in body if not line.lstrip().startswith("#"))
+    body = Statements(symbols, name, function.body).lines()
+    first = next((line.lstrip() for line in body if not line.lstrip().startswith("#")), "")
     if first.startswith("async def "):
         body.insert(0, "")
     return [

@@ -1,39 +1,24 @@
-"""From recipes to the plan tree: functions, location scopes, goals and recoveries."""
+"""From recipes to the plan tree: functions, location scopes, and how the steps of each follow each other."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import networkx as nx
 
-from planlang.compiler.naming import Names
-from planlang.compiler.recoveries import Recoveries
+from planlang.compiler.machines import machine
+from planlang.compiler.overlaps import Overlaps
 from planlang.compiler.roles import Roles
-from planlang.compiler.scopes import Scoping, Unit, scoping
-from planlang.compiler.terms import HandUse, Renaming, Terms
-from planlang.compiler.tree import (
-    Achieve,
-    Call,
-    Condition,
-    Function,
-    FunctionCall,
-    Handle,
-    Hold,
-    Node,
-    Perform,
-    PlaceUse,
-    PlanTree,
-    Recover,
-    Scope,
-    Series,
-    Unordered,
-)
+from planlang.compiler.scopes import Scoping, Unit, scoping, single_steps
+from planlang.compiler.steps import Steps
+from planlang.compiler.structure import structured
+from planlang.compiler.terms import HandUse, Terms, callees_first
+from planlang.compiler.tree import Function, Handle, Node, PlaceUse, PlanTree, Scope, Series
 from planlang.diagnostics import Diagnostic, note
 from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
-from planlang.recipe.graph import blocks, closed, order_graph, recipe_graph, reduced
+from planlang.recipe.graph import order_graph
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.precedence import Precedence
 
 
 class Lowering:
@@ -45,154 +30,108 @@ class Lowering:
         self._scopes = scopes
         self._terms = Terms(ontology, recipes, actions)
         self._roles = Roles(recipes, actions, self._terms)
-        self._recoveries = Recoveries(actions)
-        self._holding: dict[str, frozenset[str]] = {}
+        self._steps = Steps(recipes, actions, self._terms, self._roles)
         self._bases: list[tuple[PlaceUse, list[HandUse]]] = []
+        self._small: dict[str, nx.DiGraph] = {}
         self.diagnostics: list[Diagnostic] = []
         self.added: dict[str, tuple[tuple[str, str], ...]] = {}
 
     def tree(self) -> PlanTree:
         """The plan tree of the whole set."""
-        functions: dict[str, Function] = {}
-
-        def visit(recipe: Recipe) -> None:
-            for step in self._terms.steps(recipe):
-                for callee in step.recipes:
-                    if callee not in functions:
-                        visit(self._recipes.recipes[callee])
-            functions[recipe.iri] = self._function(recipe)
-
-        visit(self._recipes.main)
-        return PlanTree(tuple(functions.values()), self._terms.devices_of_places(self._bases))
-
-    def scoping(self, recipe: Recipe) -> Scoping:
-        """The units of a recipe, their graph, and the orders that its scopes add."""
-        graph = recipe_graph(recipe)
-        if not self._scopes:
-            units = tuple(Unit(None, (step,)) for step in graph.nodes)
-            index = {step: number for number, step in enumerate(graph.nodes)}
-            return Scoping(units, order_graph(index.values(), ((index[a], index[b]) for a, b in graph.edges)), ())
-        return scoping(graph, self._actions.movers(recipe, self._recipes), placed(recipe))
+        functions = [self._function(recipe) for recipe in callees_first(self._recipes)]
+        return PlanTree(tuple(functions), self._terms.devices_of_places(self._bases))
 
     def _function(self, recipe: Recipe) -> Function:
-        found = self.scoping(recipe)
-        self.added[recipe.iri] = found.added
-        self.diagnostics += [_added(recipe, before, after) for before, after in found.added]
-        graph = recipe_graph(recipe)
-        self._holding[recipe.iri] = self._roles.held(
-            recipe, closed(order_graph(graph.nodes, [*graph.edges, *found.added]))
-        )
-        nodes = [self._unit(recipe, unit) for unit in found.units]
-        names = [_name(recipe, unit) for unit in found.units]
-        body = self._series(found.graph, nodes, names)
+        body = self._machine(recipe) if recipe.machine is not None else self._ordered(recipe)
         if recipe.iri == self._recipes.task:
             things = [thing for thing in self._terms.parameters(recipe) if thing.kind is Kind.OBJECT]
-            recoveries = self._recoveries.around_step(recipe.iri, things[0] if things else None, frozenset())
+            about = things[0] if things else None
+            recoveries = self._steps.recoveries.around_step(recipe.action_class, about, frozenset())
             if recoveries:
                 body = Series((Handle(body, recoveries),))
         return Function(recipe.iri, recipe.label, self._terms.parameters(recipe), body)
 
-    def _series(self, graph: nx.DiGraph, nodes: list[Node], names: list[str]) -> Series:
-        """What is totally ordered one after another, the rest as unordered blocks; the graph is one of indices."""
-        known = Names()
-        unique = [known.claim(name) for name in names]
-        small = reduced(graph)
-        series: list[Node] = []
-        found: list[list[int]] = blocks(graph)
-        for block in found:
-            if len(block) == 1:
-                series.append(nodes[block[0]])
-                continue
-            members = frozenset(block)
-            pairs = tuple((unique[a], unique[b]) for a, b in small.edges if a in members and b in members)
-            series.append(Unordered(tuple((unique[member], nodes[member]) for member in block), pairs))
-        return Series(tuple(series))
+    def _machine(self, recipe: Recipe) -> Series:
+        """States follow each other, so that none runs beside another; a loop may lead back out of any scope."""
+        self.added[recipe.iri] = ()
 
-    def _unit(self, recipe: Recipe, unit: Unit) -> Node:
-        steps = [recipe.step(iri) for iri in unit.steps]
-        base = recipe.step(unit.base) if unit.base is not None else None
-        if base is None:
-            node = self._step(recipe, steps[0])
+        def done_in(step: Step) -> Node:
+            return self._steps.with_looking(recipe, self._steps.node(recipe, step, frozenset()), [step])
+
+        return Series((machine(recipe, done_in),))
+
+    def _ordered(self, recipe: Recipe) -> Series:
+        found = self._scoping(recipe)
+        self.added[recipe.iri] = found.added
+        self.diagnostics += [self._said(recipe, before, after) for before, after in found.added]
+        order = self._terms.order(recipe)
+        if found.added:
+            order = Precedence(order_graph(order.nodes, [*order.graph.edges, *found.added]))
+        overlaps = Overlaps(recipe, order)
+        holding = self._roles.held(recipe, order)
+
+        def node(iri: str) -> Node:
+            return self._steps.node(recipe, self._terms.step(recipe, iri), holding)
+
+        def unit_node(unit: Unit) -> Node:
+            if unit.base is not None and unit.steps:
+                return self._scope(recipe, unit, [overlaps.gated(iri, node(iri)) for iri in unit.steps])
+            (iri,) = unit.members()
+            made = node(iri)
             is_outermost = recipe.iri == self._recipes.task or self._actions.moves_the_base(recipe, self._recipes)
-            return self._with_looking(recipe, node, steps) if is_outermost else node
-        if not steps:
-            return self._step(recipe, base)
-        graph = recipe_graph(recipe)
-        inner = closed(graph).subgraph(unit.steps)
+            if unit.base is None and is_outermost:
+                made = self._steps.with_looking(recipe, made, [self._terms.step(recipe, iri)])
+            return overlaps.gated(iri, made)
+
+        nodes = [unit_node(unit) for unit in found.units]
+        return structured(found.graph, nodes, [self._name(recipe, unit.members()[0]) for unit in found.units])
+
+    def _scoping(self, recipe: Recipe) -> Scoping:
+        """The units of a recipe. What overlaps a base motion has to run beside it: then there are no scopes."""
+        order = self._terms.order(recipe)
+        if not self._scopes:
+            return single_steps(order)
+        movers = self._actions.movers(recipe, self._recipes)
+        overlapping = {iri for overlap in recipe.overlaps for iri in (overlap.first, overlap.second)}
+        if overlapping & movers.opening:
+            return single_steps(order)
+        return scoping(order, movers, placed(recipe))
+
+    def _scope(self, recipe: Recipe, unit: Unit, nodes: list[Node]) -> Node:
+        assert unit.base is not None
+        small = self._reduced(recipe)
+        base = self._terms.step(recipe, unit.base)
+        steps = [self._terms.step(recipe, iri) for iri in unit.steps]
         index = {step: number for number, step in enumerate(unit.steps)}
-        body = self._series(
-            order_graph(index.values(), ((index[a], index[b]) for a, b in inner.edges)),
-            [self._step(recipe, step) for step in steps],
-            [step.name for step in steps],
-        )
-        uses = list(self._terms.hand_uses(recipe, [step for step in self._terms.steps(recipe) if step in steps]))
+        pairs = [(index[a], index[b]) for a in unit.steps for b in small.successors(a) if b in index]
+        names = [self._name(recipe, iri) for iri in unit.steps]
+        body = structured(order_graph(index.values(), pairs), nodes, names)
+        inside = frozenset(unit.steps)
+        uses = list(self._terms.hand_uses(recipe, [s for s in self._terms.steps(recipe) if s.iri in inside]))
         use = self._terms.use(_destination(base))
         self._bases.append((use, uses))
         reaching = tuple(dict.fromkeys(where for where, _ in uses))
-        scope = Scope(base.name, use, reaching, self._recoveries.attempts_at_places(base), body, base.label)
-        return self._with_looking(recipe, scope, [base, *steps])
+        attempts = self._steps.recoveries.attempts_at_places(base)
+        scope = Scope(base.name, use, reaching, attempts, body, base.label)
+        return self._steps.with_looking(recipe, scope, [base, *steps])
 
-    def _with_looking(self, recipe: Recipe, node: Node, steps: Iterable[Step]) -> Node:
-        """The node with the recoveries that leave its place: those of all its steps, one for each failure."""
-        found: dict[str, Recover] = {}
-        for recovery in self._around_scope(recipe, steps, {}):
-            found.setdefault(recovery.failure, recovery)
-        if not found:
-            return node
-        if isinstance(node, Handle):
-            return Handle(node.body, (*node.recoveries, *found.values()))
-        return Handle(node, tuple(found.values()))
+    def _reduced(self, recipe: Recipe) -> nx.DiGraph:
+        if recipe.iri not in self._small:
+            order = self._terms.order(recipe)
+            self._small[recipe.iri] = order_graph(order.nodes, order.reduction())
+        return self._small[recipe.iri]
 
-    def _around_scope(self, recipe: Recipe, steps: Iterable[Step], renaming: Renaming) -> Iterable[Recover]:
-        for step in steps:
-            about = self._recoveries.looked_at(step)
-            yield from self._recoveries.around_scope(step, renaming.get(about, about) if about else None)
-            for callee in step.recipes:
-                below = self._recipes.recipes[callee]
-                if not self._actions.moves_the_base(below, self._recipes):
-                    inner = self._terms.renaming(recipe, step, callee)
-                    mapping = {old: renaming.get(new, new) for old, new in inner.items()}
-                    yield from self._around_scope(below, self._terms.steps(below), mapping)
+    def _name(self, recipe: Recipe, iri: str) -> str:
+        """What a branch of a step is called; not like a function if others take the branch's result by this name."""
+        step = self._terms.step(recipe, iri)
+        is_producer = bool(step.recipes) and any(flow.producer == iri for flow in recipe.flows)
+        return f"{step.name}Result" if is_producer else step.name
 
-    def _step(self, recipe: Recipe, step: Step) -> Node:
-        node: Node
-        if step.recipes:
-            calls = tuple(
-                FunctionCall(callee, tuple(self._terms.renaming(recipe, step, callee).items()))
-                for callee in step.recipes
-            )
-            action = self._terms.action(recipe, step) if self._terms.is_performed(step) else None
-            node = Call(step.name, action, calls)
-        else:
-            node = Perform(step.name, self._terms.action(recipe, step), step.label)
-        condition = self._goal(step)
-        if condition is not None:
-            node = Achieve(condition, node)
-        written = self._recoveries.names(recipe.iri)
-        recoveries = self._recoveries.around_step(step.iri, self._about(recipe, step), written)
-        if recoveries:
-            node = Handle(node, recoveries)
-        if step.iri in self._holding[recipe.iri]:
-            node = Hold(step.name, self._roles.of(recipe, step), node)
-        return node
-
-    def _goal(self, step: Step) -> Condition | None:
-        goal = self._actions.goal(step.iri)
-        if goal is None:
-            return None
-        fillers = [next(iter(step.fillers(name)), None) for name in goal.properties]
-        things = tuple(filler for filler in fillers if isinstance(filler, Thing))
-        return Condition(goal.predicate, things) if len(things) == len(fillers) else None
-
-    def _about(self, recipe: Recipe, step: Step) -> Thing | None:
-        """What a recovery looks at: what the step handles, else what its recipe acts on, else the only object."""
-        own = self._recoveries.looked_at(step)
-        if own is not None:
-            return own
-        acted_on = [filler for filler in recipe.fillers("objectActedOn") if isinstance(filler, Thing)]
-        objects = [thing for thing in self._terms.parameters(recipe) if thing.kind is Kind.OBJECT]
-        known = [thing for thing in acted_on if thing in objects] or objects
-        return known[0] if len(known) == 1 else None
+    def _said(self, recipe: Recipe, before: str, after: str) -> Diagnostic:
+        first, second = self._terms.step(recipe, before), self._terms.step(recipe, after)
+        message = f"`{first.name}` now comes before `{second.name}`: what is done from one place is done together"
+        advice = f"write the order if that is meant: {ordering_to_write(recipe, before, after)}"
+        return note("R041", message, first.span, advice)
 
 
 def _destination(base: Step) -> Place:
@@ -211,14 +150,3 @@ def placed(recipe: Recipe) -> frozenset[str]:
         for step in recipe.steps
         if any(isinstance(parameter.filler, (Thing, Place)) for parameter in step.parameters)
     )
-
-
-def _added(recipe: Recipe, before: str, after: str) -> Diagnostic:
-    first, second = recipe.step(before), recipe.step(after)
-    message = f"`{first.name}` now comes before `{second.name}`: what is done from one place is done together"
-    advice = f"write the order if that is meant: {ordering_to_write(recipe, before, after)}"
-    return note("R041", message, first.span, advice)
-
-
-def _name(recipe: Recipe, unit: Unit) -> str:
-    return recipe.step(unit.base or unit.steps[0]).name

@@ -38,16 +38,32 @@ class Names:
 
     def __init__(self, taken: Iterable[str] = ()) -> None:
         self._taken = set(taken)
+        self._last: dict[str, int] = {}
+        """The greatest number given out with a name, so that the next is not searched from the start."""
 
-    def claim(self, wanted: str) -> str:
-        """``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is free and no word of the language."""
-        name, number = wanted, 1
-        while name in self._taken or keyword.iskeyword(name) or keyword.issoftkeyword(name) or hasattr(builtins, name):
+    def claim(self, wanted: str, *, is_key: bool = False) -> str:
+        """``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is free and no word of the language.
+
+        With ``is_key`` the name is that of a branch: a keyword argument or a parameter, which may be called like a
+        builtin function but not ``name`` or ``limit``, which constructs have themselves.
+        """
+        name, number = wanted, self._last.get(wanted, 1)
+        is_fit = _is_branch_name if is_key else _is_free
+        while name in self._taken or not is_fit(name):
             number += 1
             name = f"{wanted}_{number}"
+        self._last[wanted] = number
         self._taken.add(name)
         return name
 
     def reserve(self, name: str) -> None:
         """Keep a name from being given out."""
         self._taken.add(name)
+
+
+def _is_free(name: str) -> bool:
+    return not (keyword.iskeyword(name) or keyword.issoftkeyword(name) or hasattr(builtins, name))
+
+
+def _is_branch_name(name: str) -> bool:
+    return not keyword.iskeyword(name) and name not in ("name", "limit")

@@ -7,15 +7,12 @@ its own. Unordered primitives need no such order: process modules take turns by 
 
 from __future__ import annotations
 
-from itertools import combinations
-
-import networkx as nx
-
 from planlang.compiler.naming import snake_case
-from planlang.compiler.terms import Terms
+from planlang.compiler.terms import Terms, callees_first
 from planlang.designators import local_name
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
+from planlang.recipe.precedence import Precedence
 
 ROLES = ("base", "torso", "arm", "gripper", "head")
 """The order in which a plan names roles; others follow by name."""
@@ -37,6 +34,9 @@ class Roles:
         self._actions = actions
         self._terms = terms
         self._known: dict[tuple[str, str], frozenset[Role]] = {}
+        for recipe in callees_first(recipes):
+            for step in recipe.steps:
+                self._roles(recipe, step)
         used = {role for step in recipes.main.steps for role in self._roles(recipes.main, step)}
         self._has_sides = any(side for _, side in used)
 
@@ -45,15 +45,23 @@ class Roles:
         names = {name for role in self._roles(recipe, step) for name in self._names(*role)}
         return tuple(sorted(names, key=_rank))
 
-    def held(self, recipe: Recipe, graph: nx.DiGraph) -> frozenset[str]:
-        """The steps (IRIs) that hold their roles; ``graph`` has all orders of the recipe's steps, transitively."""
-        found: set[str] = set()
-        for one, other in combinations(recipe.steps, 2):
-            is_ordered = graph.has_edge(one.iri, other.iri) or graph.has_edge(other.iri, one.iri)
-            is_composite = bool(one.recipes or other.recipes)
-            if is_composite and not is_ordered and not set(self.of(recipe, one)).isdisjoint(self.of(recipe, other)):
-                found |= {one.iri, other.iri}
-        return frozenset(found)
+    def held(self, recipe: Recipe, order: Precedence[str]) -> frozenset[str]:
+        """The steps (IRIs) that hold their roles; ``order`` has all orders of the recipe's steps."""
+        users: dict[str, int] = {}
+        for step in recipe.steps:
+            for name in self.of(recipe, step):
+                users[name] = users.get(name, 0) | order.bit(step.iri)
+        found = 0
+        for step in recipe.steps:
+            if step.recipes:
+                sharing = 0
+                for name in self.of(recipe, step):
+                    sharing |= users[name]
+                own = order.bit(step.iri)
+                sharing &= ~(order.later(step.iri) | order.earlier(step.iri) | own)
+                if sharing:
+                    found |= sharing | own
+        return frozenset(order.members(found))
 
     def _roles(self, recipe: Recipe, step: Step) -> frozenset[Role]:
         key = recipe.iri, step.iri

@@ -7,13 +7,15 @@ of it, which may add orders; they are returned so that nothing is added silently
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import networkx as nx
 
 from planlang.recipe.actions import Movers
-from planlang.recipe.graph import closed, order_graph, reduced, sorted_nodes
+from planlang.recipe.graph import order_graph
+from planlang.recipe.precedence import Precedence
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,7 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Scoping:
-    """Units in the order of the file, the graph of their indices, and the orders that were added among steps.
+    """Units in the order of the graph, the reduced graph of their indices, and the orders that were added among steps.
 
     From ``added`` and the stated orders all orders of the scoped plan follow.
     """
@@ -40,56 +42,89 @@ class Scoping:
     added: tuple[tuple[str, str], ...]
 
 
-def scoping(graph: nx.DiGraph, movers: Movers, placed: frozenset[str]) -> Scoping:
-    """Group the steps of an acyclic graph whose movers are totally ordered.
+def single_steps(stated: Precedence[str]) -> Scoping:
+    """Each step a unit of its own."""
+    index = {step: number for number, step in enumerate(stated.nodes)}
+    units = tuple(Unit(None, (step,)) for step in stated.nodes)
+    return Scoping(units, order_graph(index.values(), ((index[a], index[b]) for a, b in stated.reduction())), ())
+
+
+def scoping(stated: Precedence[str], movers: Movers, placed: frozenset[str]) -> Scoping:
+    """Group the steps of an order in which the movers are totally ordered.
 
     ``placed`` are the steps that have a location or an object.
     """
-    closure = closed(graph)
-    ordered: list[str] = sorted_nodes(graph)
-    moving = [step for step in ordered if step in movers.opening | movers.ending]
-    added = _put_before_next_motion(closure, moving, movers, placed)
-    closure = closed(order_graph(graph.nodes, [*graph.edges, *added]))
-    scope_of: dict[str, str | None] = {
-        step: _scope(closure, moving, movers, step) for step in graph.nodes if step not in moving
-    }
+    if not movers.opening:
+        return single_steps(stated)
+    graph = stated.graph
+    is_moving = movers.opening | movers.ending
+    moving = [step for step in stated.extension if step in is_moving]
+    before_next = _put_before_next_motion(stated, moving, movers, placed)
+    widened = order_graph(graph.nodes, [*graph.edges, *before_next])
+    order: Precedence[str] = Precedence(widened)
+    inside: dict[str, list[str]] = {}
+    outside: set[str] = set()
+    for step in graph.nodes:
+        scope = _scope(order, moving, movers, step) if step not in is_moving else None
+        if scope is None:
+            outside.add(step)
+        else:
+            inside.setdefault(scope, []).append(step)
     units: list[Unit] = []
     for step in graph.nodes:
         if step in movers.opening:
-            units.append(Unit(step, tuple(inner for inner in graph.nodes if scope_of.get(inner) == step)))
-        elif step in moving or scope_of[step] is None:
+            units.append(Unit(step, tuple(inside.get(step, ()))))
+        elif step in outside:
             units.append(Unit(None, (step,)))
     unit_of = {member: index for index, unit in enumerate(units) for member in unit.members()}
-    unit_graph = order_graph(range(len(units)), {(unit_of[a], unit_of[b]): None for a, b in closure.edges})
-    unit_graph.remove_edges_from([(index, index) for index in list(unit_graph.nodes)])
-    together = [
-        (a, b) for first, second in unit_graph.edges for a in units[first].members() for b in units[second].members()
-    ]
-    scoped = reduced(order_graph(graph.nodes, [*closure.edges, *together]))
-    stated = closed(graph)
-    new = tuple((a, b) for a, b in scoped.edges if not stated.has_edge(a, b))
-    return Scoping(tuple(units), unit_graph, new)
+    pairs = ((unit_of[a], unit_of[b]) for a, b in order.reduction())
+    between: Precedence[int] = Precedence(order_graph(range(len(units)), ((a, b) for a, b in pairs if a != b)))
+    unit_graph = order_graph(between.nodes, between.reduction())
+    return Scoping(tuple(units), unit_graph, _added(stated, order, units, unit_graph))
+
+
+def _added(
+    stated: Precedence[str], order: Precedence[str], units: Sequence[Unit], unit_graph: nx.DiGraph
+) -> tuple[tuple[str, str], ...]:
+    """The orders between units that are not stated: from each last step of one to the first step of the next."""
+    rank = {step: number for number, step in enumerate(stated.nodes)}
+    added = []
+    lasts: dict[int, list[str]] = {}
+    for first, second in unit_graph.edges:
+        if first not in lasts:
+            members = units[first].members()
+            own = sum(order.bit(step) for step in members)
+            lasts[first] = [step for step in members if not order.later(step) & own]
+        following = units[second].members()[0]
+        added += [(step, following) for step in lasts[first] if not stated.before(step, following)]
+    return tuple(sorted(added, key=lambda pair: (rank[pair[0]], rank[pair[1]])))
+
+
+def _moves_before(order: Precedence[str], moving: Sequence[str], step: str) -> int:
+    """How many of the totally ordered movers come before a step."""
+    return bisect_left(moving, True, key=lambda base: not order.before(base, step))
 
 
 def _put_before_next_motion(
-    closure: nx.DiGraph, moving: list[str], movers: Movers, placed: frozenset[str]
+    stated: Precedence[str], moving: Sequence[str], movers: Movers, placed: frozenset[str]
 ) -> list[tuple[str, str]]:
     added = []
-    for base, following in pairwise(moving):
-        if base not in movers.opening:
+    is_moving = frozenset(moving)
+    for step in stated.nodes:
+        if step not in placed or step in is_moving:
             continue
-        for step in closure.nodes:
-            is_between = closure.has_edge(base, step) and not closure.has_edge(following, step)
-            if step in placed and step not in moving and is_between and not closure.has_edge(step, following):
+        number = _moves_before(stated, moving, step)
+        if 0 < number < len(moving) and moving[number - 1] in movers.opening:
+            following = moving[number]
+            if not stated.before(step, following):
                 added.append((step, following))
     return added
 
 
-def _scope(closure: nx.DiGraph, moving: list[str], movers: Movers, step: str) -> str | None:
-    before = [base for base in moving if closure.has_edge(base, step)]
-    if not before or before[-1] not in movers.opening:
+def _scope(order: Precedence[str], moving: Sequence[str], movers: Movers, step: str) -> str | None:
+    number = _moves_before(order, moving, step)
+    if not number or moving[number - 1] not in movers.opening:
         return None
-    following = moving[len(before) :]
-    if following and not closure.has_edge(step, following[0]):
+    if number < len(moving) and not order.before(step, moving[number]):
         return None
-    return before[-1]
+    return moving[number - 1]

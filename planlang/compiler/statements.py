@@ -4,42 +4,63 @@ from __future__ import annotations
 
 import textwrap
 
+from planlang.compiler.expressions import Expressions, partial_call
 from planlang.compiler.layout import INDENT, WIDTH, Display, Expression, Text, call, sequence, statement
 from planlang.compiler.layout import Call as CallExpression
+from planlang.compiler.machines import DONE, FALSE, TRUE
 from planlang.compiler.naming import Names, snake_case
-from planlang.compiler.symbols import Symbols, is_iri, quoted
+from planlang.compiler.passing import Passing
+from planlang.compiler.symbols import Symbols, quoted
 from planlang.compiler.tree import (
     Achieve,
-    ActionTerm,
     Call,
-    Condition,
-    FunctionCall,
+    Case,
+    Event,
+    Gate,
     Handle,
     Hold,
+    Machine,
     Node,
+    Parallel,
+    PartialOrder,
     Perform,
-    PlaceUse,
-    Recover,
     Scope,
     Series,
-    Unordered,
-    Value,
+    State,
 )
 from planlang.designators import local_name
-from planlang.recipe.model import Name, Thing
+
+MOST_UNPACKED = 4
+"""Branches of which results are taken by position; of more they are taken from a list."""
 
 
 class Statements:
     """Writes the body of one plan function."""
 
-    def __init__(self, symbols: Symbols, title: str) -> None:
+    def __init__(self, symbols: Symbols, title: str, body: Series) -> None:
         self._symbols = symbols
         self._names: Names = symbols.local_names()
         self._title = title
+        self._body = body
+        self._passing = Passing(body)
+        self._variables: dict[str, str] = {}
+        """Of a step (IRI) the variable that holds its result, where that is used."""
+        self._events: dict[Event, str] = {}
+        self._given: dict[str, tuple[str, ...]] = {}
+        """Of a branch of a partial order the steps whose results it hands to others."""
+        self._write = Expressions(symbols, self._variables)
+
+    def lines(self) -> list[str]:
+        """The statements of the function."""
+        return self.body(self._body, 1)
 
     def body(self, series: Series, depth: int) -> list[str]:
         """The statements of a series; at least one line."""
         lines: list[str] = []
+        for event in self._passing.events(series):
+            self._events[event] = self._local_name(f"{snake_case(local_name(event.step))}_{snake_case(event.moment)}")
+            made = call(self._symbols.use("Fluent"), "False")
+            lines += statement(made, depth=depth, before=f"{self._events[event]} = ")
         for node in series.nodes:
             written = self._statement(node, depth)
             comment = _comment(node, depth)
@@ -48,165 +69,274 @@ class Statements:
             if lines and is_definition:
                 lines.append("")
             lines += written
-        return lines
+        leaving = self._passing.leaving(series)
+        if leaving:
+            lines.append(f"{INDENT * depth}return {', '.join(self._variable(step) for step in leaving)}")
+        return lines or [f"{INDENT * depth}pass"]
 
     def _statement(self, node: Node, depth: int) -> list[str]:
         if isinstance(node, Series):
             return self.body(node, depth)
+        if isinstance(node, Gate):
+            return self._gate(node, depth)
         if isinstance(node, Hold):
             holding = call(self._symbols.use("using"), *map(quoted, node.roles))
             before, expression = self._awaited(node.body, depth)
-            inside = statement(expression, depth=depth + 1, before="await ")
-            return [*before, *statement(holding, depth=depth, before="async with ", after=":"), *inside]
+            start, after = self._bound(node, depth + 1)
+            inside = statement(expression, depth=depth + 1, before=f"{start}await ")
+            return [*before, *statement(holding, depth=depth, before="async with ", after=":"), *inside, *after]
         before, expression = self._awaited(node, depth)
-        return [*before, *statement(expression, depth=depth, before="await ")]
+        start, after = self._bound(node, depth)
+        return [*before, *statement(expression, depth=depth, before=f"{start}await "), *after]
+
+    def _bound(self, node: Node, depth: int) -> tuple[str, list[str]]:
+        """What a result is assigned to, if others use it, and statements that take it apart."""
+        leaving = self._passing.leaving(node)
+        if not leaving:
+            return "", []
+        if not isinstance(node, (Parallel, PartialOrder)):
+            return f"{', '.join(map(self._variable, leaving))} = ", []
+        giving = [
+            (key, branch, self._passing.leaving(branch)) for key, branch in node.branches if self._is_giving(branch)
+        ]
+        if isinstance(node, Parallel) and len(node.branches) <= MOST_UNPACKED:
+            by_key = {key: self._target(steps) for key, _, steps in giving}
+            return f"{', '.join(by_key.get(key, '_') for key, _ in node.branches)} = ", []
+        results = self._local_name("results")
+        lines = []
+        for key, _, steps in giving:
+            place = str([name for name, _ in node.branches].index(key)) if isinstance(node, Parallel) else quoted(key)
+            target = ", ".join(map(self._variable, steps))
+            lines.append(f"{INDENT * depth}{target} = {results}[{place}]")
+        return f"{results} = ", lines
+
+    def _is_giving(self, node: Node) -> bool:
+        return bool(self._passing.leaving(node))
+
+    def _target(self, steps: tuple[str, ...]) -> str:
+        target = ", ".join(map(self._variable, steps))
+        return target if len(steps) == 1 else f"({target})"
+
+    def _variable(self, step: str) -> str:
+        if step not in self._variables:
+            self._variables[step] = self._local_name(f"result_of_{snake_case(local_name(step))}")
+        return self._variables[step]
+
+    def _gate(self, gate: Gate, depth: int) -> list[str]:
+        """Waiting, telling, the step, and again; each on a line of its own."""
+        lines = self._passages(gate.opens, depth)
+        lines += self._statement(gate.body, depth)
+        return lines + self._passages(gate.closes, depth)
+
+    def _passages(self, entries: tuple[Event | tuple[Event, ...], ...], depth: int) -> list[str]:
+        lines = []
+        for entry in entries:
+            if isinstance(entry, Event):
+                lines.append(f"{INDENT * depth}{self._events[entry]}.set(True)")
+            else:
+                lines += [
+                    line
+                    for event in entry
+                    for line in statement(
+                        call(self._symbols.use("wait_for"), self._events[event]), depth=depth, before="await "
+                    )
+                ]
+        return lines
 
     def _awaited(self, node: Node, depth: int) -> tuple[list[str], CallExpression]:
         """Local functions that a construct needs, and the call that is awaited."""
         use = self._symbols.use
         match node:
-            case Perform(name, term, _):
-                return [], call(use("perform"), self._action(term), name=quoted(name))
+            case Perform(name, term):
+                return [], call(use("perform"), self._write.action(term), name=quoted(name))
             case Call(_, None, (only,)):
-                arguments = {self._symbols.thing(a): self._symbols.thing(b) for a, b in only.arguments}
-                return [], call(self._symbols.functions[only.recipe], **arguments)
+                return [], call(self._symbols.functions[only.recipe], **self._write.arguments(only))
             case Call(_, None, calls):
-                return [], call(use("try_in_order"), *map(self._function, calls))
+                return [], call(use("try_in_order"), *map(self._write.function, calls))
             case Call(_, term, calls) if term is not None:
-                return [], call(use("perform_or"), self._action(term), self._alternatives(calls))
+                return [], call(use("perform_or"), self._write.action(term), self._write.alternatives(calls))
             case Achieve(condition, body):
                 before, branch = self._branch(body, depth)
-                return before, call(use("achieve"), self._condition(condition), branch)
+                return before, call(use("achieve"), self._write.condition(condition), branch)
             case Handle(body, recoveries):
                 before, branch = self._branch(body, depth)
-                return before, call(use("with_failure_handling"), branch, *map(self._recovery, recoveries))
+                return before, call(use("with_failure_handling"), branch, *map(self._write.recovery, recoveries))
             case Scope():
                 return self._scope(node, depth)
-            case Unordered():
-                return self._unordered(node, depth)
+            case Parallel(branches):
+                before, named = self._branches(branches, depth)
+                return before, call(use("par"), **named)
+            case PartialOrder():
+                return self._partial_order(node, depth)
+            case Machine():
+                return self._machine(node, depth)
         raise TypeError(f"no statement for {node}")
 
-    def _branch(self, node: Node, depth: int) -> tuple[list[str], Expression]:
-        """Local functions that come first, and an expression for a zero-argument async callable."""
-        if isinstance(node, (Series, Call, Hold)):
-            title = self._title if isinstance(node, Series) else snake_case(node.name)
-            name = self._local_name(f"{title}_{'in_turn' if isinstance(node, Hold) else 'once'}")
-            return self._local_function(name, node if isinstance(node, Series) else Series((node,)), depth), Text(name)
-        before, expression = self._awaited(node, depth)
-        return before, _partial(self._symbols, expression)
+    def _branch(self, node: Node, depth: int, key: str | None = None) -> tuple[list[str], Expression]:
+        """Local functions that come first, and an expression for a zero-argument async callable.
+
+        ``key`` is what the branch is called, if it has a name.
+        """
+        is_giving_several = isinstance(node, (Parallel, PartialOrder)) and self._is_giving(node)
+        is_body = isinstance(node, (Series, Hold, Gate)) or is_giving_several
+        if not is_body and not (isinstance(node, Call) and key is None):
+            if isinstance(node, Perform) and key is not None:
+                perform = call(self._symbols.use("perform"), self._write.action(node.action))
+                return [], partial_call(self._symbols, perform)
+            before, expression = self._awaited(node, depth)
+            return before, partial_call(self._symbols, expression)
+        name = self._local_name(key or self._function_name(node))
+        return self._local_function(name, node, depth), Text(name)
+
+    def _function_name(self, node: Node) -> str:
+        """What a local function of a branch without a name is called."""
+        match node:
+            case Hold(name=name):
+                return f"{snake_case(name)}_in_turn"
+            case Call(name=name) | Gate(name=name):
+                return f"{snake_case(name)}_once"
+            case _:
+                return f"{self._title}_once"
 
     def _local_name(self, wanted: str) -> str:
         name = self._names.claim(wanted)
         self._symbols.reserve(name)
         return name
 
-    def _local_function(self, name: str, body: Series, depth: int) -> list[str]:
-        return [f"{INDENT * depth}async def {name}() -> None:", *self.body(body, depth + 1), ""]
+    def _local_function(self, name: str, node: Node, depth: int, parameters: tuple[str, ...] = ()) -> list[str]:
+        lines = self._taken_apart(parameters, depth + 1)
+        if isinstance(node, Series):
+            lines += self.body(node, depth + 1)
+        else:
+            lines += [*_comment(node, depth + 1), *self._statement(node, depth + 1)]
+            leaving = self._passing.leaving(node)
+            if leaving:
+                lines.append(f"{INDENT * (depth + 1)}return {', '.join(map(self._variable, leaving))}")
+        arguments = ", ".join(f"{key}: {self._symbols.use('Any', 'typing')}" for key in parameters)
+        return [f"{INDENT * depth}async def {name}({arguments}) -> {self._returned(node)}:", *lines, ""]
+
+    def _returned(self, node: Node) -> str:
+        number = len(self._passing.leaving(node))
+        if not number:
+            return "None"
+        anything = self._symbols.use("Any", "typing")
+        return anything if number == 1 else f"tuple[{', '.join([anything] * number)}]"
+
+    def _taken_apart(self, parameters: tuple[str, ...], depth: int) -> list[str]:
+        """Statements that take apart what a step gets from others by parameters, where these made several things."""
+        lines = []
+        for key in parameters:
+            steps = self._given[key]
+            if len(steps) == 1:
+                self._variables[steps[0]] = key
+            else:
+                lines.append(f"{INDENT * depth}{', '.join(map(self._variable, steps))} = {key}")
+        return lines
 
     def _scope(self, scope: Scope, depth: int) -> tuple[list[str], CallExpression]:
         name = self._local_name(f"at_{self._symbols.place(scope.place.place)}")
-        reaching = [self._value(where) for where in scope.reaching]
+        reaching = [self._write.value(where) for where in scope.reaching]
         more: dict[str, Expression | str] = {"attempts": str(scope.attempts)}
         if reaching:
             more["reaching"] = sequence(reaching)
         use = self._symbols.use("at_location")
-        expression = call(use, self._value(scope.place), name, **more)
+        expression = call(use, self._write.value(scope.place), name, **more)
         return self._local_function(name, scope.body, depth), expression
 
-    def _unordered(self, node: Unordered, depth: int) -> tuple[list[str], CallExpression]:
+    def _branches(self, branches: tuple[tuple[str, Node], ...], depth: int) -> tuple[list[str], dict[str, Expression]]:
         before: list[str] = []
-        branches: list[tuple[str, Expression]] = []
-        for name, member in node.branches:
-            if isinstance(member, Call):
-                inner, expression = self._awaited(member, depth)
-                branch: Expression = _partial(self._symbols, expression)
-            elif isinstance(member, Perform):
-                perform = call(self._symbols.use("perform"), self._action(member.action))
-                inner, branch = [], _partial(self._symbols, perform)
-            else:
-                inner, branch = self._branch(member, depth)
+        named: dict[str, Expression] = {}
+        for key, branch in branches:
+            inner, named[key] = self._branch(branch, depth, key)
             before += inner
-            branches.append((name, branch))
-        if not node.orderings:
-            keywords = Names({"name", "limit"})
-            named = {keywords.claim(snake_case(name)): branch for name, branch in branches}
-            return before, call(self._symbols.use("par"), **named)
-        steps = Display("{}", tuple(branch for _, branch in branches), tuple(quoted(name) for name, _ in branches))
+        return before, named
+
+    def _partial_order(self, node: PartialOrder, depth: int) -> tuple[list[str], CallExpression]:
+        """A partial order; a branch that uses results of others takes them by parameters named like those."""
+        before: list[str] = []
+        named: dict[str, Expression] = {}
+        giving = {key: branch for key, branch in node.branches if self._is_giving(branch)}
+        self._given = {**self._given, **{key: self._passing.leaving(branch) for key, branch in giving.items()}}
+        for key, branch in node.branches:
+            wanted = tuple(k for k, other in giving.items() if k != key and self._passing.needed(branch, other))
+            if wanted:
+                name = self._local_name(key)
+                kept = dict(self._variables)
+                before += self._local_function(name, branch, depth, wanted)
+                self._variables.update(kept)
+                named[key] = Text(name)
+            else:
+                inner, named[key] = self._branch(branch, depth, key)
+                before += inner
+        steps = Display("{}", tuple(named.values()), tuple(map(quoted, named)))
         orderings = [sequence([Text(quoted(a)), Text(quoted(b))]) for a, b in node.orderings]
         return before, call(self._symbols.use("partial_order"), steps, sequence(orderings, "[]"))
 
-    def _alternatives(self, calls: tuple[FunctionCall, ...]) -> Expression:
-        if len(calls) == 1:
-            return self._function(calls[0])
-        return _partial(self._symbols, call(self._symbols.use("try_in_order"), *map(self._function, calls)))
+    def _machine(self, machine: Machine, depth: int) -> tuple[list[str], CallExpression]:
+        before: list[str] = []
+        states: dict[str, Expression] = {}
+        done = {case.state for case in machine.cases if case.outcome == DONE and not case.is_failure}
+        for state in machine.states:
+            if state.name in machine.ends:
+                inner, states[state.name] = self._branch(state.body, depth, state.name)
+                before += inner
+                continue
+            name = self._local_name(state.name)
+            states[state.name] = Text(name)
+            comment = _comment(state.body, depth + 1)
+            first, expression = self._awaited(state.body, depth + 1)
+            lines = [*comment, *first, *self._outcome(state, expression, depth + 1, has_done=state.name in done)]
+            before += [f"{INDENT * depth}async def {name}() -> str:", *lines, ""]
+        cases = [
+            (sequence([Text(quoted(case.state)), self._case(case)]).flat(), Text(quoted(case.target)))
+            for case in machine.cases
+        ]
+        ends = [Text(quoted(end)) for end in machine.ends]
+        more: dict[str, Expression | str] = {"start": quoted(machine.start)}
+        more["end"] = ends[0] if len(ends) == 1 else sequence(ends)
+        table = Display("{}", tuple(states.values()), tuple(map(quoted, states)))
+        transitions = Display("{}", tuple(target for _, target in cases), tuple(key for key, _ in cases))
+        return before, call(self._symbols.use("state_machine"), table, transitions, **more)
 
-    def _function(self, function: FunctionCall) -> Expression:
-        name = self._symbols.functions[function.recipe]
-        arguments = {self._symbols.thing(a): self._symbols.thing(b) for a, b in function.arguments}
-        return _partial(self._symbols, call(name, **arguments)) if arguments else Text(name)
+    def _case(self, case: Case) -> Expression:
+        if case.is_failure:
+            return Text(self._symbols.use(case.outcome, "planlang.failures"))
+        return Text(quoted(case.outcome))
 
-    def _action(self, term: ActionTerm) -> CallExpression:
-        properties: dict[str, Expression | str] = {}
-        for name, fillers in term.properties:
-            values = [self._value(filler) for filler in fillers]
-            properties[name] = values[0] if len(values) == 1 else sequence(values)
-        action_class = self._symbols.iri(term.type) if is_iri(term.type) else quoted(term.type)
-        return call(self._symbols.use("action"), action_class, **properties)
-
-    def _value(self, value: Value) -> Expression:
-        match value:
-            case Thing():
-                return Text(self._symbols.thing(value))
-            case PlaceUse(place, arguments):
-                if place.is_posture:
-                    return Text(self._symbols.place(place))
-                return call(self._symbols.place(place), *map(self._symbols.thing, arguments))
-            case Name(iri):
-                return Text(quoted(local_name(iri)))
-            case str():
-                return Text(quoted(value))
-            case _:
-                return Text(repr(value))
-
-    def _condition(self, condition: Condition) -> Expression:
-        things = [Text(self._symbols.thing(thing)) for thing in condition.things]
-        if condition.predicate == "holding":
-            return call(self._symbols.use("holding"), *things)
-        return call(self._symbols.use("Condition"), quoted(condition.predicate), sequence(things))
-
-    def _recovery(self, recovery: Recover) -> Expression:
-        use = self._symbols.use
-        arguments: list[Expression | str] = [use(recovery.failure, "planlang.failures")]
-        attempts = recovery.attempts
-        if recovery.about is not None:
-            arguments.append(call(use(recovery.strategy), self._symbols.thing(recovery.about)))
-        elif recovery.strategy == "escalate":
-            attempts = 0
-        elif recovery.strategy != "repeat":
-            arguments.append(use(recovery.strategy))
-        more: dict[str, Expression | str] = {"attempts": str(attempts)}
-        if recovery.otherwise is not None:
-            more["otherwise"] = use(recovery.otherwise, "planlang.failures")
-        return call(use("Recovery"), *arguments, **more)
+    def _outcome(self, state: State, expression: CallExpression, depth: int, *, has_done: bool) -> list[str]:
+        """The statements of a state that do what is done in it and return how it ended."""
+        indent = INDENT * depth
+        if state.checks:
+            answer = self._local_name("holds")
+            return [
+                *statement(expression, depth=depth, before=f"{answer} = await "),
+                f"{indent}return {quoted(FALSE)} if {answer} is False else {quoted(TRUE)}",
+            ]
+        if state.outcomes:
+            outcome = self._local_name("outcome")
+            said = statement(expression, depth=depth, before=f"{outcome} = await ")
+            if not has_done:
+                return [*said, f"{indent}return str({outcome})"]
+            known = sequence([Text(quoted(one)) for one in state.outcomes])
+            start, end = f"return str({outcome}) if {outcome} in ", f" else {quoted(DONE)}"
+            return [*said, *statement(known, depth=depth, before=start, after=end)]
+        return [*statement(expression, depth=depth, before="await "), f"{indent}return {quoted(DONE)}"]
 
 
 def _comment(node: Node, depth: int) -> list[str]:
     """What a step says in words, above it."""
     match node:
-        case Perform(label=str(label)) | Scope(label=str(label)):
-            text = " ".join(label.split())
-            return textwrap.wrap(
-                text, WIDTH, initial_indent=INDENT * depth + "# ", subsequent_indent=INDENT * depth + "# "
-            )
+        case Perform(name=name, label=str(label)) | Scope(name=name, label=str(label)):
+            says_more = snake_case(label) != snake_case(name)
+            return _words(label, depth) if says_more else []
+        case Gate(body=body, said=said):
+            return [*(_words(said, depth) if said else ()), *_comment(body, depth)]
         case Handle(body=body) | Achieve(body=body) | Hold(body=body):
             return _comment(body, depth)
         case _:
             return []
 
 
-def _partial(symbols: Symbols, expression: CallExpression) -> Expression:
-    """The call as a zero-argument callable: the function itself if it takes no arguments."""
-    if not expression.arguments:
-        return Text(expression.function)
-    symbols.use("partial", "functools")
-    return CallExpression("partial", ((None, Text(expression.function)), *expression.arguments))
+def _words(text: str, depth: int) -> list[str]:
+    start = INDENT * depth + "# "
+    return textwrap.wrap(" ".join(text.split()), WIDTH, initial_indent=start, subsequent_indent=start)

@@ -9,10 +9,10 @@ from planlang.recipe.model import Kind, Place, RecipeSet, Thing
 
 PLANLANG = frozenset(
     (
-        *("Condition", "Location", "Object", "Person", "Recovery"),
+        *("Any", "Condition", "Fluent", "Location", "Object", "Person", "Recovery"),
         *("a_device", "a_location", "a_person", "a_posture", "action", "an_object", "holding"),
         *("achieve", "at_location", "par", "partial", "partial_order", "perform", "perform_or", "plan"),
-        *("try_in_order", "using", "with_failure_handling"),
+        *("given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
         *("ignore", "look_and_repeat", "look_from_another_place"),
     )
 )

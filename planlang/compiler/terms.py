@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from keyword import kwlist
 
 from planlang.compiler.naming import snake_case
-from planlang.compiler.tree import ActionTerm, PlaceUse, Value
+from planlang.compiler.tree import ActionTerm, Passed, PlaceUse, Value
 from planlang.designators import local_name
 from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions
-from planlang.recipe.graph import recipe_graph, sorted_nodes
-from planlang.recipe.model import Filler, Kind, Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.graph import recipe_graph
+from planlang.recipe.model import Filler, Flow, Kind, Name, Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.precedence import Precedence
 
 Renaming = dict[Thing, Thing]
 """Parameter of a called function -> thing of its caller."""
@@ -31,12 +32,35 @@ class Terms:
         self._recipes = recipes
         self._actions = actions
         self._parameters: dict[str, tuple[Thing, ...]] = {}
+        self._steps: dict[str, tuple[Step, ...]] = {}
+        self._by_iri: dict[str, dict[str, Step]] = {}
+        self._orders: dict[str, Precedence[str]] = {}
+        self._passed: dict[str, dict[tuple[str, str], list[Flow]]] = {}
+        self._uses: dict[str, tuple[HandUse, ...]] = {}
         self._devices = self._effective_devices()
+        for recipe in callees_first(recipes):  # whatever asks below a recipe finds the answer there
+            self.parameters(recipe)
+        for recipe in callees_first(recipes):
+            self._uses[recipe.iri] = tuple(dict.fromkeys(self.hand_uses(recipe, self.steps(recipe))))
 
-    def steps(self, recipe: Recipe) -> list[Step]:
+    def order(self, recipe: Recipe) -> Precedence[str]:
+        """The order of a recipe's steps (IRIs) as the recipe states it."""
+        if recipe.iri not in self._orders:
+            self._orders[recipe.iri] = Precedence(recipe_graph(recipe))
+        return self._orders[recipe.iri]
+
+    def steps(self, recipe: Recipe) -> Sequence[Step]:
         """The steps of a recipe in the order in which the plan names them."""
-        ordered: list[str] = sorted_nodes(recipe_graph(recipe))
-        return [recipe.step(iri) for iri in ordered]
+        if recipe.iri not in self._steps:
+            by_iri = self._by_iri[recipe.iri] = {step.iri: step for step in recipe.steps}
+            self._steps[recipe.iri] = tuple(by_iri[iri] for iri in self.order(recipe).extension)
+        return self._steps[recipe.iri]
+
+    def step(self, recipe: Recipe, iri: str) -> Step:
+        """A step of a recipe."""
+        if recipe.iri not in self._by_iri:
+            self.steps(recipe)
+        return self._by_iri[recipe.iri][iri]
 
     def parameters(self, recipe: Recipe) -> tuple[Thing, ...]:
         """The objects and persons that a recipe uses, itself or in what it calls, by first use."""
@@ -70,11 +94,43 @@ class Terms:
         properties: dict[str, tuple[Value, ...]] = {}
         for name, fillers in _ordered(step):
             key = _unclashed(snake_case(local_name(name)), properties)
-            properties[key] = tuple(self.use(filler) if isinstance(filler, Place) else filler for filler in fillers)
+            properties[key] = tuple(self._value(recipe, step, name, filler) for filler in fillers)
         device = self.device(recipe, step)
         if device is not None and "device_used" not in properties:
             properties["device_used"] = (device,)
         return ActionTerm(step.action, tuple(properties.items()))
+
+    def passed(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> str | None:
+        """The step (IRI) whose result a step takes for a filler; None if none hands it on.
+
+        Of several that make the same the last one, if they are in order.
+        """
+        if recipe.iri not in self._passed:
+            flows: dict[tuple[str, str], list[Flow]] = {}
+            for flow in recipe.flows:
+                flows.setdefault((flow.consumer, flow.consumes or ""), []).append(flow)
+            self._passed[recipe.iri] = flows
+        found = self._passed[recipe.iri].get((step.iri, property_name), ())
+        order = self.order(recipe)
+        makers = [
+            flow.producer for flow in found if flow.resource in _names(filler) and order.before(flow.producer, step.iri)
+        ]
+        last = [maker for maker in makers if all(maker == other or order.before(other, maker) for other in makers)]
+        return last[0] if last else None
+
+    def handed(self, recipe: Recipe, step: Step, thing: Thing) -> Thing | Passed:
+        """A thing that a step is about, or what an earlier step has handed on for it."""
+        for name in dict.fromkeys(parameter.property for parameter in step.parameters if parameter.filler == thing):
+            producer = self.passed(recipe, step, name, thing)
+            if producer is not None:
+                return Passed(producer, thing)
+        return thing
+
+    def _value(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> Value:
+        if isinstance(filler, Place):
+            return self.use(filler)
+        producer = self.passed(recipe, step, property_name, filler)
+        return Passed(producer, filler) if producer is not None else filler
 
     def use(self, place: Place, renaming: Renaming | None = None) -> PlaceUse:
         """A place with the things that it depends on, renamed."""
@@ -88,17 +144,14 @@ class Terms:
             return own
         return self._devices.get(recipe.iri)
 
-    def hand_uses(self, recipe: Recipe, steps: Iterable[Step], renaming: Renaming | None = None) -> Iterator[HandUse]:
-        """Where the hand goes in some steps and in the recipes that they call."""
-        renaming = renaming or {}
+    def hand_uses(self, recipe: Recipe, steps: Iterable[Step]) -> Iterator[HandUse]:
+        """Where the hand goes in some steps and in the recipes that they call, each once for a step."""
         for step in steps:
             for goal in self._actions.hand_goals(step):
-                where = renaming.get(goal, goal) if isinstance(goal, Thing) else self.use(goal, renaming)
-                yield where, self.device(recipe, step)
+                yield goal if isinstance(goal, Thing) else self.use(goal), self.device(recipe, step)
             for callee in step.recipes:
-                below = self._recipes.recipes[callee]
-                inner = {old: renaming.get(new, new) for old, new in self.renaming(recipe, step, callee).items()}
-                yield from self.hand_uses(below, self.steps(below), inner)
+                renaming = self.renaming(recipe, step, callee)
+                yield from ((renamed(where, renaming), device) for where, device in self._uses[callee])
 
     def devices_of_places(self, scopes: Iterable[tuple[PlaceUse, list[HandUse]]]) -> tuple[tuple[str, Thing], ...]:
         """The places that are always reached with one and the same device: of hands, and of bases in their scopes."""
@@ -140,7 +193,7 @@ class Terms:
         """The device of each recipe: its own, else the one that all its callers give it."""
         devices: dict[str, Thing] = {}
         given: dict[str, set[Thing | None]] = {}
-        for recipe in self._callers_first():
+        for recipe in reversed(callees_first(self._recipes)):
             own = _device(recipe.fillers("deviceUsed"))
             offers = given.get(recipe.iri, set())
             if own is not None:
@@ -153,18 +206,38 @@ class Terms:
                     given.setdefault(callee, set()).add(offer)
         return devices
 
-    def _callers_first(self) -> list[Recipe]:
-        done: dict[str, None] = {}
 
-        def visit(iri: str) -> None:
-            for step in self._recipes.recipes[iri].steps:
-                for callee in step.recipes:
-                    if callee not in done:
-                        visit(callee)
-            done.setdefault(iri)
+def renamed(where: PlaceUse | Thing, renaming: Renaming) -> PlaceUse | Thing:
+    """What a called function names, in terms of its caller."""
+    if isinstance(where, Thing):
+        return renaming.get(where, where)
+    return PlaceUse(where.place, tuple(renaming.get(thing, thing) for thing in where.arguments))
 
-        visit(self._recipes.task)
-        return [self._recipes.recipes[iri] for iri in reversed(done)]
+
+def callees_first(recipes: RecipeSet) -> list[Recipe]:
+    """All recipes, called ones before their callers, the task last; nothing recurses."""
+    done: dict[str, Recipe] = {}
+    waiting = [recipes.task]
+    while waiting:
+        recipe = recipes.recipes[waiting[-1]]
+        below = [callee for step in recipe.steps for callee in step.recipes if callee not in done]
+        if below and recipe.iri not in done:
+            waiting += reversed(below)
+        else:
+            done.setdefault(recipe.iri, recipe)
+            waiting.pop()
+    return list(done.values())
+
+
+def _names(filler: Filler) -> tuple[str | None, ...]:
+    """How a data flow may name a filler; None, for it does not say, names any."""
+    match filler:
+        case Thing():
+            return (None, filler.iri) if filler.iri is not None else (None, filler.stated)
+        case Name():
+            return None, filler.iri
+        case _:
+            return (None,)
 
 
 def _ordered(step: Step) -> list[tuple[str, tuple[Filler, ...]]]:

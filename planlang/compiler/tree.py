@@ -15,7 +15,15 @@ class PlaceUse:
     arguments: tuple[Thing, ...]
 
 
-Value = Thing | PlaceUse | Name | str | int | float | bool
+@dataclass(frozen=True, slots=True)
+class Passed:
+    """What an earlier step (IRI) handed on, or ``otherwise`` if its result is not of that kind."""
+
+    producer: str
+    otherwise: Thing | Name | str | int | float | bool
+
+
+Value = Thing | PlaceUse | Passed | Name | str | int | float | bool
 """What fills a property of an action in a plan."""
 
 
@@ -32,11 +40,15 @@ class ActionTerm:
 
 @dataclass(frozen=True, slots=True)
 class Perform:
-    """Perform a primitive or abstract action; ``name`` is the step's class, ``label`` what it says in words."""
+    """Perform a primitive or abstract action; ``name`` is the step's class, ``label`` what it says in words.
+
+    ``step`` is the IRI of the step, by which others refer to its result.
+    """
 
     name: str
     action: ActionTerm
     label: str | None = None
+    step: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +56,7 @@ class FunctionCall:
     """Call the plan function of a recipe (IRI) with things for some of its parameters."""
 
     recipe: str
-    arguments: tuple[tuple[Thing, Thing], ...]
+    arguments: tuple[tuple[Thing, Thing | Passed], ...]
     """Pairs (parameter of the called function, thing of the caller)."""
 
 
@@ -59,6 +71,7 @@ class Call:
     name: str
     action: ActionTerm | None
     calls: tuple[FunctionCall, ...]
+    step: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,11 +131,18 @@ class Scope:
 
 
 @dataclass(frozen=True, slots=True)
-class Unordered:
-    """Steps that are not totally ordered: named branches and the (before, after) pairs that hold among them."""
+class Parallel:
+    """Named branches side by side: nothing orders one with another."""
 
     branches: tuple[tuple[str, Node], ...]
-    orderings: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PartialOrder:
+    """Named branches and the pairs (before, after) of names that order them, none of which follows from others."""
+
+    branches: tuple[tuple[str, Node], ...]
+    orderings: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +152,66 @@ class Series:
     nodes: tuple[Node, ...]
 
 
-Node = Perform | Call | Achieve | Handle | Hold | Scope | Unordered | Series
+@dataclass(frozen=True, slots=True)
+class Event:
+    """The beginning or the end of a step that overlaps others, as these see it.
+
+    ``moment`` says which: "begins", "ends", or for those that happen together "is ready to begin", "is ready to end".
+    """
+
+    step: str
+    moment: str
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """Run the body when events have happened, and count as ended when further ones have; tell others of its own."""
+
+    name: str
+    opens: tuple[Event | tuple[Event, ...], ...]
+    """Before the body, in order: an event of its own to tell, or events of others to wait for."""
+    body: Node
+    closes: tuple[Event | tuple[Event, ...], ...]
+    """After the body, likewise."""
+    said: str = ""
+    """What the recipe says about how the step overlaps others, in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """From a state to the next for an outcome; ``is_failure`` if that is the name of a failure class."""
+
+    state: str
+    outcome: str
+    target: str
+    is_failure: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A state: what is done in it, and what it returns to say how that ended.
+
+    With ``checks`` that is "true", or "false" if the body's result is False. Of ``outcomes`` the one that the body's
+    result names. Else "done".
+    """
+
+    name: str
+    body: Node
+    checks: bool = False
+    outcomes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """States that follow each other by how they end."""
+
+    states: tuple[State, ...]
+    cases: tuple[Case, ...]
+    start: str
+    ends: tuple[str, ...]
+
+
+Node = Perform | Call | Achieve | Handle | Hold | Scope | Parallel | PartialOrder | Series | Gate | Machine
 
 
 @dataclass(frozen=True, slots=True)

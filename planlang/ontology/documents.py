@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -14,8 +13,9 @@ from planlang.ontology import cache as kept
 from planlang.ontology.canonical import canonical, canonical_triples
 from planlang.ontology.imports import ImportMap
 from planlang.ontology.repairs import repair
+from planlang.ontology.syntaxes import read_syntax
 from planlang.ontology.terms import IMPORTS, ONTOLOGY, TYPE, BNode, Triple
-from planlang.ontology.xml_text import LARGEST_FILE, decode
+from planlang.ontology.xml_text import LARGEST_FILE
 from planlang.resources import bundled
 
 MOST_DOCUMENTS = 200
@@ -23,13 +23,6 @@ MOST_DOCUMENTS = 200
 
 VOCABULARY = ("knowrob", "srdl", "roboearth", "primitives", "recovery")
 """Bundled files that every ontology has, then objects/."""
-
-_MANCHESTER = re.compile(
-    r"(?:Prefix|Namespace|Ontology|Import|Annotations|Class|ObjectProperty|DataProperty|AnnotationProperty|Datatype"
-    r"|Individual|EquivalentClasses|DisjointClasses|EquivalentProperties|DisjointProperties|SameIndividual"
-    r"|DifferentIndividuals):"
-)
-_TURTLE = re.compile(r"@prefix\b|@base\b|PREFIX\s|BASE\s", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,14 +67,7 @@ def _read(path: Path, content: bytes) -> Reading:
     diagnostics: list[Diagnostic] = []
     triples = kept.fetch(content, file) if ours else None
     if triples is None:
-        if _is_xml(content, file):
-            from planlang.ontology.rdfxml import read_rdfxml
-
-            parsed = read_rdfxml(content, file, base=base, label=label)
-        else:
-            from planlang.ontology.manchester import read_manchester
-
-            parsed = read_manchester(content, file, base=base, label=label)
+        parsed = read_syntax(content, file, base=base, label=label)
         diagnostics += parsed.diagnostics
         triples = list(canonical_triples(parsed.triples))
         diagnostics += _renamed(parsed.triples, triples)
@@ -109,29 +95,6 @@ def _renamed(written: Sequence[Triple], read: Sequence[Triple]) -> Iterator[Diag
 def _is_ours(path: Path) -> bool:
     folders = (bundled("ontologies").resolve(), bundled("recipes").resolve())
     return path.suffix == ".omn" and any(path.resolve().is_relative_to(folder) for folder in folders)
-
-
-def _is_xml(content: bytes, file: str) -> bool:
-    """True for XML, False for Manchester syntax. Raises BadInput for anything else."""
-    text = decode(content, file)
-    position = 0
-    for line in text.splitlines(keepends=True):
-        stripped = line.strip()
-        if stripped and not stripped.startswith("#"):
-            break
-        position += len(line)
-    start = text[position:].lstrip()[:200]
-    if start.startswith("<") and not re.match(r"<[A-Za-z][\w+.-]*:[^\s>]*>\s", start):
-        return True
-    if _MANCHESTER.match(start):
-        return False
-    if not start:
-        raise BadInput([error("O002", "the file holds nothing but comments", Span(file))])
-    span = Span(file, text.count("\n", 0, position) + 1)
-    advice = "an ontology is RDF/XML (rdf:RDF) or in Manchester syntax (Prefix:, Ontology:, Class:)"
-    if _TURTLE.match(start) or start.startswith("<"):
-        advice = "this seems to be Turtle; save it as RDF/XML"
-    raise BadInput([error("O001", "this is neither RDF/XML nor Manchester syntax", span, advice)])
 
 
 def _own_iri(triples: Sequence[Triple]) -> str | None:

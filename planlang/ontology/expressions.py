@@ -91,29 +91,34 @@ class Statements:
         self.triples.append(Triple(subject, predicate, value, span))
         return value
 
-    def place(self, subject: str | BNode, predicate: str, expression: Expression) -> Term:
-        """State that ``predicate`` of ``subject`` is the expression; its own triples follow. Returns its node."""
+    def place(self, subject: str | BNode, predicate: str, expression: Expression, *, data: bool = False) -> Term:
+        """State that ``predicate`` of ``subject`` is the expression; its own triples follow. Returns its node.
+
+        ``data``: it is known to be a set of values.
+        """
         if expression.kind == "name":
             assert expression.term is not None
             return self.state(subject, predicate, expression.term, expression.span)
         node = self.fresh()
         self.state(subject, predicate, node, expression.span)
-        self.describe(node, expression)
+        self.describe(node, expression, data=data)
         return node
 
-    def place_list(self, subject: str | BNode, predicate: str, items: Sequence[Expression], span: Span) -> None:
-        """State that ``predicate`` of ``subject`` is the RDF list of the items."""
+    def place_list(
+        self, subject: str | BNode, predicate: str, items: Sequence[Expression], span: Span, *, data: bool = False
+    ) -> Term:
+        """State that ``predicate`` of ``subject`` is the RDF list of the items. Returns its first cell."""
         if not items:
-            self.state(subject, predicate, NIL, span)
-            return
-        cell = self.fresh()
+            return self.state(subject, predicate, NIL, span)
+        begin = cell = self.fresh()
         self.state(subject, predicate, cell, span)
         for index, item in enumerate(items):
-            self.place(cell, FIRST, item)
+            self.place(cell, FIRST, item, data=data)
             following: str | BNode = self.fresh() if index + 1 < len(items) else NIL
             self.state(cell, REST, following, item.span)
             if isinstance(following, BNode):
                 cell = following
+        return begin
 
     def is_data(self, expression: Expression) -> bool:
         """True for a set of values rather than of things."""
@@ -126,8 +131,8 @@ class Statements:
                 return any(self.is_data(part) for part in expression.parts)
         return False
 
-    def describe(self, node: BNode, expression: Expression) -> None:
-        """State what a nameless node means."""
+    def describe(self, node: BNode, expression: Expression, *, data: bool = False) -> None:
+        """State what a nameless node means; ``data``: it is known to be a set of values."""
         kind, span = expression.kind, expression.span
         match kind:
             case "inverse":
@@ -137,17 +142,19 @@ class Statements:
                 self._describe_facets(node, expression)
                 return
             case "and" | "or" | "not" | "one of":
-                self.state(node, TYPE, DATATYPE if self.is_data(expression) else CLASS, span)
+                data = data or self.is_data(expression)
+                self.state(node, TYPE, DATATYPE if data else CLASS, span)
                 if kind == "not":
-                    complement = OWL + "datatypeComplementOf" if self.is_data(expression) else COMPLEMENT_OF
-                    self.place(node, complement, expression.parts[0])
+                    complement = OWL + "datatypeComplementOf" if data else COMPLEMENT_OF
+                    self.place(node, complement, expression.parts[0], data=data)
                 else:
-                    self.place_list(node, _JUNCTIONS.get(kind, ONE_OF), expression.parts, span)
+                    self.place_list(node, _JUNCTIONS.get(kind, ONE_OF), expression.parts, span, data=data)
                 return
         self.state(node, TYPE, RESTRICTION, span)
         self.place(node, ON_PROPERTY, expression.parts[0])
         if kind in _QUANTIFIERS:
-            self.place(node, _QUANTIFIERS[kind], expression.parts[1])
+            data = expression.parts[0].term in self._data_properties
+            self.place(node, _QUANTIFIERS[kind], expression.parts[1], data=data)
         elif kind == "Self":
             self.state(node, OWL + "hasSelf", Literal("true", BOOLEAN), span)
         else:
@@ -162,7 +169,7 @@ class Statements:
         self.state(node, OWL + qualified, number, expression.span)
         prop, filler = expression.parts
         data = self.is_data(filler) or prop.term in self._data_properties
-        self.place(node, OWL + ("onDataRange" if data else "onClass"), filler)
+        self.place(node, OWL + ("onDataRange" if data else "onClass"), filler, data=data)
 
     def _describe_facets(self, node: BNode, expression: Expression) -> None:
         self.state(node, TYPE, DATATYPE, expression.span)

@@ -10,8 +10,8 @@ from typing import Any
 
 from lark import Token, Transformer
 
-from planlang.diagnostics import BadInput, Span, error
-from planlang.ontology.expressions import BOOLEAN, FACETS, Expression, Statements
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.ontology.expressions import BOOLEAN, DATATYPE, FACETS, Expression, Statements
 from planlang.ontology.terms import (
     CLASS,
     EQUIVALENT_CLASS,
@@ -34,6 +34,15 @@ from planlang.ontology.terms import RANGE as RDFS_RANGE
 
 DEEPEST = 100
 """Expressions inside each other."""
+
+MOST_WARNINGS = 100
+"""Warnings about one file."""
+
+MOST_OPEN = 200_000
+"""Words such as "not" and "some" in one item of a frame; the parser keeps them all until the item ends."""
+
+BUILTIN = frozenset(("integer", "decimal", "float", "string"))
+"""Datatypes that need no prefix, unless the file has classes of these names."""
 
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
 Children = list[Any]
@@ -59,15 +68,39 @@ def _bounded(parts: Sequence[Expression | Annotation], span: Span) -> int:
 
 
 class Frames(Transformer[Token, None]):
-    """Turns what the parser recognises into statements. ``resolve`` makes an IRI of a written name."""
+    """Turns what the parser recognises into statements, by the mapping of OWL 2 to RDF graphs.
 
-    def __init__(self, statements: Statements, resolve: Callable[[str, Span], str], file: str) -> None:
+    ``resolve`` makes an IRI of a written name; ``is_declared`` tells whether the file has a class of that name.
+    """
+
+    def __init__(
+        self, statements: Statements, resolve: Callable[[str, Span], str], is_declared: Callable[[str], bool], file: str
+    ) -> None:
         super().__init__()
         self._out = statements
         self._resolve = resolve
+        self._is_declared = is_declared
         self._file = file
         self._subject: str | BNode = statements.named_node("ontology")
         self._subject_span = Span(file)
+        self._kind = ONTOLOGY
+        self._open = 0
+        self.skipped: list[Diagnostic] = []
+
+    # what the lexer tells
+
+    def opens(self, token: Token) -> Token:
+        """A word or sign behind which the parser has to wait. Raises BadInput when there are too many."""
+        self._open += 1
+        if self._open > MOST_OPEN:
+            message = f"more than {MOST_OPEN:,} expressions or annotations in one item"
+            raise BadInput([error("O008", message, self._span(token))])
+        return token
+
+    def separates(self, token: Token) -> Token:
+        """A comma: another item begins."""
+        self._open = 0
+        return token
 
     # names and values
 
@@ -80,6 +113,13 @@ class Frames(Transformer[Token, None]):
         return Expression("name", span, self._resolve(str(token), span))
 
     annotation_property = annotation_target = fact_property = key = iri
+
+    def named(self, children: Children) -> Expression:
+        """A class or a datatype; some datatypes have names of their own."""
+        token = children[0]
+        if token in BUILTIN and not self._is_declared(str(token)):
+            return Expression("name", self._span(token), XSD + token)
+        return self.iri(children)
 
     def node(self, children: Children) -> Expression:
         return Expression("name", self._span(children[0]), self._out.named_node(str(children[0])[2:]))
@@ -109,10 +149,6 @@ class Frames(Transformer[Token, None]):
 
     # expressions
 
-    def named(self, children: Children) -> Expression:
-        expression: Expression = children[0]
-        return expression
-
     def _node(self, kind: str, span: Span, parts: list[Expression], **more: Any) -> Expression:
         return Expression(kind, span, parts=tuple(parts), depth=_bounded(parts, span), **more)
 
@@ -131,6 +167,8 @@ class Frames(Transformer[Token, None]):
 
     def inverse(self, children: Children) -> Expression:
         return self._node("inverse", self._span(children[0]), children[1:])
+
+    inverse_key = inverse
 
     def one_of(self, children: Children) -> Expression:
         return self._node("one of", children[0].span, children)
@@ -175,10 +213,12 @@ class Frames(Transformer[Token, None]):
         return children
 
     def entity_annotations(self, children: Children) -> None:
-        self._annotate(self._subject, children[0])
+        self._annotate(self._subject, children[0], OWL + "Axiom")
 
-    def _annotate(self, subject: str | BNode, annotations: Sequence[Annotation]) -> None:
-        kind = "Annotation" if isinstance(subject, BNode) else "Axiom"
+    def _annotate(
+        self, subject: str | BNode, annotations: Sequence[Annotation], kind: str = OWL + "Annotation"
+    ) -> None:
+        """State annotations of a subject; what is said about one in turn stands on a node of the given kind."""
         for note in annotations:
             self._out.state(subject, note.property, note.value, note.span)
             self._reify(subject, note.property, note.value, note.span, note.inner, kind)
@@ -190,12 +230,12 @@ class Frames(Transformer[Token, None]):
         value: Term,
         span: Span,
         annotations: Sequence[Annotation],
-        kind: str = "Axiom",
+        kind: str = OWL + "Axiom",
     ) -> None:
         """Annotations of a triple stand on a node that repeats the triple."""
         if annotations:
             node = self._out.fresh()
-            self._out.state(node, TYPE, OWL + kind, span)
+            self._out.state(node, TYPE, kind, span)
             self._out.state(node, OWL + "annotatedSource", subject, span)
             self._out.state(node, OWL + "annotatedProperty", prop, span)
             self._out.state(node, OWL + "annotatedTarget", value, span)
@@ -219,14 +259,12 @@ class Frames(Transformer[Token, None]):
     prefix = ontology = frame = start
 
     def ontology_head(self, children: Children) -> None:
-        given = [self._resolve(str(token), self._span(token)) for token in children if token is not None]
-        token = next((token for token in children if token is not None), None)
-        self._subject_span = self._span(token) if token is not None else Span(self._file)
-        if given:
-            self._subject = given[0]
+        self._subject_span = children[0].span if children else Span(self._file)
+        if children:
+            self._subject = children[0].term
         self._out.state(self._subject, TYPE, ONTOLOGY, self._subject_span)
-        for version in given[1:]:
-            self._out.state(self._subject, OWL + "versionIRI", version, self._subject_span)
+        for version in children[1:]:
+            self._out.state(self._subject, OWL + "versionIRI", version.term, version.span)
 
     def import_(self, children: Children) -> None:
         self._out.state(self._subject, IMPORTS, children[0].term, children[0].span)
@@ -234,12 +272,18 @@ class Frames(Transformer[Token, None]):
     def ontology_annotations(self, children: Children) -> None:
         self._annotate(self._subject, children[0])
 
+    def rule(self, children: Children) -> None:
+        advice = "say what it means by classes and property chains, or leave it out"
+        if len(self.skipped) < MOST_WARNINGS:
+            self.skipped.append(warning("O023", "a rule is skipped", self._span(children[0]), advice))
+
     # heads
 
     def _head(self, children: Children, kind: str) -> None:
         name: Expression = children[-1]
         assert isinstance(name.term, (str, BNode))
-        self._subject, self._subject_span = name.term, name.span
+        self._open = 0
+        self._subject, self._subject_span, self._kind = name.term, name.span, kind
         if isinstance(name.term, str):
             self._out.state(name.term, TYPE, kind, name.span)
             if isinstance(children[0], list):
@@ -258,23 +302,23 @@ class Frames(Transformer[Token, None]):
         self._head(children, OWL + "AnnotationProperty")
 
     def datatype_head(self, children: Children) -> None:
-        self._head(children, "http://www.w3.org/2000/01/rdf-schema#Datatype")
+        self._head(children, DATATYPE)
 
     def individual_head(self, children: Children) -> None:
         self._head(children, NAMED_INDIVIDUAL)
 
     # sections
 
-    def _each(self, predicate: str, items: list[tuple[list[Annotation], Expression]]) -> None:
+    def _each(self, predicate: str, items: list[tuple[list[Annotation], Expression]], *, data: bool = False) -> None:
         for notes, expression in items:
-            value = self._out.place(self._subject, predicate, expression)
+            value = self._out.place(self._subject, predicate, expression, data=data)
             self._reify(self._subject, predicate, value, expression.span, notes)
 
     def sub_class_of(self, children: Children) -> None:
         self._each(SUBCLASS_OF, children[0])
 
     def equivalent_to(self, children: Children) -> None:
-        self._each(EQUIVALENT_CLASS, children[0])
+        self._each(EQUIVALENT_CLASS, children[0], data=self._kind == DATATYPE)
 
     def disjoint_with(self, children: Children) -> None:
         self._each(OWL + "disjointWith", children[0])
@@ -283,7 +327,7 @@ class Frames(Transformer[Token, None]):
         self._each(RDFS_DOMAIN, children[0])
 
     def range(self, children: Children) -> None:
-        self._each(RDFS_RANGE, children[0])
+        self._each(RDFS_RANGE, children[0], data=self._kind == OWL + "DatatypeProperty")
 
     annotation_domain, annotation_range = domain, range
 
@@ -342,7 +386,9 @@ class Frames(Transformer[Token, None]):
 
     def _listed(self, predicate: str, children: Children) -> None:
         parts = [child for child in children if isinstance(child, Expression)]
-        self._out.place_list(self._subject, predicate, parts, parts[0].span)
+        cell = self._out.place_list(self._subject, predicate, parts, parts[0].span)
+        annotations = children[0] if isinstance(children[0], list) else []
+        self._reify(self._subject, predicate, cell, parts[0].span, annotations)
 
     def disjoint_union_of(self, children: Children) -> None:
         self._listed(OWL + "disjointUnionOf", children)
@@ -355,14 +401,14 @@ class Frames(Transformer[Token, None]):
 
     # axioms about several things
 
-    def _several(self, children: Children, predicate: str, kind: str = "", members: str = "members") -> None:
+    def _several(self, children: Children, predicate: str, kind: str = "") -> None:
         """Two are related directly; more by a node of a kind with a list, or one after the other without a kind."""
         parts = [child for child in children if isinstance(child, Expression)]
         annotations = children[0] if isinstance(children[0], list) else []
         if kind and len(parts) > 2:
             node = self._out.fresh()
             self._out.state(node, TYPE, OWL + kind, parts[0].span)
-            self._out.place_list(node, OWL + members, parts, parts[0].span)
+            self._out.place_list(node, OWL + "members", parts, parts[0].span)
             self._annotate(node, annotations)
             return
         for first, second in pairwise(parts):
@@ -389,4 +435,4 @@ class Frames(Transformer[Token, None]):
         self._several(children, OWL + "sameAs")
 
     def different_individuals(self, children: Children) -> None:
-        self._several(children, OWL + "differentFrom", "AllDifferent", "distinctMembers")
+        self._several(children, OWL + "differentFrom", "AllDifferent")

@@ -39,7 +39,7 @@ VOCABULARY_FILES: dict[str, str | None] = {
 
 _LANGUAGES = tuple(namespace.rstrip("#") for namespace in (OWL, RDF, RDFS))
 _HOSTS = (HOST, OLD_HOST, "http://www.roboearth.org/kb/")
-_SUFFIXES = ("", ".omn", ".owl", ".owl.in")
+_SUFFIXES = ("", ".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf")
 _URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):(//)?(.*)", re.DOTALL)
 _TEMPLATE = re.compile(r"@\w+@|\$\{[^}]*\}")
 _HEADING = re.compile(r"^[ \t]*Ontology:\s*<([^<>\s]*)>", re.MULTILINE)
@@ -133,7 +133,7 @@ def _names(name: str) -> tuple[str, ...]:
 
 
 def _stem(name: str) -> str:
-    for suffix in (".owl.in", ".owl", ".omn", ".rdf", ".xml"):
+    for suffix in (".owl.in", ".owl", ".omn", ".rdf", ".xml", ".ttl", ".nt"):
         if name.lower().endswith(suffix):
             return name[: -len(suffix)]
     return name

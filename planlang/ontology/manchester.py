@@ -15,7 +15,7 @@ from lark import Lark, Token, Transformer, UnexpectedInput
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.ontology.expressions import Statements
 from planlang.ontology.frames import Frames
-from planlang.ontology.rdfxml import Parsed
+from planlang.ontology.parsed import Parsed
 from planlang.ontology.syntax_errors import FRAME_WORDS, explain, where
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary
 from planlang.ontology.xml_text import decode, offset_of
@@ -26,7 +26,11 @@ MOST_ERRORS = 20
 _FRAME_START = re.compile(rf"^[ \t]*(?:{'|'.join(FRAME_WORDS)})(?=\s)", re.MULTILINE)
 _PREFIX = re.compile(r"^[ \t]*Prefix:\s*([^\s:<>]*):\s*<([^<>\s]*)>", re.MULTILINE)
 _ONTOLOGY = re.compile(r"^[ \t]*Ontology:\s*<([^<>\s]*)>", re.MULTILINE)
+_CLASS = re.compile(r"^[ \t]*Class:\s+(\S+)", re.MULTILINE)
 _DECLARED = re.compile(r"^[ \t]*(DataProperty|Datatype):\s+(\S+)", re.MULTILINE)
+
+_COUNTED = ("LPAR", "LBRACE", "NOT", "INVERSE", "SOME", "ONLY", "MIN", "MAX", "EXACTLY", "_ANNOTATIONS", "COMMA")
+"""Terminals behind which expressions or annotations can go deeper, and the comma."""
 
 
 class _Relay(Transformer[Token, None]):
@@ -45,12 +49,18 @@ class _Relay(Transformer[Token, None]):
             raise AttributeError(rule)
         return lambda children: getattr(self.frames, rule)(children)
 
+    def told(self, token: Token) -> Token:
+        """Called by the lexer for each of the words that the frames count."""
+        assert self.frames is not None
+        return self.frames.separates(token) if token == "," else self.frames.opens(token)
+
 
 @cache
 def _parser() -> tuple[Lark, _Relay]:
-    grammar = (Path(__file__).parent / "manchester.lark").read_text(encoding="utf-8")
     relay = _Relay()
-    return Lark(grammar, parser="lalr", lexer="contextual", transformer=relay), relay
+    grammar = str(Path(__file__).parent / "manchester.lark")
+    told = dict.fromkeys(_COUNTED, relay.told)
+    return Lark.open(grammar, parser="lalr", lexer="contextual", transformer=relay, lexer_callbacks=told), relay
 
 
 def read_manchester(content: bytes, file: str, *, base: str, label: str = "b") -> Parsed:
@@ -63,14 +73,14 @@ def read_manchester(content: bytes, file: str, *, base: str, label: str = "b") -
     names = _Names(text, file, base)
     statements = Statements(file, label, names.declared("DataProperty"), names.declared("Datatype"))
     problems: list[Diagnostic] = []
-    frames = Frames(statements, names.resolve, file)
+    frames = Frames(statements, names.resolve, names.is_class, file)
     rest: str | None = text
     while rest is not None:
         rest = _parse(rest, file, frames, problems)
     problems = sorted(problems + names.problems, key=lambda problem: problem.span or Span(file))
     if problems:
         raise BadInput(problems[:MOST_ERRORS])
-    return Parsed(statements.triples, names.notes, names.prefixes)
+    return Parsed(statements.triples, names.notes + frames.skipped, names.prefixes)
 
 
 def _parse(text: str, file: str, frames: Frames, problems: list[Diagnostic]) -> str | None:
@@ -106,16 +116,22 @@ class _Names:
         self.prefixes |= dict(_PREFIX.findall(text, 0, first_frame.start() if first_frame else len(text)))
         self.problems: list[Diagnostic] = []
         self.notes: list[Diagnostic] = []
+        self._noted = False
         self._text = text
         self._file = file
         ontology = _ONTOLOGY.search(text)
         self._own = (ontology[1] if ontology else base).rstrip("#") + "#"
         self._known: dict[str, str] = {}
+        self._classes = frozenset(_CLASS.findall(text))
 
     def declared(self, frame: str) -> frozenset[str]:
         """IRIs that the file has a frame for."""
         found = (name for kind, name in _DECLARED.findall(self._text) if kind == frame)
         return frozenset(iri for name in found if (iri := self._iri(name)) is not None)
+
+    def is_class(self, name: str) -> bool:
+        """True if the file has a frame for a class of this name."""
+        return name in self._classes
 
     def resolve(self, name: str, span: Span) -> str:
         """The IRI of ``<IRI>``, ``prefix:name`` or ``name``; an unknown prefix is noted and read as the file's own."""
@@ -130,7 +146,7 @@ class _Names:
                 self.problems.append(error("O021", f"unknown prefix {prefix}: in {name}", span, advice))
                 iri = self._own + name
             self._known[name] = iri
-            if ":" not in name and "" not in self.prefixes and not self.notes:
+            if ":" not in name and "" not in self.prefixes and not self._noted:
                 self._note_bare_names(span)
         return iri
 
@@ -149,6 +165,7 @@ class _Names:
         return iri
 
     def _note_bare_names(self, span: Span) -> None:
+        self._noted = True
         advice = f"write Prefix: : <{self._own}> to name your own things"
         message = f"no prefix ':' is declared: names are KnowRob's where it has them, else {self._own}NAME"
         self.notes.append(note("O022", message, span, advice))

@@ -36,7 +36,7 @@ _LANGUAGE = (OWL, RDF, RDFS)
 
 
 def load(path: Path, *, folders: Sequence[Path] = (), builtin: bool = True) -> Ontology:
-    """Read a file in RDF/XML or Manchester syntax with its imports and, unless told otherwise, our vocabulary.
+    """Read a file in RDF/XML, Turtle or Manchester syntax with its imports and, unless told otherwise, our vocabulary.
 
     Imports are looked for beside the file, in ``folders``, then among the bundled ontologies; never in the network.
     Raises BadInput with all errors found if the file cannot be used.

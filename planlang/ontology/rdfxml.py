@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from urllib.parse import urljoin
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.entities import EntityTable
+from planlang.ontology.iris import resolve
+from planlang.ontology.parsed import Parsed
 from planlang.ontology.terms import FIRST, NIL, ONTOLOGY, RDF, REST, TYPE, BNode, Literal, Term, Triple
 from planlang.ontology.xml_repairs import repair
 from planlang.ontology.xml_text import decode, explain
@@ -24,6 +25,9 @@ DEEPEST = 100
 MOST_WARNINGS = 100
 """Warnings about one file; a file with more is not RDF/XML in earnest."""
 
+MOST_PREFIXES = 1000
+"""Prefixes of a file that are remembered."""
+
 _XML = "http://www.w3.org/XML/1998/namespace"
 _SYNTAX = frozenset(
     RDF + name
@@ -33,18 +37,8 @@ _SYNTAX = frozenset(
 _OUTDATED = frozenset(RDF + name for name in ("bagID", "aboutEach", "aboutEachPrefix"))
 _NOT_NODES = _SYNTAX - {RDF + "Description"}
 _NOT_PROPERTIES = (_SYNTAX - {RDF + "li"}) | _OUTDATED
-_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 _LEGAL_NAME = re.compile(r"[^\W\d][\w.\-\u00b7]*")
 _MISPLACED = {"ID", "about", "resource", "datatype", "nodeID", "parseType", "type"}
-
-
-@dataclass
-class Parsed:
-    """What a file says: its triples in document order, its name, and what was repaired on the way."""
-
-    triples: list[Triple]
-    diagnostics: list[Diagnostic] = field(default_factory=list)
-    prefixes: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -96,7 +90,7 @@ def _parse(text: str, file: str, base: str, label: str) -> Parsed:
     except expat.ExpatError as problem:
         open_lines = [frame.span.line for frame in handler.frames[1:]]
         raise BadInput([explain(problem, text, file, open_lines, handler.entities.names)]) from None
-    return Parsed(handler.triples, handler.diagnostics)
+    return Parsed(handler.triples, handler.diagnostics, handler.prefixes)
 
 
 class _Handler:
@@ -113,9 +107,11 @@ class _Handler:
         self.ids: dict[str, Span] = {}
         self.entities = EntityTable(text, file)
         self.resolved: dict[tuple[str, str], str] = {}
+        self.prefixes: dict[str, str] = {}
         parser.ordered_attributes = True
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
+        parser.StartNamespaceDeclHandler = self.namespace
         parser.CharacterDataHandler = self.characters
         parser.StartDoctypeDeclHandler = self.doctype
         parser.EndDoctypeDeclHandler = self.entities.check
@@ -157,6 +153,10 @@ class _Handler:
 
     def skipped_entity(self, name: str, is_parameter: bool) -> None:
         raise BadInput([error("O009", f"an entity that is not in the file is refused: &{name};", self.here())])
+
+    def namespace(self, prefix: str | None, namespace: str | None) -> None:
+        if namespace and len(self.prefixes) < MOST_PREFIXES:
+            self.prefixes.setdefault(prefix or "", namespace)
 
     # elements
 
@@ -390,18 +390,7 @@ class _Handler:
     def _resolve(self, base: str, reference: str) -> str:
         known = self.resolved.get((base, reference))
         if known is None:
-            if reference.startswith("#"):
-                known = base + reference
-            elif not reference:
-                known = base
-            elif _SCHEME.match(reference):
-                known = reference
-            else:
-                try:
-                    known = urljoin(base, reference)
-                except ValueError:
-                    known = reference
-            self.resolved[base, reference] = known
+            known = self.resolved[base, reference] = resolve(base, reference)
         return known
 
     def _identifier(self, value: str, base: str, span: Span) -> str:

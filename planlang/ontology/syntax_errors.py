@@ -1,9 +1,9 @@
-"""What the parser of Manchester syntax says about a mistake: where, what is there, what could be there."""
+"""What a parser says about a mistake in Manchester syntax or Turtle: where, what is there, what could be there."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 from lark import Lark, UnexpectedInput, UnexpectedToken
@@ -30,6 +30,11 @@ _SPOKEN = {
     "LANGUAGE": "a @language",
     "CHARACTERISTIC": "Functional, Transitive or another characteristic",
     "FACET": "a facet such as >=",
+    "IRIREF": "an <IRI>",
+    "PNAME_LN": "a name prefix:name",
+    "PNAME_NS": "a prefix with its colon",
+    "A": "'a'",
+    "BASE": "BASE",
     "SELF": "Self",
     "$END": "the end of the file",
 }
@@ -48,15 +53,23 @@ def where(problem: UnexpectedInput, text: str) -> int:
     return len("\n".join(lines).rstrip())
 
 
-def explain(problem: UnexpectedInput, parser: Lark, text: str, offset: int, file: str) -> Diagnostic:
-    """The diagnostic for a mistake at an offset of the text."""
+def explain(
+    problem: UnexpectedInput,
+    parser: Lark,
+    text: str,
+    offset: int,
+    file: str,
+    *,
+    words: Sequence[str] = FRAME_WORDS,
+) -> Diagnostic:
+    """The diagnostic for a mistake at an offset of the text; ``words`` may be meant wherever they can stand."""
     word = _WORD.match(text, offset)
     found = "the end of the file" if _is_at_end(problem) or word is None else word[0][:40]
     message = f"unexpected {found}"
     if found == '"':
         message = "a text is not closed, or its quotation marks are unexpected here"
     keywords, spoken = _expected(problem, parser)
-    similar = get_close_matches(found, (*keywords, *FRAME_WORDS), n=1, cutoff=0.75)
+    similar = get_close_matches(found, (*keywords, *words), n=1, cutoff=0.75)
     guess = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
     return error("O020", message, position_of(text, offset, file), f"{guess}expected: {_phrase(keywords, spoken)}")
 

@@ -1,32 +1,47 @@
 """Recipes: their model, readers of the dialects they are written in, checks, and their dependency graph.
 
-General layout: ``model`` is what a recipe says; ``reading`` and ``terms`` get it from an ontology, ``tasks`` finds the
-task and what is below it, ``dialects`` names what is not read; ``repairs`` mends what is safe to mend; ``check_*`` and
-``wise`` judge; ``graph`` answers questions about orders; ``actions`` and ``tables`` know the action classes.
+General layout: ``model`` is what a recipe says. ``readers`` get ``statements`` from an ontology, one reader for each
+dialect; ``reading``, ``fillings`` and ``terms`` make the model of them, ``tasks`` finds the task and what is below it,
+``dialects`` tells parts that no task holds together. ``repairs`` mends what is safe to mend; ``check_*`` and ``wise``
+judge; ``graph`` and ``intervals`` answer questions about orders; ``actions`` and ``tables`` know the action classes.
 """
 
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import Reading, read_recipe
 from planlang.recipe.model import (
+    Allen,
+    Description,
+    End,
+    Ending,
+    Flow,
     Kind,
     Name,
     Ordering,
+    Overlap,
     Parameter,
     Place,
     Reason,
     Recipe,
     RecipeSet,
     Source,
+    StateMachine,
     Step,
     Thing,
+    Transition,
 )
 from planlang.recipe.tasks import choose_task, stated_tasks, top_tasks
 
 __all__ = [
     "Actions",
+    "Allen",
+    "Description",
+    "End",
+    "Ending",
+    "Flow",
     "Kind",
     "Name",
     "Ordering",
+    "Overlap",
     "Parameter",
     "Place",
     "Reading",
@@ -34,8 +49,10 @@ __all__ = [
     "Recipe",
     "RecipeSet",
     "Source",
+    "StateMachine",
     "Step",
     "Thing",
+    "Transition",
     "choose_task",
     "read_recipe",
     "stated_tasks",

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from planlang.designators import local_name
 from planlang.ontology import Ontology, expand
 from planlang.recipe.model import Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.readers import statements_of
+from planlang.recipe.statements import Statements
 from planlang.recipe.tables import Goal, Primitive, RecoveryRule, read_goals, read_primitives, read_recoveries
 
 
@@ -31,10 +33,18 @@ class Actions:
         self.primitives: dict[str, Primitive] = read_primitives(ontology)
         self.goals: dict[str, Goal] = read_goals(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
+        self._statements: dict[str, Statements | None] = {}
+        self._last_moving: tuple[RecipeSet, frozenset[str]] | None = None
+
+    def statements(self, iri: str) -> Statements | None:
+        """What a class or an individual states as a recipe; None if it states none. Each is read once."""
+        if iri not in self._statements:
+            self._statements[iri] = statements_of(self.ontology, iri)
+        return self._statements[iri]
 
     def is_a(self, step: Step | Recipe, *classes: str) -> bool:
         """True if the step's class is below one of the classes (local names of the vocabulary)."""
-        return any(self.ontology.is_a(step.iri, expand(name)) for name in classes)
+        return any(self.ontology.is_a(step.action_class, expand(name)) for name in classes)
 
     def primitive(self, step: Step) -> Primitive | None:
         """The primitive that performs the step, if one does."""
@@ -52,27 +62,36 @@ class Actions:
             restriction.property == _DEPENDS
             and isinstance(restriction.filler, str)
             and self.ontology.is_a(restriction.filler, _BASE_MOTION)
-            for ancestor in self.ontology.ancestors(step.iri)
+            for ancestor in self.ontology.ancestors(step.action_class)
             for restriction in self.ontology.restrictions(ancestor)
         )
 
     def moves_the_base(self, recipe: Recipe, recipes: RecipeSet) -> bool:
         """True if the recipe has a base motion, itself or in a recipe below it."""
-        return any(
-            self.is_base_motion(step)
-            or any(self.moves_the_base(recipes.recipes[callee], recipes) for callee in step.recipes)
-            for step in recipe.steps
-        )
+        return recipe.iri in self._moving(recipes)
 
     def movers(self, recipe: Recipe, recipes: RecipeSet) -> Movers:
         """The steps of a recipe that move the base: by themselves, or in a recipe below them."""
+        moving = self._moving(recipes)
         opening = frozenset(step.iri for step in recipe.steps if self.is_base_motion(step))
-        ending = frozenset(
-            step.iri
-            for step in recipe.steps
-            if any(self.moves_the_base(recipes.recipes[callee], recipes) for callee in step.recipes)
-        )
+        ending = frozenset(step.iri for step in recipe.steps if not moving.isdisjoint(step.recipes))
         return Movers(opening, ending)
+
+    def _moving(self, recipes: RecipeSet) -> frozenset[str]:
+        """The recipes that move the base, themselves or in a recipe below them."""
+        if self._last_moving is None or self._last_moving[0] is not recipes:
+            callers: dict[str, list[str]] = {}
+            for recipe in recipes.recipes.values():
+                for callee in (callee for step in recipe.steps for callee in step.recipes):
+                    callers.setdefault(callee, []).append(recipe.iri)
+            waiting = [recipe.iri for recipe in recipes.recipes.values() if any(map(self.is_base_motion, recipe.steps))]
+            found = set(waiting)
+            while waiting:
+                above = [caller for caller in callers.get(waiting.pop(), ()) if caller not in found]
+                found.update(above)
+                waiting += above
+            self._last_moving = recipes, frozenset(found)
+        return self._last_moving[1]
 
     def uses_hand(self, step: Step) -> bool:
         """True for a primitive that needs an arm or a gripper."""

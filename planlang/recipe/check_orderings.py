@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from difflib import get_close_matches
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, note
-from planlang.ontology import BNode, Ontology
+from planlang.ontology import Ontology
 from planlang.recipe.graph import closed, recipe_graph, reduced, shortest_cycle
-from planlang.recipe.model import Ordering, Recipe
-from planlang.recipe.reading import AFTER, BEFORE, ORDERING, own_restrictions, sub_actions
+from planlang.recipe.model import Ordering, Reason, Recipe
+from planlang.recipe.statements import LooseEnd, Statements
 
 
-def check_orderings(ontology: Ontology, stating: str, recipe: Recipe) -> Iterator[Diagnostic]:
-    """Judge the constraints that the class ``stating`` gives the recipe."""
-    yield from _incomplete(ontology, stating)
-    yield from _strangers(ontology, stating, recipe)
+def check_orderings(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
+    """Judge the constraints that the file states for the recipe."""
+    for loose in statements.loose:
+        yield _incomplete(ontology, statements, loose)
+    yield from _strangers(ontology, statements, recipe)
     cycle: tuple[str, ...] | None = shortest_cycle(recipe_graph(recipe))
     if cycle:
         yield _cycle(recipe, cycle)
@@ -25,33 +27,25 @@ def check_orderings(ontology: Ontology, stating: str, recipe: Recipe) -> Iterato
         yield from _redundant(recipe)
 
 
-def _incomplete(ontology: Ontology, stating: str) -> Iterator[Diagnostic]:
-    for restriction in own_restrictions(ontology, stating):
-        constraint = restriction.filler
-        if restriction.property != ORDERING or not isinstance(constraint, str) or isinstance(constraint, BNode):
-            continue
-        ends = {BEFORE: ontology.values(constraint, BEFORE), AFTER: ontology.values(constraint, AFTER)}
-        missing = [local_name(end) for end, values in ends.items() if not values]
-        if not ontology.defined(constraint) or len(missing) == 2:
-            known = {
-                local_name(triple.subject): None
-                for triple in ontology.triples(p=BEFORE)
-                if isinstance(triple.subject, str) and not isinstance(triple.subject, BNode)
-            }
-            name = local_name(constraint)
-            message = f"`{local_name(stating)}` names the ordering constraint `{name}`, which orders nothing"
-            similar = get_close_matches(name, known, n=1)
-            advice = "give it occursBeforeInOrdering and occursAfterInOrdering"
-            advice = f"did you mean `{similar[0]}`?" if similar else advice
-            yield error("R011", message, restriction.span, advice)
-        elif missing:
-            message = f"the ordering constraint `{local_name(constraint)}` has no {missing[0]}"
-            yield error("R011", message, ontology.span(constraint) or restriction.span, f"add {missing[0]} to it")
+def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> Diagnostic:
+    name = local_name(loose.what)
+    both = " and ".join(loose.missing)
+    if len(loose.missing) < 2:
+        return error("R011", f"the constraint `{name}` has no {both}", loose.span, f"add {both} to it")
+    known = {
+        local_name(triple.subject): None
+        for word in loose.missing
+        for triple in ontology.triples(p=word)
+        if isinstance(triple.subject, str)
+    }
+    message = f"`{local_name(statements.iri)}` names the constraint `{name}`, which relates nothing"
+    similar = get_close_matches(name, known, n=1)
+    return error("R011", message, loose.span, f"did you mean `{similar[0]}`?" if similar else f"give it {both}")
 
 
-def _strangers(ontology: Ontology, stating: str, recipe: Recipe) -> Iterator[Diagnostic]:
+def _strangers(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
     """Names that are ordered but no sub-actions, each once, at its first mention."""
-    stated = [sub_action.iri for sub_action in sub_actions(ontology, stating) if sub_action.iri is not None]
+    stated = list(statements.names)
     undefined = [iri for iri in stated if not ontology.defined(iri)]
     mentions: dict[str, list[Ordering]] = {}
     for ordering in recipe.orderings:
@@ -94,7 +88,7 @@ def _cycle(recipe: Recipe, cycle: tuple[str, ...]) -> Diagnostic:
 
 def _repeated(recipe: Recipe) -> Iterator[Diagnostic]:
     first: dict[tuple[str, str], Ordering] = {}
-    for ordering in recipe.orderings:
+    for ordering in _constraints(recipe):
         earlier = first.setdefault((ordering.before, ordering.after), ordering)
         if earlier is not ordering:
             message = (
@@ -104,8 +98,13 @@ def _repeated(recipe: Recipe) -> Iterator[Diagnostic]:
             yield note("R013", message, ordering.span, "remove one of them")
 
 
+def _constraints(recipe: Recipe) -> Iterator[Ordering]:
+    """The orderings that the file states as such."""
+    yield from (ordering for ordering in recipe.orderings if ordering.reason is Reason.CONSTRAINT)
+
+
 def _redundant(recipe: Recipe) -> Iterator[Diagnostic]:
-    graph = recipe_graph(recipe)
+    graph = recipe_graph(replace(recipe, orderings=tuple(_constraints(recipe))))
     extra = graph.number_of_edges() - reduced(graph).number_of_edges()
     if extra and closed(graph).number_of_edges() != graph.number_of_edges():
         message = f"{extra} of the {graph.number_of_edges()} orderings of `{recipe.name}` follow from the others"

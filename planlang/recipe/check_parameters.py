@@ -6,13 +6,15 @@ from collections.abc import Iterator
 from difflib import get_close_matches
 
 from planlang.designators import RELATIONS, local_name
-from planlang.diagnostics import Diagnostic, Severity, Span, error, warning
+from planlang.diagnostics import Diagnostic, Severity, error, warning
 from planlang.ontology import BNode, Ontology, shorten
 from planlang.ontology.terms import is_vocabulary
 from planlang.recipe.actions import Actions
+from planlang.recipe.fillings import action_class, fillings
 from planlang.recipe.model import Place, Recipe, Step, Thing
-from planlang.recipe.reading import filling_restrictions, sub_actions
+from planlang.recipe.readers.data_flow import made
 from planlang.recipe.repairs import violates_range
+from planlang.recipe.statements import Filling, Statements
 from planlang.recipe.terms import read_filler, unread_references
 
 _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
@@ -34,34 +36,36 @@ def check_parameters(actions: Actions, owner: Step | Recipe) -> Iterator[Diagnos
                 yield error("R036", message, ontology.span(filler.iri) or owner.span, advice)
 
 
-def check_fillers(actions: Actions, stating: str) -> Iterator[Diagnostic]:
+def check_fillers(actions: Actions, statements: Statements) -> Iterator[Diagnostic]:
     """Judge the fillers that the file states for a task and its sub-actions, before anything is left out."""
     ontology = actions.ontology
-    owners = [(stating, ())] + [
-        (sub_action.iri, sub_action.restrictions) for sub_action in sub_actions(ontology, stating) if sub_action.iri
-    ]
+    known = made(ontology, statements)
+    owners = [(statements.iri, statements.fillings)]
+    owners += [(sub.iri, sub.fillings) for sub in statements.sub_actions if sub.iri is not None]
     for owner, more in owners:
-        for restrictions in filling_restrictions(ontology, owner, more):
-            for restriction in restrictions:
-                yield from _property(actions, owner, restriction.property, restriction.span)
-                yield from _filler(ontology, owner, restriction.property, restriction.filler, restriction.span)
+        cls = owner if ontology.is_class(owner) else action_class(ontology, owner) or owner
+        listed = actions.properties(cls)
+        for level in fillings(ontology, owner, more):
+            for filling in level:
+                yield from _property(owner, listed, filling)
+                if filling.term not in known:
+                    yield from _filler(ontology, owner, filling)
 
 
-def _property(actions: Actions, owner: str, property_iri: str, span: Span) -> Iterator[Diagnostic]:
-    listed = actions.properties(owner)
-    if not listed or property_iri in listed:
+def _property(owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:
+    if not listed or filling.property in listed:
         return
     names = sorted(local_name(name) for name in listed)
-    short = local_name(property_iri)
+    short = local_name(filling.property)
     similar = get_close_matches(short, names, n=1, cutoff=0.85)
     is_misspelt = bool(similar) and not is_vocabulary(short)
     severity = Severity.ERROR if is_misspelt else Severity.WARNING
     advice = f"did you mean {similar[0]}?" if similar else f"its properties are {', '.join(names)}"
-    yield Diagnostic(severity, "R031", f"`{local_name(owner)}` has no property {short}", span, advice)
+    yield Diagnostic(severity, "R031", f"`{local_name(owner)}` has no property {short}", filling.span, advice)
 
 
-def _filler(ontology: Ontology, owner: str, property_iri: str, term: object, span: Span) -> Iterator[Diagnostic]:
-    short = local_name(shorten(property_iri))
+def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagnostic]:
+    short, term, span = local_name(shorten(filling.property)), filling.term, filling.span
     if isinstance(term, BNode):
         message = f"{short} of `{local_name(owner)}` is an anonymous expression, which is left out"
         yield warning("R035", message, span, "name a class or an individual")

@@ -13,14 +13,16 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
 from planlang.recipe.graph import closed, recipe_graph, sorted_nodes
 from planlang.recipe.model import Recipe, RecipeSet
-from planlang.recipe.reading import read_orderings, sub_actions
+from planlang.recipe.statements import Statements
 
 
-def check_sub_actions(actions: Actions, stating: str, recipe: Recipe, *, allow_abstract: bool) -> Iterator[Diagnostic]:
-    """Judge the sub-actions that the class ``stating`` gives the recipe."""
+def check_sub_actions(
+    actions: Actions, statements: Statements, recipe: Recipe, *, allow_abstract: bool
+) -> Iterator[Diagnostic]:
+    """Judge the sub-actions that the file states for the recipe."""
     ontology = actions.ontology
     seen: dict[str, int] = {}
-    for sub_action in sub_actions(ontology, stating):
+    for sub_action in statements.sub_actions:
         iri = sub_action.iri
         if iri is None:
             message = f"a sub-action of `{recipe.name}` is an expression without a named action class"
@@ -32,7 +34,7 @@ def check_sub_actions(actions: Actions, stating: str, recipe: Recipe, *, allow_a
         seen[iri] = sub_action.span.line
         if not ontology.defined(iri):
             message = f"sub-action `{local_name(iri)}` of `{recipe.name}` is not defined"
-            yield error("R020", message, sub_action.span, _instead(ontology, stating, recipe, iri))
+            yield error("R020", message, sub_action.span, _instead(ontology, statements, iri))
     for step in recipe.steps:
         if step.is_abstract:
             message = f"nothing performs `{step.name}`: it is no primitive and has no recipe"
@@ -76,13 +78,11 @@ def check_base_motions(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> 
             yield error("R040", message, recipe.step(second).span, ordering_to_write(recipe, first, second))
 
 
-def _instead(ontology: Ontology, stating: str, recipe: Recipe, undefined: str) -> str:
+def _instead(ontology: Ontology, statements: Statements, undefined: str) -> str:
     """What may have been meant by a name that nothing defines."""
-    stated = {sub_action.iri for sub_action in sub_actions(ontology, stating)}
-    for ordering in read_orderings(ontology, stating):
-        for name in (ordering.before, ordering.after):
-            if name not in stated and ontology.defined(name):
-                return f"did you mean `{local_name(name)}`, which is ordered but is not a sub-action?"
+    for name in statements.mentioned():
+        if name not in statements.names and ontology.defined(name):
+            return f"did you mean `{local_name(name)}`, which is ordered but is not a sub-action?"
     names = {local_name(name): None for name in _classes(ontology)}
     similar = get_close_matches(local_name(undefined), names, n=1)
     if similar:

@@ -35,19 +35,20 @@ def read_recipe(
     """
     ontology = actions.ontology
     try:
-        chosen = choose_task(ontology, actions, task)
+        chosen = choose_task(actions, task)
     except BadInput as problem:
         return Reading(None, problem.diagnostics)
-    found = read_recipes(ontology, actions, chosen)
+    found = read_recipes(actions, chosen)
     diagnostics: list[Diagnostic] = list(check_recursion(found))
     is_finite = not diagnostics
     recipes, notes = repaired(ontology, found)
     diagnostics += notes
     for recipe in recipes.recipes.values():
-        stating = recipes_for(ontology, recipe.iri, actions.primitives)[0][0]
-        diagnostics += check_sub_actions(actions, stating, recipe, allow_abstract=allow_abstract)
-        diagnostics += check_orderings(ontology, stating, recipe)
-        diagnostics += check_fillers(actions, stating)
+        statements = actions.statements(recipes_for(actions, recipe.iri)[0][0])
+        assert statements is not None
+        diagnostics += check_sub_actions(actions, statements, recipe, allow_abstract=allow_abstract)
+        diagnostics += check_orderings(ontology, statements, recipe)
+        diagnostics += check_fillers(actions, statements)
         owners: tuple[Recipe | Step, ...] = (recipe, *recipe.steps)
         for owner in owners:
             diagnostics += check_parameters(actions, owner)

@@ -1,14 +1,15 @@
-"""The dependency graph of a recipe: closure, reduction, cycles, total orders and blocks."""
+"""The dependency graph of a recipe: its orderings as edges, cycles, reduction, closure, total orders."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable
 from itertools import pairwise
 from typing import TypeVar
 
 import networkx as nx
 
 from planlang.recipe.model import Recipe
+from planlang.recipe.precedence import Precedence
 
 Node = TypeVar("Node", bound=Hashable)
 
@@ -32,51 +33,85 @@ def recipe_graph(recipe: Recipe) -> nx.DiGraph:
 def shortest_cycle(graph: nx.DiGraph) -> tuple[Node, ...] | None:
     """A shortest cycle, without its repeated end; among equals the one found from the earliest node.
 
-    Only nodes of non-trivial strongly connected components are searched, breadth first: O(n * m) at worst.
+    Breadth first from each node that is on a cycle, no farther than the shortest cycle known; a node is taken out when
+    all cycles through it are known, and with it what then leads nowhere. O(n * m) at worst, O(m) for one long cycle.
     """
-    best: list[Node] | None = None
-    order = {node: index for index, node in enumerate(graph.nodes)}
-    cyclic = [
-        component
-        for component in nx.strongly_connected_components(graph)
-        if len(component) > 1 or any(graph.has_edge(node, node) for node in component)
-    ]
-    for node in sorted((node for component in cyclic for node in component), key=order.__getitem__):
+    for node in graph.nodes:
         if graph.has_edge(node, node):
             return (node,)
-        for successor in graph.successors(node):
-            try:
-                path = nx.shortest_path(graph, successor, node)
-            except nx.NetworkXNoPath:
-                continue
-            if best is None or len(path) < len(best):
-                best = [node, *path[:-1]]
-    return tuple(best) if best else None
+    on_cycles = {node for part in nx.strongly_connected_components(graph) if len(part) > 1 for node in part}
+    after = {node: {other: None for other in graph.successors(node) if other in on_cycles} for node in on_cycles}
+    before = {node: {other: None for other in graph.predecessors(node) if other in on_cycles} for node in on_cycles}
+    best: tuple[Node, ...] | None = None
+    for node in graph.nodes:
+        if node in after:
+            found = _cycle_through(node, after, len(best) - 1 if best else len(after))
+            best = found or best
+            _take_out(node, after, before)
+    return best
+
+
+Links = dict[Node, dict[Node, None]]
+
+
+def _cycle_through(start: Node, after: Links[Node], longest: int) -> tuple[Node, ...] | None:
+    """A shortest way from a node back to it, of at most ``longest`` nodes."""
+    came_from: dict[Node, Node] = {}
+    front = [start]
+    for _ in range(longest):
+        reached: list[Node] = []
+        for node in front:
+            for other in after[node]:
+                if other == start:
+                    path = [node]
+                    while path[-1] != start:
+                        path.append(came_from[path[-1]])
+                    return tuple(reversed(path))
+                if other not in came_from:
+                    came_from[other] = node
+                    reached.append(other)
+        front = reached
+    return None
+
+
+def _take_out(node: Node, after: Links[Node], before: Links[Node]) -> None:
+    """Remove a node, and all that is then on no cycle because nothing leads to it or away from it."""
+    waiting = [node]
+    while waiting:
+        one = waiting.pop()
+        if one not in after:
+            continue
+        for forward, backward in ((after, before), (before, after)):
+            for other in forward.pop(one):
+                if other in backward:
+                    del backward[other][one]
+                    if not backward[other]:
+                        waiting.append(other)
 
 
 def reduced(graph: nx.DiGraph) -> nx.DiGraph:
     """The transitive reduction of an acyclic graph; nodes and edges in the order of its nodes."""
-    return _in_node_order(graph, nx.transitive_reduction(graph))
+    order: Precedence[Hashable] = Precedence(graph)
+    return order_graph(graph.nodes, order.reduction())
 
 
 def closed(graph: nx.DiGraph) -> nx.DiGraph:
-    """The transitive closure of an acyclic graph; nodes and edges in the order of its nodes."""
-    return _in_node_order(graph, nx.transitive_closure_dag(graph))
+    """The transitive closure of an acyclic graph; nodes and edges in the order of its nodes.
 
-
-def _in_node_order(graph: nx.DiGraph, edges: nx.DiGraph) -> nx.DiGraph:
-    """The edges sorted by the nodes of ``graph``: networkx goes through sets, whose order changes from run to run."""
-    order = {node: index for index, node in enumerate(graph.nodes)}
-    result = nx.DiGraph()
-    result.add_nodes_from(graph.nodes)
-    result.add_edges_from((a, b) for a in graph.nodes for b in sorted(edges.successors(a), key=order.__getitem__))
-    return result
+    For drawing and for small graphs: to ask what comes before what a :class:`Precedence` takes far less room.
+    """
+    order: Precedence[Hashable] = Precedence(graph)
+    rank = {node: index for index, node in enumerate(graph.nodes)}
+    return order_graph(
+        graph.nodes,
+        ((a, b) for a in graph.nodes for b in sorted(order.members(order.later(a)), key=rank.__getitem__)),
+    )
 
 
 def sorted_nodes(graph: nx.DiGraph) -> list[Node]:
     """The linear extension that keeps as close to node order as the graph allows."""
-    order = {node: index for index, node in enumerate(graph.nodes)}
-    return list(nx.lexicographical_topological_sort(graph, key=order.__getitem__))
+    order: Precedence[Node] = Precedence(graph)
+    return list(order.extension)
 
 
 def total_order(graph: nx.DiGraph) -> tuple[Node, ...] | None:
@@ -85,22 +120,3 @@ def total_order(graph: nx.DiGraph) -> tuple[Node, ...] | None:
     if all(graph.has_edge(a, b) for a, b in pairwise(nodes)):
         return tuple(nodes)
     return None
-
-
-def blocks(graph: nx.DiGraph) -> list[list[Node]]:
-    """Split an acyclic graph into the longest series of blocks such that all of one come before all of the next.
-
-    The blocks are the connected components of incomparability; within a block nodes keep their order in the graph.
-    """
-    closure = closed(graph)
-    remaining: Sequence[Node] = sorted_nodes(graph)
-    series: list[list[Node]] = []
-    block: list[Node] = []
-    for index, node in enumerate(remaining):
-        block.append(node)
-        later = remaining[index + 1 :]
-        if all(closure.has_edge(a, b) for a in block for b in later):
-            series.append(block)
-            block = []
-    order = {node: index for index, node in enumerate(graph.nodes)}
-    return [sorted(nodes, key=order.__getitem__) for nodes in series]

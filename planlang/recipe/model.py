@@ -1,4 +1,22 @@
-"""The recipe model: what a recipe says, whatever dialect it was written in."""
+"""The recipe model: what a recipe says, whatever dialect it was written in.
+
+A recipe is steps with four kinds of statements among them, each about IRIs of steps:
+
+* ``orderings``: one step ends before another begins. Of two intervals, "before" and "meets" are both that; a plan does
+  not measure the gap between them.
+* ``overlaps``: of two intervals, any other relation. It constrains when the steps begin and end relative to each
+  other (:meth:`Allen.endpoints`), so that they have to run side by side: a parallel scope, in which the one watches
+  the other. One of the two may be the recipe itself: a step that starts it begins no later than any other step, and
+  one that finishes it ends no earlier. An order of steps that follows from overlaps is also among the orderings, with
+  reason OVERLAP.
+* ``flows``: one step makes or finds what another one uses. Every flow that says which step comes first also is an
+  ordering with reason DATA_FLOW, so that who looks at orders alone misses nothing; a flow besides says what is passed.
+* ``machine``: the steps are states, which follow each other by transitions as they end this way or that. Then
+  ``orderings`` and ``overlaps`` are empty, every state is a step, and a state may be visited any number of times.
+
+A step is a class of actions, or an individual of one: ``iri`` names the step, ``action_class`` what it is. Two steps
+of a recipe may be individuals of the same class. Whatever is looked up in the taxonomy goes by ``action_class``.
+"""
 
 from __future__ import annotations
 
@@ -87,12 +105,29 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
+class Description:
+    """Any situation of a class (``type``, an IRI) in which these properties are filled like this.
+
+    ``type`` may also be an individual: then that very situation.
+    """
+
+    type: str
+    parameters: tuple[Parameter, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Local name of the class or the individual."""
+        return local_name(self.type)
+
+
+@dataclass(frozen=True, slots=True)
 class Step:
     """One sub-action of a recipe.
 
-    ``action`` is the nearest class of the vocabulary (local name); ``recipes`` are the classes (IRIs) whose recipes
-    perform the step, more than one if they are alternatives; ``primitive`` is the class (IRI) listed as a
-    primitive. A step that has neither is abstract.
+    ``action`` is the nearest class of the vocabulary (local name); ``recipes`` are the classes or individuals (IRIs)
+    whose recipes perform the step, more than one if they are alternatives; ``primitive`` is the class (IRI) listed as
+    a primitive. A step that has neither is abstract. ``cls`` is the class of a step that is an individual, None for
+    one that is a class itself. ``condition`` is what a step that checks something finds to be true or false.
     """
 
     iri: str
@@ -102,11 +137,18 @@ class Step:
     primitive: str | None = None
     label: str | None = None
     span: Span | None = None
+    cls: str | None = None
+    condition: Description | None = None
 
     @property
     def name(self) -> str:
-        """Local name of the step's class."""
+        """Local name of the step's class, or of the step if that is an individual."""
         return local_name(self.iri)
+
+    @property
+    def action_class(self) -> str:
+        """The class of actions (IRI) that the step is, or is an individual of."""
+        return self.cls or self.iri
 
     def fillers(self, property_name: str) -> tuple[Filler, ...]:
         """What fills a property, in the order of the file."""
@@ -123,6 +165,7 @@ class Reason(Enum):
 
     CONSTRAINT = "ordering constraint"
     DATA_FLOW = "data flow"
+    OVERLAP = "overlap"
     SCOPE = "location scope"
 
 
@@ -137,9 +180,120 @@ class Ordering:
     span: Span | None = None
 
 
+class Allen(Enum):
+    """How two intervals overlap, after J. F. Allen (1983); their inverses are said the other way round."""
+
+    OVERLAPS = "overlaps"
+    DURING = "during"
+    STARTS = "starts"
+    FINISHES = "finishes"
+    EQUALS = "equals"
+
+    def endpoints(self) -> tuple[tuple[End, str, End], ...]:
+        """What "first relation second" says about beginnings and ends, as (end, "<" or "=", end).
+
+        In a plan ``<`` lets the later one happen only after the earlier one has; ``=`` lets both happen only when
+        both can: steps begin together, and neither counts as ended while the other has not.
+        """
+        return _ENDPOINTS[self]
+
+
+class End(Enum):
+    """An end of one of the two intervals of an overlap."""
+
+    FIRST_BEGINS = "first begins"
+    FIRST_ENDS = "first ends"
+    SECOND_BEGINS = "second begins"
+    SECOND_ENDS = "second ends"
+
+
+_ENDPOINTS: dict[Allen, tuple[tuple[End, str, End], ...]] = {
+    Allen.OVERLAPS: (
+        (End.FIRST_BEGINS, "<", End.SECOND_BEGINS),
+        (End.SECOND_BEGINS, "<", End.FIRST_ENDS),
+        (End.FIRST_ENDS, "<", End.SECOND_ENDS),
+    ),
+    Allen.DURING: ((End.SECOND_BEGINS, "<", End.FIRST_BEGINS), (End.FIRST_ENDS, "<", End.SECOND_ENDS)),
+    Allen.STARTS: ((End.FIRST_BEGINS, "=", End.SECOND_BEGINS), (End.FIRST_ENDS, "<", End.SECOND_ENDS)),
+    Allen.FINISHES: ((End.SECOND_BEGINS, "<", End.FIRST_BEGINS), (End.FIRST_ENDS, "=", End.SECOND_ENDS)),
+    Allen.EQUALS: ((End.FIRST_BEGINS, "=", End.SECOND_BEGINS), (End.FIRST_ENDS, "=", End.SECOND_ENDS)),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Overlap:
+    """``first`` stands in ``relation`` to ``second``: IRIs of steps, or of the recipe itself. Never both the same."""
+
+    first: str
+    relation: Allen
+    second: str
+    span: Span | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """``producer`` makes or finds what ``consumer`` uses; both are IRIs of steps.
+
+    ``resource`` is the individual or class (IRI) that is passed, None if the recipe does not say. ``consumes`` is the
+    property of the consumer that it fills (local name of the vocabulary, else an IRI; its parameters have it too),
+    None if no property of the consumer fits: then the flow only orders. ``iri`` names the constraint that says so.
+    """
+
+    producer: str
+    consumer: str
+    resource: str | None = None
+    consumes: str | None = None
+    iri: str | None = None
+    span: Span | None = None
+
+
+class Ending(Enum):
+    """How a state ends, as transitions tell it apart.
+
+    DONE: its step was performed. TRUE and FALSE: what the step checks (its ``condition``) was found to be so, or not.
+    FAILED: its step failed. OTHER: it said the outcome by name.
+    """
+
+    DONE = "completed"
+    TRUE = "condition true"
+    FALSE = "condition false"
+    FAILED = "failed"
+    OTHER = "other"
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """From one state (IRI of a step) to another if the first ends with ``outcome`` (IRI; ``ending`` is what it means).
+
+    Without outcome (None, ending DONE) the transition is taken whenever the step was performed.
+    """
+
+    source: str
+    target: str
+    ending: Ending = Ending.DONE
+    outcome: str | None = None
+    iri: str | None = None
+    span: Span | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StateMachine:
+    """States (IRIs of the recipe's steps) and transitions, in the order of the file.
+
+    The machine begins in ``start`` and is done when one of ``ends`` has been performed.
+    """
+
+    start: str
+    ends: tuple[str, ...]
+    transitions: tuple[Transition, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """A task: its steps in the order of the file, and the orderings that the file states or implies."""
+    """A task: its steps in the order of the file, and what the file states or implies about their order.
+
+    ``iri`` is the task's class, or the individual if the task is one; then ``cls`` is its class.
+    """
 
     iri: str
     action: str
@@ -149,11 +303,20 @@ class Recipe:
     label: str | None = None
     span: Span | None = None
     dialect: str = "D1"
+    overlaps: tuple[Overlap, ...] = ()
+    flows: tuple[Flow, ...] = ()
+    machine: StateMachine | None = None
+    cls: str | None = None
 
     @property
     def name(self) -> str:
-        """Local name of the task's class."""
+        """Local name of the task's class, or of the task if that is an individual."""
         return local_name(self.iri)
+
+    @property
+    def action_class(self) -> str:
+        """The class of actions (IRI) that the task is, or is an individual of."""
+        return self.cls or self.iri
 
     def step(self, iri: str) -> Step:
         """The step of a class; KeyError if it is no step."""

@@ -1,89 +1,48 @@
-"""Reading recipes of dialects D1 and D1f: subAction restrictions, in an intersection or flat, and ordering constraints.
+"""From what a file states to the recipe model: which recipe performs a class, its steps, and what is among them.
 
-The reader keeps everything that the file says, right or wrong; :mod:`planlang.recipe.checks` judges it.
+Everything that the file says is kept, right or wrong; :mod:`planlang.recipe.checks` judges it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 
-from planlang.diagnostics import Span
-from planlang.ontology import BNode, Ontology, Restriction, Term, expand, shorten
-from planlang.recipe.model import Ordering, Parameter, Reason, Recipe, Step
-from planlang.recipe.tables import Primitive
-from planlang.recipe.terms import is_device, nearest_in_vocabulary, read_filler
-
-SUB_ACTION = expand("subAction")
-ORDERING = expand("orderingConstraints")
-TRANSITION = expand("stateTransition")
-DATA_FLOW = expand("inputOutputConstraints")
-BEFORE = expand("occursBeforeInOrdering")
-AFTER = expand("occursAfterInOrdering")
-
-NO_PARAMETERS = frozenset(
-    expand(name)
-    for name in (
-        "subAction",
-        "subEvents",
-        "orderingConstraints",
-        "inputOutputConstraints",
-        "dependsOnCapability",
-        "dependsOnComponent",
-        "hasCapability",
-        "providedByMotionPrimitive",
-        "lispClass",
-        "stateTransition",
-        "taskStartState",
-        "taskEndState",
-        "nextAction",
-        "previousAction",
-        "constrainedBy",
-    )
-)
-"""Properties of action classes that say how or with what right, not on what."""
+from planlang.ontology import BNode, Ontology, expand, shorten
+from planlang.recipe.actions import Actions
+from planlang.recipe.fillings import action_class, read_parameters
+from planlang.recipe.intervals import implied_by_overlaps
+from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, Step
+from planlang.recipe.readers.data_flow import made
+from planlang.recipe.statements import KINDS, Statements, SubAction, is_word
+from planlang.recipe.terms import nearest_in_vocabulary, read_filler
 
 
-@dataclass(frozen=True, slots=True)
-class SubAction:
-    """A sub-action as the file states it: its named class and what an anonymous intersection adds to it."""
+def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
+    """Who performs an action: the classes whose recipes do, or the primitive class that does; the nearer wins.
 
-    iri: str | None
-    restrictions: tuple[Restriction, ...]
-    span: Span
-
-
-def states_recipe(ontology: Ontology, cls: str) -> bool:
-    """True if the class itself states sub-actions in a dialect that is read: a finite-state recipe does not."""
-    properties = {restriction.property for restriction in own_restrictions(ontology, cls)}
-    return SUB_ACTION in properties and TRANSITION not in properties
-
-
-def own_restrictions(ontology: Ontology, cls: str) -> tuple[Restriction, ...]:
-    """The class's own restrictions, those under owl:equivalentClass left out, in source order."""
-    return tuple(restriction for restriction in ontology.restrictions(cls) if restriction.form != "equivalent")
-
-
-def recipes_for(ontology: Ontology, cls: str, primitives: dict[str, Primitive]) -> tuple[tuple[str, ...], str | None]:
-    """Who performs a class: the classes whose recipes do, or the primitive class that does; the nearer wins.
-
-    On a tie the recipe wins. Several recipes at the same distance are alternatives.
+    An individual's own recipe is nearer than any of its class. On a tie the recipe wins. Several recipes at the same
+    distance are alternatives.
     """
-    for level in levels(ontology, cls):
-        found = tuple(ancestor for ancestor in level if states_recipe(ontology, ancestor))
+    for level in levels(actions.ontology, iri):
+        found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
         if found:
             return found, None
         for ancestor in level:
-            if ancestor in primitives:
+            if ancestor in actions.primitives:
                 return (), ancestor
     return (), None
 
 
-def levels(ontology: Ontology, cls: str) -> Iterator[tuple[str, ...]]:
-    """The class, its direct superclasses, theirs, ...: each class once, at its least distance."""
+def levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
+    """An individual; a class, its direct superclasses, theirs, ...: each class once, at its least distance."""
+    cls = iri
+    if not ontology.is_class(iri):
+        yield (iri,)
+        cls = action_class(ontology, iri) or iri
     known = set(ontology.ancestors(cls))
-    seen = {cls}
-    level: tuple[str, ...] = (cls,)
+    seen = {cls, iri}
+    level: tuple[str, ...] = (cls,) if cls != iri or ontology.is_class(iri) else ()
     while level:
         yield level
         above: list[str] = []
@@ -95,143 +54,93 @@ def levels(ontology: Ontology, cls: str) -> Iterator[tuple[str, ...]]:
         level = tuple(above)
 
 
-def sub_actions(ontology: Ontology, cls: str) -> tuple[SubAction, ...]:
-    """The sub-actions of a class in the order of the file, repeated ones included."""
-    found = []
-    for restriction in own_restrictions(ontology, cls):
-        if restriction.property == SUB_ACTION and restriction.kind in ("some", "value", "min", "exactly"):
-            if isinstance(restriction.filler, BNode):
-                found.append(_anonymous(ontology, restriction))
-            elif isinstance(restriction.filler, str):
-                found.append(SubAction(restriction.filler, (), restriction.span))
-    return tuple(found)
+def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = frozenset()) -> Step | None:
+    """A sub-action as a step; None if it names nothing that is defined.
 
-
-def read_orderings(ontology: Ontology, cls: str) -> tuple[Ordering, ...]:
-    """The orderings that a class states, by constraints and by data flow; incomplete constraints are left out."""
-    orderings = []
-    for restriction in own_restrictions(ontology, cls):
-        if restriction.property not in (ORDERING, DATA_FLOW) or not isinstance(restriction.filler, str):
-            continue
-        constraint = restriction.filler
-        data_flow = restriction.property == DATA_FLOW
-        befores = ontology.values(constraint, "createsOutput" if data_flow else BEFORE)
-        afters = ontology.values(constraint, "requiresInput" if data_flow else AFTER)
-        reason = Reason.DATA_FLOW if data_flow else Reason.CONSTRAINT
-        span = ontology.span(constraint) or restriction.span
-        orderings += [
-            Ordering(before, after, constraint, reason, span)
-            for before in befores
-            for after in afters
-            if isinstance(before, str) and isinstance(after, str)
-        ]
-    return tuple(orderings)
-
-
-def read_parameters(ontology: Ontology, cls: str, more: tuple[Restriction, ...] = ()) -> tuple[Parameter, ...]:
-    """What fills the properties of an action class: ``more``, its own restrictions, and those of its ancestors.
-
-    A nearer filler replaces a farther one of the same property. A robot part given as a body part is the device used.
+    ``known`` are individuals that need not be defined, as another step creates them.
     """
-    found: dict[str, list[Parameter]] = {}
-    for restrictions in filling_restrictions(ontology, cls, more):
-        nearer = set(found)
-        for restriction in restrictions:
-            parameter = _parameter(ontology, restriction)
-            if parameter is not None and parameter.property not in nearer:
-                found.setdefault(parameter.property, []).append(parameter)
-    return tuple(dict.fromkeys(parameter for parameters in found.values() for parameter in parameters))
-
-
-def filling_restrictions(
-    ontology: Ontology, cls: str, more: tuple[Restriction, ...] = ()
-) -> Iterator[list[Restriction]]:
-    """The restrictions that say what fills the properties of an action class, nearest class first.
-
-    Superclasses and equivalent classes count alike. What the bundled vocabulary says about its own classes does not.
-    """
-    own = [
-        ontology.restrictions(ancestor)
-        for ancestor in ontology.ancestors(cls)
-        if shorten(ancestor) == ancestor or ontology.main(ancestor)
-    ]
-    for restrictions in (more, *own):
-        yield [
-            restriction
-            for restriction in restrictions
-            if restriction.property not in NO_PARAMETERS and restriction.kind in ("some", "value", "exactly", "min")
-        ]
-
-
-def read_step(ontology: Ontology, sub_action: SubAction, primitives: dict[str, Primitive]) -> Step | None:
-    """A sub-action as a step; None if it has no named class that is defined."""
-    iri = sub_action.iri
+    ontology, iri = actions.ontology, sub_action.iri
     if iri is None or not ontology.defined(iri):
         return None
-    recipes, primitive = recipes_for(ontology, iri, primitives)
+    cls = None if ontology.is_class(iri) else action_class(ontology, iri)
+    recipes, primitive = recipes_for(actions, iri)
     return Step(
         iri,
-        nearest_in_vocabulary(ontology, iri),
-        read_parameters(ontology, iri, sub_action.restrictions),
+        nearest_in_vocabulary(ontology, cls or iri),
+        read_parameters(ontology, iri, sub_action.fillings, known),
         recipes,
         primitive,
         ontology.label(iri) if shorten(iri) == iri else None,
         sub_action.span,
+        cls,
+        _condition(ontology, cls or iri),
     )
 
 
-def read_recipe_of(ontology: Ontology, cls: str, primitives: dict[str, Primitive], task: str | None = None) -> Recipe:
-    """The recipe that a class states: repeated and undefined sub-actions left out.
+def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> Recipe:
+    """The recipe that a class or an individual states: repeated and undefined sub-actions left out.
 
-    ``task`` is the class it is read for, when that inherits it.
+    ``task`` is what it is read for, when that inherits it. Raises KeyError if it states none.
     """
-    task = task or cls
+    ontology, statements = actions.ontology, actions.statements(stating)
+    if statements is None:
+        raise KeyError(stating)
+    task = task or statements.iri
+    known = made(ontology, statements)
     steps: dict[str, Step] = {}
-    for sub_action in sub_actions(ontology, cls):
-        step = read_step(ontology, sub_action, primitives)
-        if step is not None:
-            steps.setdefault(step.iri, step)
-    flat = any(
-        restriction.property == SUB_ACTION and restriction.form == "flat"
-        for restriction in own_restrictions(ontology, cls)
-    )
-    return Recipe(
+    for sub_action in (*statements.sub_actions, *_states(actions, statements)):
+        if sub_action.iri is None or sub_action.iri not in steps:
+            step = read_step(actions, sub_action, known)
+            if step is not None:
+                steps[step.iri] = step
+    cls = None if ontology.is_class(task) else action_class(ontology, task)
+    recipe = Recipe(
         task,
-        nearest_in_vocabulary(ontology, task),
+        nearest_in_vocabulary(ontology, cls or task),
         tuple(steps.values()),
-        read_orderings(ontology, cls),
-        read_parameters(ontology, task),
+        () if statements.is_finite_state else statements.orderings,
+        read_parameters(ontology, task, statements.fillings, known),
         ontology.label(task),
         ontology.span(task),
-        "D1f" if flat else "D1",
+        statements.dialect,
+        statements.overlaps,
+        statements.flows,
+        statements.machine,
+        cls,
     )
+    implied = [Ordering(before, after, reason=Reason.OVERLAP) for before, after in implied_by_overlaps(recipe)]
+    return replace(recipe, orderings=(*recipe.orderings, *implied)) if implied else recipe
 
 
-def _parameter(ontology: Ontology, restriction: Restriction) -> Parameter | None:
-    filler = read_filler(ontology, restriction.filler)
-    if filler is None:
+def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
+    """States that transitions name and something defines, though they are no sub-actions."""
+    if statements.is_finite_state:
+        span = actions.ontology.span(statements.iri)
+        for name in statements.mentioned():
+            where = actions.ontology.span(name) or span
+            if where is not None and name not in statements.names:
+                yield SubAction(name, (), where)
+
+
+def _condition(ontology: Ontology, cls: str) -> Description | None:
+    """What a class of actions checks: the class expression, class or individual that ``conditionEvaluated`` names."""
+    for ancestor in ontology.ancestors(cls):
+        for restriction in ontology.restrictions(ancestor):
+            if is_word(restriction.property, "conditionEvaluated") and restriction.kind in KINDS:
+                return read_description(ontology, restriction.filler)
+    return None
+
+
+def read_description(ontology: Ontology, term: object) -> Description | None:
+    """A class with restrictions as a description; None if it names no class."""
+    if isinstance(term, str):
+        return Description(term)
+    if not isinstance(term, BNode):
         return None
-    property_name = shorten(restriction.property)
-    if property_name == "bodyPartsUsed" and _is_device_term(ontology, restriction.filler):
-        property_name = "deviceUsed"
-    return Parameter(property_name, filler, restriction.span)
-
-
-def _is_device_term(ontology: Ontology, term: Term) -> bool:
-    return (
-        isinstance(term, str)
-        and not isinstance(term, BNode)
-        and any(is_device(ontology, cls) for cls in (ontology.types(term) or (term,)))
-    )
-
-
-def _anonymous(ontology: Ontology, restriction: Restriction) -> SubAction:
-    """A sub-action that is an intersection: its first named member, placed where that stands, and its restrictions."""
-    filler = restriction.filler
-    assert isinstance(filler, BNode)
-    named = next((member for member in ontology.members(filler) if isinstance(member, str)), None)
-    span = restriction.span
-    if named is not None:
-        mentions = [triple.span for triple in ontology.triples(o=named) if triple.predicate.endswith("#first")]
-        span = min((mention for mention in mentions if mention >= span), default=span)
-    return SubAction(named, ontology.restrictions(filler), span)
+    cls = next((member for member in ontology.members(term) if isinstance(member, str)), expand("Situation"))
+    parameters = []
+    for restriction in ontology.restrictions(term):
+        filler = read_filler(ontology, restriction.filler)
+        if restriction.kind in KINDS and filler is not None:
+            parameters.append(Parameter(shorten(restriction.property), filler, restriction.span))
+    return Description(cls, tuple(parameters))

@@ -12,10 +12,12 @@ import networkx as nx
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, warning
+from planlang.ontology import shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
-from planlang.recipe.graph import closed, order_graph, recipe_graph, reduced
+from planlang.recipe.graph import order_graph, recipe_graph
 from planlang.recipe.model import Filler, Place, Recipe, Step, Thing
+from planlang.recipe.precedence import Precedence
 
 ROLES: dict[str, tuple[str, ...]] = {
     "acquires": ("GraspingSomething", "PickingUpAnObject", "TakingSomething"),
@@ -57,22 +59,40 @@ def wise_orderings(actions: Actions, recipe: Recipe) -> Iterator[tuple[str, str,
     facts = {step.iri: _facts(actions, step) for step in recipe.steps}
     all_roles = [role for fact in facts.values() for role in fact.roles]
     grasps = actions.is_a(recipe, *ROLES["acquires"])
-    active = [step for step in recipe.steps if facts[step.iri].roles]
+    active = [step.iri for step in recipe.steps if facts[step.iri].roles]
     stated = recipe_graph(recipe)
-    closure = closed(stated)
-    wished = nx.DiGraph(closure)
+    order: Precedence[str] = Precedence(stated)
+    rank = {iri: number for number, iri in enumerate(active)}
+    users: dict[frozenset[str], int] = {}
+    """The bits of the steps that do the same."""
+    for iri in active:
+        users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
+    wished = nx.DiGraph(stated)
     suggested: dict[tuple[str, str], str] = {}
     for first in active:
-        for second in active:
-            if first is second or closure.has_edge(first.iri, second.iri) or closure.has_edge(second.iri, first.iri):
-                continue
-            why = _why(facts[first.iri], facts[second.iri], all_roles, grasps=grasps)
-            if why is not None and not nx.has_path(wished, second.iri, first.iri):
-                wished.add_edge(first.iri, second.iri)
-                suggested[first.iri, second.iri] = why
-    for before, after in reduced(order_graph(stated.nodes, wished.edges)).edges:
-        if (before, after) in suggested:
-            yield before, after, suggested[before, after]
+        reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, all_roles, grasps))
+        unordered = reasonable & ~(order.later(first) | order.earlier(first) | order.bit(first))
+        for second in sorted(order.members(unordered), key=rank.__getitem__):
+            why = _why(facts[first], facts[second], all_roles, grasps=grasps)
+            if why is not None and not nx.has_path(wished, second, first):
+                wished.add_edge(first, second)
+                suggested[first, second] = why
+    if suggested:
+        wider: Precedence[str] = Precedence(order_graph(stated.nodes, wished.edges))
+        yield from (
+            (before, after, suggested[before, after])
+            for before, after in wider.reduction()
+            if (before, after) in suggested
+        )
+
+
+def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], grasps: bool) -> bool:
+    """True if steps that do this and that should be in order, at least when they are about the same."""
+    nothing, same = frozenset[str](), frozenset({""})
+    return any(
+        _why(_Facts(first, about), _Facts(second, about), all_roles, grasps=grasps) is not None
+        for about in (nothing, same)
+    )
 
 
 def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -> str | None:
@@ -109,7 +129,8 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
 
 
 def _facts(actions: Actions, step: Step) -> _Facts:
-    roles = {role for role, classes in ROLES.items() if actions.is_a(step, *classes)}
+    above = {shorten(ancestor) for ancestor in actions.ontology.ancestors(step.action_class)}
+    roles = {role for role, classes in ROLES.items() if not above.isdisjoint(classes)}
     if actions.is_base_motion(step):
         roles.add(BASE)
     about: set[str] = set()

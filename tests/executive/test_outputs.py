@@ -6,21 +6,31 @@ from pathlib import Path
 
 import pytest
 
-from executive.inputs import PlanHeader, header
 from executive.outputs import replace, write_plan, write_text
 from planlang.diagnostics import BadInput
+from planlang.plan_header import PlanHeader, digest, header
 
 
-def source(digest: str, body: str) -> str:
-    """A compiled plan of a recipe with that digest."""
-    return f'"""Serve.\n\nCompiled by planlang 0.1.0 from serve.omn\n(sha256 {digest}), task Serve.\n"""\n{body}\n'
+def source(recipe: str, body: str, *, compiled: str | None = None) -> str:
+    """A plan compiled from a recipe of that digest, with a body that was ``compiled`` before somebody edited it."""
+    below = digest(f'"""docstring"""\n{compiled or body}\n')
+    origin = PlanHeader("0.1.0", "serve.omn", recipe, "Serve", (), below)
+    said = "\n".join(origin.paragraphs())
+    return f'"""Serve.\n\n{said}\n"""\n{body}\n'
 
 
 OLD, NEW = "0123456789ab", "ba9876543210"
 
 
 def test_the_header_is_found_however_the_docstring_is_wrapped() -> None:
-    assert header(source(OLD, "")) == PlanHeader("0.1.0", "serve.omn", OLD, "Serve")
+    text = f'"""Serve.\n\nCompiled by planlang 0.1.0 from serve.omn\n(sha256 {OLD}),\ntask Serve.\n"""\n'
+    assert header(text) == PlanHeader("0.1.0", "serve.omn", OLD, "Serve")
+
+
+@pytest.mark.parametrize("options", [(), ("--no-scopes",), ("--no-scopes", "--no-dataflow")])
+def test_the_header_tells_what_was_written_into_it(options: tuple[str, ...]) -> None:
+    origin = PlanHeader("0.1.0", "my recipe.omn", OLD, "Serve", options, "0" * 64)
+    assert header('"""Serve.\n\n' + "\n".join(origin.paragraphs()) + '\n"""\n') == origin
 
 
 @pytest.mark.parametrize("text", ["", "x = (", '"""A plan by hand."""\n'])
@@ -57,18 +67,36 @@ def test_a_folder_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
 
 def test_an_unchanged_plan_is_written_again_without_question(tmp_path: Path) -> None:
     path = tmp_path / "plan.py"
-    assert write_plan(path, source(OLD, "a"), force=False) == []
-    assert write_plan(path, source(OLD, "a"), force=False) == []
+    write_plan(path, source(OLD, "a"), force=False)
+    write_plan(path, source(OLD, "a"), force=False)
+    assert path.read_text() == source(OLD, "a")
 
 
-def test_an_edited_plan_is_not_overwritten_without_force(tmp_path: Path) -> None:
+@pytest.mark.parametrize("recipe", [OLD, NEW])
+def test_an_edited_plan_is_not_overwritten_without_force(tmp_path: Path, recipe: str) -> None:
     path = tmp_path / "plan.py"
-    path.write_text(source(OLD, "edited"))
+    edited = source(OLD, "edited", compiled="compiled")
+    path.write_text(edited)
     with pytest.raises(BadInput, match=r"C005.*edited"):
-        write_plan(path, source(OLD, "compiled"), force=False)
-    assert path.read_text() == source(OLD, "edited")
-    write_plan(path, source(OLD, "compiled"), force=True)
-    assert path.read_text() == source(OLD, "compiled")
+        write_plan(path, source(recipe, "compiled"), force=False)
+    assert path.read_text() == edited
+    write_plan(path, source(recipe, "compiled"), force=True)
+    assert path.read_text() == source(recipe, "compiled")
+
+
+def test_a_plan_that_nobody_edited_is_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "plan.py"
+    path.write_text(source(OLD, "old"))
+    write_plan(path, source(NEW, "new"), force=False)
+    assert path.read_text() == source(NEW, "new")
+    assert [p.name for p in tmp_path.iterdir()] == ["plan.py"]
+
+
+def test_other_ends_of_lines_are_no_edit(tmp_path: Path) -> None:
+    path = tmp_path / "plan.py"
+    path.write_bytes(source(OLD, "old").replace("\n", "\r\n").encode())
+    write_plan(path, source(NEW, "new"), force=False)
+    assert path.read_text() == source(NEW, "new")
 
 
 def test_a_file_that_is_no_compiled_plan_is_not_overwritten_without_force(tmp_path: Path) -> None:
@@ -77,12 +105,3 @@ def test_a_file_that_is_no_compiled_plan_is_not_overwritten_without_force(tmp_pa
     with pytest.raises(BadInput, match=r"C005.*not a compiled plan"):
         write_plan(path, source(OLD, "a"), force=False)
     assert path.read_text() == "three years of work"
-
-
-def test_the_plan_of_an_earlier_recipe_is_kept_because_it_may_have_been_edited(tmp_path: Path) -> None:
-    path = tmp_path / "plan.py"
-    path.write_text(source(OLD, "maybe edited"))
-    notes = write_plan(path, source(NEW, "compiled"), force=False)
-    assert [note.code for note in notes] == ["C006"]
-    assert (tmp_path / "plan.py.old").read_text() == source(OLD, "maybe edited")
-    assert path.read_text() == source(NEW, "compiled")

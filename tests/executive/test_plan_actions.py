@@ -138,3 +138,12 @@ async def again() -> None:
     await grasp()
 """)  # fmt: skip
     assert found.actions == ("ClosingAGripper",)
+
+
+def test_what_a_robot_may_lack_is_a_warning_and_refuses_nothing() -> None:
+    unknown = Missing("http://example.org#Juggling", "capability", "unknown", ("Reaching",), "nobody knows")
+    judgement = judged(Needs(("Reaching",)), lambda actions: (unknown,))
+    assert (judgement.missing, judgement.unknown) == ((), (unknown,))
+    (warning,) = judgement.notes(None)
+    assert (warning.code, warning.severity.value) == ("X009", "warning")
+    assert "Juggling" in warning.message

@@ -138,7 +138,7 @@ class _Fixer:
             actions = Actions(ontology)
             reading: Reading = read_recipe(actions, self._task, allow_abstract=self._allow_abstract)
             found = (*ontology.diagnostics, *reading.diagnostics)
-            raw = read_recipes(ontology, actions, reading.recipes.task) if reading.recipes is not None else None
+            raw = read_recipes(actions, reading.recipes.task) if reading.recipes is not None else None
             fixes = [fix for fix in proposed(actions, reading.recipes, raw, found) if self._is_here(fix, copy)]
         return _State(text, found, tuple(fixes))
 

@@ -13,8 +13,9 @@ from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions
 from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, Editable
 from planlang.recipe.model import Recipe, RecipeSet, Step
-from planlang.recipe.reading import ORDERING, SUB_ACTION, SubAction, own_restrictions, recipes_for, sub_actions
+from planlang.recipe.reading import recipes_for
 from planlang.recipe.repairs import exchanged_pair
+from planlang.recipe.statements import Statements, SubAction, is_word
 from planlang.recipe.wise import wise_orderings
 
 _ORDERS_UNKNOWN = frozenset({"R010", "R011", "R012", "R020"})
@@ -55,10 +56,11 @@ def proposed(
             fixes += _exchanges(actions.ontology, recipe)
     if recipes is not None:
         for recipe in recipes.recipes.values():
-            stating = recipes_for(actions.ontology, recipe.iri, actions.primitives)[0][0]
-            fixes += _names(actions.ontology, stating, recipe)
-            if not broken:
-                fixes += _orders(actions, stating, recipe)
+            statements = actions.statements(recipes_for(actions, recipe.iri)[0][0])
+            assert statements is not None
+            fixes += _names(actions.ontology, statements, recipe)
+            if not broken and recipe.machine is None:
+                fixes += _orders(actions, statements, recipe)
     return list({(fix.code, fix.message): fix for fix in fixes}.values())
 
 
@@ -75,9 +77,9 @@ def _exchanges(ontology: Ontology, recipe: Recipe) -> Iterator[Fix]:
             yield Fix("R030", message, where, _exchange(where, there))
 
 
-def _names(ontology: Ontology, stating: str, recipe: Recipe) -> Iterator[Fix]:
+def _names(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Fix]:
     """Ordered names that are no sub-actions, where only one sub-action can be meant."""
-    stated = {one.iri: one for one in sub_actions(ontology, stating) if one.iri is not None}
+    stated = {one.iri: one for one in statements.sub_actions if one.iri is not None}
     undefined = [one for iri, one in stated.items() if not ontology.defined(iri)]
     mentioned: dict[str, dict[Span, None]] = {}
     for ordering in recipe.orderings:
@@ -100,18 +102,19 @@ def _names(ontology: Ontology, stating: str, recipe: Recipe) -> Iterator[Fix]:
             yield Fix("R010", message, min(mentions), _rename(mentions, by_name[similar[0]].span))
 
 
-def _orders(actions: Actions, stating: str, recipe: Recipe) -> Iterator[Fix]:
-    ontology = actions.ontology
+def _orders(actions: Actions, statements: Statements, recipe: Recipe) -> Iterator[Fix]:
+    ontology, stating = actions.ontology, statements.iri
     stated: dict[str, SubAction] = {}
-    for one in sub_actions(ontology, stating):
+    for one in statements.sub_actions:
         if one.iri is not None:
             stated.setdefault(one.iri, one)
-    own = [one for one in own_restrictions(ontology, stating) if one.property in (SUB_ACTION, ORDERING)]
+    restrictions = ontology.restrictions(stating)
+    constraints = [one for one in restrictions if is_word(one.property, "orderingConstraints")]
+    subs = [one for one in restrictions if is_word(one.property, "subAction")]
     task = ontology.span(stating)
-    if task is None or not own:
+    if task is None or not subs:
         return
-    last = [one for one in own if one.property == ORDERING] or own
-    sub_action = next(one for one in own if one.property == SUB_ACTION)
+    last, sub_action = constraints or subs, subs[0]
     for before, after, why in wise_orderings(actions, recipe):
         suffix = _free_suffix(ontology, stating, f"_{_plain(before)}_{_plain(after)}")
         anchors = Anchors(

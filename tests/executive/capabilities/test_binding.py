@@ -194,7 +194,7 @@ def test_a_robot_can_be_described_by_a_toml_file_alone(tmp_path: Path, amigo: Ro
     assert_is_amigo(robot)
     assert robot.name == "mine"
     assert robot.iri is None
-    assert any(iri.endswith("#GraspingCapability") for iri in robot.capabilities)
+    assert any(iri.endswith("#GraspingCapability") for iri in robot.claims)
 
 
 @pytest.mark.parametrize(

@@ -49,12 +49,12 @@ def test_claims_do_not_replace_an_arm(vocabulary: Ontology, amigo: Robot) -> Non
 
 
 def test_a_claim_without_its_components_does_not_count(vocabulary: Ontology, amigo: Robot) -> None:
-    blind = replace(amigo, components=frozenset(c for c in amigo.components if "Recognition" not in c))
+    blind = replace(amigo, parts=tuple(p for p in amigo.parts if not any("Recognition" in cls for cls in p.classes)))
     assert "ObjectRecognitionCapability" in names(vocabulary, blind, LOOKING)
 
 
 def test_what_nobody_claims_or_explains_is_unknown(vocabulary: Ontology, amigo: Robot) -> None:
-    nothing = replace(amigo, capabilities=frozenset(), components=frozenset())
+    nothing = replace(amigo, claims={}, parts=())
     found = missing_capabilities(vocabulary, [expand("Translation-LocationChange")], nothing)
     assert {one.kind for one in found} == {"capability", "component"}
 

@@ -39,7 +39,7 @@ class PlanReader:
                 scope[statement.name] = statement
             elif isinstance(statement, ast.AsyncWith):
                 done = done.then(self._body(statement.body, scope))
-            elif isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Await):
+            elif isinstance(statement, (ast.Expr, ast.Assign)) and isinstance(statement.value, ast.Await):
                 call = statement.value.value
                 assert isinstance(call, ast.Call)
                 done = done.then(self._call(call.func, call.args, call.keywords, scope))

@@ -134,7 +134,7 @@ def test_place_described_as_a_class_is_a_place(compiled: Any) -> None:
         step("BesideTheCup", "k:Point3D", "k:toTheSideOf value room:cup1", "k:aboveOf some k:Table-PieceOfFurniture"),
         step("Reach", "k:Reaching", "k:toLocation some BesideTheCup"),
     )
-    assert 'a_location("BesideTheCup", next_to=cup, above=table_piece_of_furniture)' in plan.source
+    assert 'a_location("BesideTheCup", above=table_piece_of_furniture, next_to=cup)' in plan.source
 
 
 def test_place_may_be_relative_to_another_place(compiled: Any) -> None:

@@ -16,6 +16,7 @@ from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeS
 from planlang.recipe.actions import Movers
 from planlang.recipe.graph import closed, order_graph
 from planlang.recipe.model import Kind
+from planlang.recipe.precedence import Precedence
 
 BASE = "http://planlang.org/test#"
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"
@@ -102,7 +103,7 @@ def test_scopes_add_only_the_orders_that_they_tell(
         for name in graph.nodes
     ]
     happening = read_plan(compiled(vocabulary, steps, list(graph.edges))).orders("task")
-    added = scoping(graph, Movers(frozenset(moving)), placed).added
+    added = scoping(Precedence(graph), Movers(frozenset(moving)), placed).added
     expected = closed(order_graph(graph.nodes, [*graph.edges, *added]))
     assert sorted(map(step_of, happening.steps)) == sorted(graph.nodes)
     assert {(step_of(a), step_of(b)) for a, b in happening.before} == set(expected.edges)
@@ -121,7 +122,7 @@ def test_a_step_is_in_the_scope_of_the_last_base_motion_before_it(
 ) -> None:
     graph, moving, placed = case
     closure = closed(graph)
-    for unit in scoping(graph, Movers(frozenset(moving)), placed).units:
+    for unit in scoping(Precedence(graph), Movers(frozenset(moving)), placed).units:
         for step in unit.steps:
             if unit.base is not None:
                 assert closure.has_edge(unit.base, step)

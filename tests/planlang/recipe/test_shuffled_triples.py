@@ -66,7 +66,7 @@ def test_pick_up_carry_put_down_in_any_order_of_triples(statements: list[Triple]
     path = tmp_path / "shuffled.owl"
     path.write_text(written(shuffled), encoding="utf-8")
     ontology = load(path)
-    recipe = read_recipe_of(ontology, TASK, Actions(ontology).primitives)
+    recipe = read_recipe_of(Actions(ontology), TASK)
     order = [local_name(step) for step in sorted_nodes(recipe_graph(recipe))]
     assert order == ["PickingUpAnObject", "CarryingWhileLocomoting", "PuttingDownAnObject"]
     source = compile_recipe(path, task="PuttingSomethingSomewhere", allow_abstract=True).source

@@ -2,6 +2,8 @@
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn
 (sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task ServeADrink.
+What follows has sha256 7c517a010c1101aa63005cb270414e5d8d9a41c6dd04451a7d2334fde41bd882 unless
+somebody has edited it.
 """
 
 from functools import partial

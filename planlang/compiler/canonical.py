@@ -1,0 +1,143 @@
+"""Recipes in an order of their own: equal statements, in whatever order a file makes them, give equal plans.
+
+What a file says about a task is a set of triples, in which no step stands before another. Where the recipe leaves an
+order open, names decide: numbers in them count as numbers, so that ``step2`` stands before ``step10``.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from planlang.designators import local_name
+from planlang.recipe.model import (
+    Description,
+    Filler,
+    Name,
+    Ordering,
+    Parameter,
+    Place,
+    Reason,
+    Recipe,
+    RecipeSet,
+    StateMachine,
+    Step,
+    Thing,
+)
+
+Key = tuple[tuple[int, int, str], ...]
+
+
+def canonical(recipes: RecipeSet, *, data_flow: bool = True) -> RecipeSet:
+    """The same recipes with all that has no order sorted; without ``data_flow`` steps pass nothing on.
+
+    Recipes come in the order of first use, the task first, as that of steps tells it.
+    """
+    known = {iri: _recipe(recipe, data_flow=data_flow) for iri, recipe in recipes.recipes.items()}
+    found: dict[str, Recipe] = {}
+    waiting = [recipes.task]
+    while waiting:
+        iri = waiting.pop()
+        if iri not in found:
+            found[iri] = known[iri]
+            waiting += reversed([callee for step in known[iri].steps for callee in step.recipes])
+    return replace(recipes, recipes=found)
+
+
+def natural(name: str) -> Key:
+    """A key that sorts names as people do: ``pour2`` before ``pour10``."""
+    parts = re.split(r"([0-9]+)", name)
+    return tuple((1, int(part), part) if index % 2 else (0, 0, part) for index, part in enumerate(parts))
+
+
+def iri_key(iri: str | None) -> tuple[Key, str]:
+    """A key that sorts IRIs by their local names."""
+    return natural(local_name(iri or "")), iri or ""
+
+
+def _recipe(recipe: Recipe, *, data_flow: bool) -> Recipe:
+    keys = {step.iri: iri_key(step.iri) for step in recipe.steps}
+    orderings = [
+        ordering
+        for ordering in recipe.orderings
+        if ordering.before in keys and ordering.after in keys and (data_flow or ordering.reason is not Reason.DATA_FLOW)
+    ]
+
+    def order(ordering: Ordering) -> tuple[object, ...]:
+        return keys[ordering.before], keys[ordering.after], ordering.reason.value, ordering.iri or ""
+
+    machine = recipe.machine
+    if machine is not None:
+        transitions = sorted(
+            machine.transitions, key=lambda one: (iri_key(one.source), one.outcome or "", iri_key(one.target))
+        )
+        machine = replace(machine, transitions=tuple(transitions), ends=tuple(sorted(machine.ends, key=iri_key)))
+    visit = _visits(machine) if machine is not None else {}
+    return replace(
+        recipe,
+        steps=tuple(
+            sorted(map(_step, recipe.steps), key=lambda step: (visit.get(step.iri, len(keys)), keys[step.iri]))
+        ),
+        orderings=tuple(sorted(orderings, key=order)),
+        parameters=_parameters(recipe.parameters),
+        overlaps=tuple(
+            sorted(recipe.overlaps, key=lambda one: (iri_key(one.first), one.relation.value, iri_key(one.second)))
+        ),
+        flows=tuple(
+            sorted(
+                recipe.flows if data_flow else (),
+                key=lambda one: (iri_key(one.producer), iri_key(one.consumer), one.consumes or "", one.resource or ""),
+            )
+        ),
+        machine=machine,
+    )
+
+
+def _visits(machine: StateMachine) -> dict[str, int]:
+    """The states that can be reached, numbered as they are from the start on, nearer ones first."""
+    after: dict[str, list[str]] = {}
+    for transition in machine.transitions:
+        after.setdefault(transition.source, []).append(transition.target)
+    found = {machine.start: 0}
+    waiting = [machine.start]
+    for state in waiting:
+        for target in after.get(state, ()):
+            if target not in found:
+                found[target] = len(found)
+                waiting.append(target)
+    return found
+
+
+def _step(step: Step) -> Step:
+    condition = step.condition
+    if condition is not None:
+        condition = Description(condition.type, _parameters(condition.parameters))
+    recipes = tuple(sorted(step.recipes, key=iri_key))
+    return replace(step, parameters=_parameters(step.parameters), recipes=recipes, condition=condition)
+
+
+def _parameters(parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
+    sorted_inside = (replace(parameter, filler=_filler(parameter.filler)) for parameter in parameters)
+    return tuple(sorted(sorted_inside, key=lambda one: (one.property, _filler_key(one.filler))))
+
+
+def _filler(filler: Filler) -> Filler:
+    return _place(filler) if isinstance(filler, Place) else filler
+
+
+def _place(place: Place) -> Place:
+    relations = [
+        (relation, _place(reference) if isinstance(reference, Place) else reference)
+        for relation, reference in place.relations
+    ]
+    return replace(place, relations=tuple(sorted(relations, key=lambda one: (one[0], _filler_key(one[1])))))
+
+
+def _filler_key(filler: Filler) -> tuple[int, tuple[Key, str], str]:
+    match filler:
+        case Thing():
+            return 0, iri_key(filler.iri or filler.stated), repr(filler)
+        case Place() | Name():
+            return 1, iri_key(filler.iri), ""
+        case _:
+            return 2, (natural(str(filler)), ""), repr(filler)

@@ -1,0 +1,92 @@
+"""The expressions of plans: actions, values, conditions, recoveries, calls as branches."""
+
+from __future__ import annotations
+
+from planlang.compiler.layout import Call as CallExpression
+from planlang.compiler.layout import Expression, Text, call, sequence
+from planlang.compiler.symbols import Symbols, is_iri, quoted
+from planlang.compiler.tree import ActionTerm, Condition, FunctionCall, Passed, PlaceUse, Recover, Value
+from planlang.designators import local_name
+from planlang.recipe.model import Name, Thing
+
+
+class Expressions:
+    """Writes expressions with the names of one module; ``variables`` hold the results of steps (IRIs)."""
+
+    def __init__(self, symbols: Symbols, variables: dict[str, str]) -> None:
+        self._symbols = symbols
+        self._variables = variables
+
+    def alternatives(self, calls: tuple[FunctionCall, ...]) -> Expression:
+        """Called functions as one branch."""
+        if len(calls) == 1:
+            return self.function(calls[0])
+        return partial_call(self._symbols, call(self._symbols.use("try_in_order"), *map(self.function, calls)))
+
+    def function(self, function: FunctionCall) -> Expression:
+        """A called function as a branch."""
+        name = self._symbols.functions[function.recipe]
+        arguments = self.arguments(function)
+        return partial_call(self._symbols, call(name, **arguments))
+
+    def arguments(self, function: FunctionCall) -> dict[str, Expression | str]:
+        """Keyword arguments of a call."""
+        return {self._symbols.thing(own): self.value(given) for own, given in function.arguments}
+
+    def action(self, term: ActionTerm) -> CallExpression:
+        """An action designator."""
+        properties: dict[str, Expression | str] = {}
+        for name, fillers in term.properties:
+            values = [self.value(filler) for filler in fillers]
+            properties[name] = values[0] if len(values) == 1 else sequence(values)
+        action_class = self._symbols.iri(term.type) if is_iri(term.type) else quoted(term.type)
+        return call(self._symbols.use("action"), action_class, **properties)
+
+    def value(self, value: Value) -> Expression:
+        """What fills a property."""
+        match value:
+            case Thing():
+                return Text(self._symbols.thing(value))
+            case PlaceUse(place, arguments):
+                if place.is_posture:
+                    return Text(self._symbols.place(place))
+                return call(self._symbols.place(place), *map(self._symbols.thing, arguments))
+            case Passed(producer, otherwise):
+                return call(self._symbols.use("given"), self._variables[producer], self.value(otherwise))
+            case Name(iri):
+                return Text(quoted(local_name(iri)))
+            case str():
+                return Text(quoted(value))
+            case _:
+                return Text(repr(value))
+
+    def condition(self, condition: Condition) -> Expression:
+        """A condition that the executive looks up."""
+        things = [Text(self._symbols.thing(thing)) for thing in condition.things]
+        if condition.predicate == "holding":
+            return call(self._symbols.use("holding"), *things)
+        return call(self._symbols.use("Condition"), quoted(condition.predicate), sequence(things))
+
+    def recovery(self, recovery: Recover) -> Expression:
+        """A recovery."""
+        use = self._symbols.use
+        arguments: list[Expression | str] = [use(recovery.failure, "planlang.failures")]
+        attempts = recovery.attempts
+        if recovery.about is not None:
+            arguments.append(call(use(recovery.strategy), self._symbols.thing(recovery.about)))
+        elif recovery.strategy == "escalate":
+            attempts = 0
+        elif recovery.strategy != "repeat":
+            arguments.append(use(recovery.strategy))
+        more: dict[str, Expression | str] = {"attempts": str(attempts)}
+        if recovery.otherwise is not None:
+            more["otherwise"] = use(recovery.otherwise, "planlang.failures")
+        return call(use("Recovery"), *arguments, **more)
+
+
+def partial_call(symbols: Symbols, expression: CallExpression) -> Expression:
+    """The call as a zero-argument callable: the function itself if it takes no arguments."""
+    if not expression.arguments:
+        return Text(expression.function)
+    symbols.use("partial", "functools")
+    return CallExpression("partial", ((None, Text(expression.function)), *expression.arguments))

@@ -1,0 +1,16 @@
+"""Handing on what a step has made or found to the steps that use it."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+
+def given(result: Any, otherwise: T) -> T:
+    """The result of an earlier step if it is the kind of thing that is needed, else what is known without it.
+
+    A module may return an Object that says more about what it has found than the plan knew; what returns something
+    else, such as a pose, or nothing, hands on no designator, and ``otherwise`` is used.
+    """
+    return result if isinstance(result, type(otherwise)) else otherwise

@@ -1,0 +1,177 @@
+"""Nameless nodes told apart by what is said of them, so that a graph is written alike however its triples come."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+
+from planlang.ontology.terms import BNode, Literal, Term, Triple
+
+MOST_ROUNDS = 60
+"""Rounds in which what is said of neighbours is taken into account."""
+
+MOST_TIES = 200
+"""Nodes that are told apart by mere choice when everything said of them is alike."""
+
+Key = tuple[str, ...]
+
+
+class Order:
+    """An order of terms that depends on the graph alone, not on labels nor on the order of triples.
+
+    Nodes whose surroundings cannot be told apart are in the order in which they come; in what real files hold they are
+    interchangeable. (In general this is graph isomorphism: graphs made for it are not ordered the same every time.)
+    """
+
+    def __init__(self, triples: Iterable[Triple]) -> None:
+        self._colours = _colours(list(triples))
+
+    def key(self, term: Term) -> Key:
+        """IRIs before values before nameless nodes."""
+        match term:
+            case BNode():
+                return ("3", self._colours.get(term, ""), "", "")
+            case Literal(value, datatype, language):
+                return ("2", value, datatype or "", language or "")
+            case _:
+                return ("1", term, "", "")
+
+    def triple_key(self, triple: Triple) -> tuple[Key, str, Key]:
+        """By subject, predicate and object."""
+        return self.key(triple.subject), triple.predicate, self.key(triple.object)
+
+
+def labelled(triples: Iterable[Triple]) -> list[Triple]:
+    """The triples sorted, each once, with labels b1, b2, ... for the nameless nodes in the order of their use."""
+    given = list(triples)
+    order = Order(given)
+    unique = {(t.subject, t.predicate, t.object): t for t in reversed(given)}
+    found = sorted(unique.values(), key=order.triple_key)
+    labels: dict[BNode, BNode] = {}
+
+    def label(term: Term) -> Term:
+        return labels.setdefault(term, BNode(f"b{len(labels) + 1}")) if isinstance(term, BNode) else term
+
+    result = []
+    for triple in found:
+        subject = label(triple.subject)
+        assert not isinstance(subject, Literal)
+        result.append(Triple(subject, triple.predicate, label(triple.object), triple.span))
+    return result
+
+
+def differences(before: Iterable[Triple], after: Iterable[Triple]) -> tuple[list[Triple], list[Triple]]:
+    """What only the first and what only the second graph states, nameless nodes being alike if all is that they say."""
+    one, two = _told(before), _told(after)
+    return [one[key] for key in one if key not in two], [two[key] for key in two if key not in one]
+
+
+def _told(triples: Iterable[Triple]) -> dict[object, Triple]:
+    """Each triple under a key that equal graphs share."""
+    given = list({(t.subject, t.predicate, t.object): t for t in triples}.values())
+    colours = _content(given)
+    found: dict[object, Triple] = {}
+    counts: dict[object, int] = {}
+    for triple in given:
+        parts = tuple(colours[t] if isinstance(t, BNode) else t for t in (triple.subject, triple.object))
+        key = (parts[0], triple.predicate, parts[1])
+        counts[key] = counts.get(key, 0) + 1
+        found[(*key, counts[key])] = triple
+    return found
+
+
+def _digest(parts: object) -> str:
+    return hashlib.blake2b(repr(parts).encode(errors="surrogatepass"), digest_size=12).hexdigest()
+
+
+def _said(triples: list[Triple]) -> tuple[dict[BNode, list[Triple]], dict[BNode, list[Triple]]]:
+    """What is said of each node, and with it."""
+    out: dict[BNode, list[Triple]] = {}
+    into: dict[BNode, list[Triple]] = {}
+    for triple in triples:
+        for node in (triple.subject, triple.object):
+            if isinstance(node, BNode):
+                out.setdefault(node, [])
+                into.setdefault(node, [])
+        if isinstance(triple.subject, BNode):
+            out[triple.subject].append(triple)
+        if isinstance(triple.object, BNode):
+            into[triple.object].append(triple)
+    return out, into
+
+
+def _content(triples: list[Triple]) -> dict[BNode, str]:
+    """A digest of everything that is said below each node; of nodes on circles, of what a few rounds show."""
+    out, into = _said(triples)
+    waiting = {node: sum(isinstance(t.object, BNode) for t in said) for node, said in out.items()}
+    ready = [node for node, number in waiting.items() if number == 0]
+    colours: dict[BNode, str] = {}
+    for node in ready:  # grows while it is walked
+        colours[node] = _digest(sorted((t.predicate, _shown(t.object, colours)) for t in out[node]))
+        for triple in into[node]:
+            if isinstance(triple.subject, BNode):
+                waiting[triple.subject] -= 1
+                if waiting[triple.subject] == 0:
+                    ready.append(triple.subject)
+    circular = [node for node in out if node not in colours]
+    colours |= dict.fromkeys(circular, "circle")
+    classes = 1
+    for _ in range(MOST_ROUNDS):
+        colours |= {
+            node: _digest(sorted((t.predicate, _shown(t.object, colours)) for t in out[node])) for node in circular
+        }
+        found = len({colours[node] for node in circular})
+        if found == classes:
+            break
+        classes = found
+    return colours
+
+
+def _shown(term: Term, colours: Mapping[BNode, str]) -> tuple[str, ...]:
+    match term:
+        case BNode():
+            return ("node", colours[term])
+        case Literal(value, datatype, language):
+            return ("value", value, datatype or "", language or "")
+        case _:
+            return ("iri", term)
+
+
+def _colours(triples: list[Triple]) -> dict[BNode, str]:
+    """The digests of the nodes' contents, refined by where the nodes are used."""
+    out, into = _said(triples)
+    colours = _content(triples)
+    for tie in range(MOST_TIES):
+        colours = _refined(colours, out, into)
+        members: dict[str, list[BNode]] = {}
+        for node, colour in colours.items():
+            members.setdefault(colour, []).append(node)
+        tied = sorted(colour for colour, nodes in members.items() if len(nodes) > 1)
+        if not tied:
+            break
+        colours[members[tied[0]][0]] = _digest(("chosen", tie, tied[0]))
+    return colours
+
+
+def _refined(
+    colours: dict[BNode, str], out: Mapping[BNode, list[Triple]], into: Mapping[BNode, list[Triple]]
+) -> dict[BNode, str]:
+    classes = len(set(colours.values()))
+    for _ in range(MOST_ROUNDS):
+        if classes == len(colours):
+            break
+        finer = {
+            node: _digest(
+                (
+                    colour,
+                    sorted((t.predicate, _shown(t.subject, colours)) for t in into[node]),
+                    sorted((t.predicate, _shown(t.object, colours)) for t in out[node]),
+                )
+            )
+            for node, colour in colours.items()
+        }
+        found = len(set(finer.values()))
+        if found == classes:
+            break
+        colours, classes = finer, found
+    return colours

@@ -1,0 +1,109 @@
+"""What fills the properties of actions: as it is stated, and as parameters of the model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from planlang.ontology import BNode, Ontology, Term, expand, shorten
+from planlang.recipe.model import Name, Parameter
+from planlang.recipe.statements import Filling, filled, is_word
+from planlang.recipe.terms import is_device, read_filler
+
+NO_PARAMETERS = (
+    "subAction",
+    "subEvents",
+    "orderingConstraints",
+    "inputOutputConstraints",
+    "dependsOnCapability",
+    "dependsOnComponent",
+    "hasCapability",
+    "hasCapabilityDependency",
+    "providedByMotionPrimitive",
+    "lispClass",
+    "stateTransition",
+    "taskStartState",
+    "taskEndState",
+    "nextAction",
+    "previousAction",
+    "constrainedBy",
+    "conditionEvaluated",
+    "isTaskOf",
+    "hasStep",
+    "definesTask",
+    "startTime",
+    "endTime",
+)
+"""Properties of actions (local names) that say how, when or with what right, not on what."""
+
+
+def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> Iterator[list[Filling]]:
+    """What is stated to fill the properties of an action, nearest first: ``more``, its facts, its class, ancestors.
+
+    Superclasses and equivalent classes count alike. What the bundled vocabulary says about its own classes does not.
+    """
+    yield [filling for filling in more if not is_word(filling.property, *NO_PARAMETERS)]
+    cls = iri
+    if not ontology.is_class(iri):
+        cls = action_class(ontology, iri) or iri
+        yield [filling for filling in _facts(ontology, iri) if not is_word(filling.property, *NO_PARAMETERS)]
+    for ancestor in ontology.ancestors(cls):
+        if shorten(ancestor) == ancestor or ontology.main(ancestor):
+            found = filled(ontology.restrictions(ancestor))
+            yield [filling for filling in found if not is_word(filling.property, *NO_PARAMETERS)]
+
+
+def read_parameters(
+    ontology: Ontology, iri: str, more: tuple[Filling, ...] = (), made: frozenset[str] = frozenset()
+) -> tuple[Parameter, ...]:
+    """What fills the properties of an action: ``more``, what it states itself, and what its ancestors state.
+
+    A nearer filler replaces a farther one of the same property. A robot part given as a body part is the device used.
+    ``made`` are individuals that need not be defined, as another step creates them.
+    """
+    found: dict[str, list[Parameter]] = {}
+    for level in fillings(ontology, iri, more):
+        nearer = set(found)
+        for filling in level:
+            parameter = _parameter(ontology, filling, made)
+            if parameter is not None and parameter.property not in nearer:
+                found.setdefault(parameter.property, []).append(parameter)
+    return tuple(dict.fromkeys(parameter for parameters in found.values() for parameter in parameters))
+
+
+def action_class(ontology: Ontology, individual: str) -> str | None:
+    """The class of actions of an individual: of its types the first that is one, else the first that is known."""
+    types = ontology.types(individual)
+    for wanted in ("Action", "Event"):
+        for cls in types:
+            if ontology.is_a(cls, expand(wanted)):
+                return cls
+    return next((cls for cls in types if len(ontology.ancestors(cls)) > 1), next(iter(types), None))
+
+
+def _facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
+    """The facts of an individual in properties that the vocabulary lists for its class; the others are bookkeeping."""
+    cls = action_class(ontology, individual)
+    listed = frozenset(ontology.valid_properties(cls)) if cls is not None else frozenset()
+    for triple in ontology.triples(s=individual):
+        if triple.predicate in listed:
+            yield Filling(triple.predicate, triple.object, triple.span)
+
+
+def _parameter(ontology: Ontology, filling: Filling, made: frozenset[str]) -> Parameter | None:
+    filler = read_filler(ontology, filling.term)
+    if filler is None and filling.term in made:
+        filler = Name(str(filling.term))
+    if filler is None:
+        return None
+    property_name = shorten(filling.property)
+    if property_name == "bodyPartsUsed" and _is_device_term(ontology, filling.term):
+        property_name = "deviceUsed"
+    return Parameter(property_name, filler, filling.span)
+
+
+def _is_device_term(ontology: Ontology, term: Term) -> bool:
+    return (
+        isinstance(term, str)
+        and not isinstance(term, BNode)
+        and any(is_device(ontology, cls) for cls in (ontology.types(term) or (term,)))
+    )

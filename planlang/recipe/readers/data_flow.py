@@ -1,0 +1,125 @@
+"""Side form: data flow, ``inputOutputConstraints value M`` where M is an ``InputOutputMapping``.
+
+``createsOutput A``, ``requiresInput B``, ``resourceType R``: A makes something of class R, which B needs, so that A
+comes before B. One action that creates something with a name of its own (``outputsCreated nextPose``) and another that
+uses that very thing say the same. Where states follow each other things are passed without an order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import networkx as nx
+
+from planlang.diagnostics import Span
+from planlang.ontology import BNode, Ontology
+from planlang.recipe.fillings import fillings
+from planlang.recipe.model import Flow, Ordering, Reason
+from planlang.recipe.statements import Filling, LooseEnd, Statements, SubAction, facts, filled, is_word, named
+
+OUTPUTS = ("outputsCreated", "outputs")
+
+
+def read_data_flow(ontology: Ontology, statements: Statements) -> Statements:
+    """The statements with the flows that they and their sub-actions state, and the orders that those are."""
+    mapped, loose = _mapped(ontology, statements)
+    flows = (*statements.flows, *mapped, *_produced(ontology, statements))
+    orders = () if statements.is_finite_state else _orders(statements, flows)
+    return replace(
+        statements,
+        flows=flows,
+        orderings=(*statements.orderings, *orders),
+        loose=(*statements.loose, *loose),
+    )
+
+
+def _orders(statements: Statements, flows: tuple[Flow, ...]) -> Iterator[Ordering]:
+    """The orders that flows are: of a mapping always; of a thing that is used by name unless they are stated already,
+    or the other way round."""
+    if not flows:
+        return
+    graph = nx.DiGraph((ordering.before, ordering.after) for ordering in statements.orderings)
+    for flow in sorted(flows, key=lambda flow: flow.iri is None):
+        ends = (flow.producer, flow.consumer)
+        graph.add_nodes_from(ends)
+        if flow.iri is None and (graph.has_edge(*ends) or nx.has_path(graph, *ends[::-1])):
+            continue
+        graph.add_edge(*ends)
+        yield Ordering(*ends, flow.iri, Reason.DATA_FLOW, flow.span)
+
+
+def made(ontology: Ontology, statements: Statements) -> frozenset[str]:
+    """The individuals (IRIs) that sub-actions create: they need not be defined anywhere else."""
+    return frozenset(name for _, name, _ in _outputs(ontology, statements))
+
+
+def _mapped(ontology: Ontology, statements: Statements) -> tuple[list[Flow], list[LooseEnd]]:
+    flows: list[Flow] = []
+    loose: list[LooseEnd] = []
+    stated = [
+        *filled(one for one in ontology.restrictions(statements.iri)),
+        *facts(ontology, statements.iri, "inputOutputConstraints"),
+    ]
+    for filling in stated:
+        mapping = filling.term
+        if not is_word(filling.property, "inputOutputConstraints") or not isinstance(mapping, (str, BNode)):
+            continue
+        producers = named(facts(ontology, mapping, "createsOutput"))
+        consumers = named(facts(ontology, mapping, "requiresInput"))
+        resources: list[str | None] = [name for name, _ in named(facts(ontology, mapping, "resourceType"))]
+        span = (ontology.span(mapping) if isinstance(mapping, str) else None) or filling.span
+        absent = tuple(word for word, ends in (("createsOutput", producers), ("requiresInput", consumers)) if not ends)
+        if absent:
+            loose.append(LooseEnd(str(mapping), absent, filling.span if len(absent) == 2 else span))
+        flows += [
+            Flow(producer, consumer, resource, _consumed(ontology, statements, consumer, resource), str(mapping), span)
+            for producer, _ in producers
+            for consumer, _ in consumers
+            for resource in resources or [None]
+        ]
+    return flows, loose
+
+
+def _produced(ontology: Ontology, statements: Statements) -> list[Flow]:
+    """Flows of what one sub-action creates by name and others use."""
+    found: dict[tuple[str, str, str], Flow] = {}
+    outputs = list(_outputs(ontology, statements))
+    if not outputs:
+        return []
+    for sub in statements.sub_actions:
+        if sub.iri is None:
+            continue
+        for filling in _all(ontology, sub):
+            for producer, name, span in outputs:
+                if filling.term == name and producer != sub.iri and not is_word(filling.property, *OUTPUTS):
+                    flow = Flow(producer, sub.iri, name, filling.property, span=span)
+                    found.setdefault((producer, sub.iri, name), flow)
+    return [found[key] for key in sorted(found)]
+
+
+def _outputs(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, str, Span]]:
+    for sub in statements.sub_actions:
+        if sub.iri is not None:
+            for filling in _all(ontology, sub):
+                term = filling.term
+                if is_word(filling.property, *OUTPUTS) and isinstance(term, str) and not ontology.is_class(term):
+                    yield sub.iri, term, filling.span
+
+
+def _consumed(ontology: Ontology, statements: Statements, consumer: str, resource: str | None) -> str | None:
+    """The property of the consumer that is filled with the resource, or with something of its class."""
+    for sub in statements.sub_actions:
+        if sub.iri == consumer and resource is not None:
+            for filling in _all(ontology, sub):
+                if isinstance(filling.term, str) and (
+                    filling.term == resource or ontology.is_a(filling.term, resource)
+                ):
+                    return filling.property
+    return None
+
+
+def _all(ontology: Ontology, sub: SubAction) -> Iterator[Filling]:
+    assert sub.iri is not None
+    for level in fillings(ontology, sub.iri, sub.fillings):
+        yield from level

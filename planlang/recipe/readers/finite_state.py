@@ -1,0 +1,114 @@
+"""Dialect D3: a class with states and transitions.
+
+``stateTransition T`` names an individual with ``fromState A``, ``toState B`` and ``causedBy`` outcomes;
+``taskStartState`` and ``taskEndState`` say where it begins and is done. States are the sub-actions; loops are allowed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from planlang.designators import local_name
+from planlang.diagnostics import Span
+from planlang.ontology import BNode, Ontology, Restriction
+from planlang.recipe.model import Ending, StateMachine, Transition
+from planlang.recipe.readers import partial_order
+from planlang.recipe.statements import KINDS, LooseEnd, Statements, SubAction, facts, is_word, named
+
+tasks = partial_order.tasks
+
+_WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+|\d+")
+_FAILED = frozenset({"fail", "failed", "failure", "failing", "error", "aborted", "abort", "timeout", "unsuccessful",
+                     "preempted", "cancelled", "canceled", "notok", "nok"})  # fmt: skip
+_DONE = frozenset({"ok", "okay", "success", "succeeded", "successful", "completed", "complete", "done", "finished"})
+_TRUE = frozenset({"true", "yes", "obtains", "holds"})
+_FALSE = frozenset({"false", "no", "not"})
+
+
+def read(ontology: Ontology, iri: str) -> Statements | None:
+    """What a class states about states and transitions; None if it has no transition, start or end."""
+    restrictions = [one for one in ontology.restrictions(iri) if one.kind in KINDS]
+    if not any(is_word(one.property, "stateTransition", "taskStartState", "taskEndState") for one in restrictions):
+        return None
+    transitions, loose = _transitions(ontology, restrictions)
+    starts, ends = (_states(restrictions, word) for word in ("taskStartState", "taskEndState"))
+    subs = partial_order.in_stated_order(one for one in restrictions if partial_order.is_sub_action(one))
+    stated = [partial_order.read_sub_action(ontology, one) for one in subs]
+    orderings, open_constraints = partial_order.read_constraints(ontology, tuple(restrictions))
+    if not stated:
+        stated = _told_by_transitions(transitions, starts, ends, ontology.span(iri) or Span(""))
+    machine = StateMachine(starts[0][0], tuple(end for end, _ in ends), transitions) if starts else None
+    return Statements(
+        iri,
+        "D3",
+        tuple(stated),
+        orderings,
+        machine=machine,
+        starts=tuple(start for start, _ in starts),
+        ends=tuple(end for end, _ in ends),
+        loose=(*loose, *open_constraints),
+        foreign=partial_order.foreign_words(ontology, tuple(restrictions)),
+    )
+
+
+def ending_of(outcome: str) -> Ending:
+    """What an outcome means, told by the words in its local name, such as COMPLETED_OK or CONDITION_FALSE."""
+    words = {word.lower() for word in _WORDS.findall(local_name(outcome))}
+    if words & _FAILED:
+        return Ending.FAILED
+    if words & _TRUE and not words & _FALSE:
+        return Ending.TRUE
+    if words & _FALSE:
+        return Ending.FAILED if words & _DONE else Ending.FALSE
+    return Ending.DONE if words & _DONE else Ending.OTHER
+
+
+def _transitions(
+    ontology: Ontology, restrictions: Iterable[Restriction]
+) -> tuple[tuple[Transition, ...], tuple[LooseEnd, ...]]:
+    """One transition for each state it leaves, each outcome and each state it leads to; and those that lack a state."""
+    found: list[Transition] = []
+    loose: list[LooseEnd] = []
+    for restriction in restrictions:
+        event = restriction.filler
+        if not is_word(restriction.property, "stateTransition") or not isinstance(event, (str, BNode)):
+            continue
+        sources = named(facts(ontology, event, "fromState"))
+        targets = named(facts(ontology, event, "toState"))
+        outcomes: list[str | None] = [name for name, _ in named(facts(ontology, event, "causedBy"))]
+        span = ontology.span(event) if isinstance(event, str) else None
+        absent = tuple(word for word, states in (("fromState", sources), ("toState", targets)) if not states)
+        if absent:
+            where = restriction.span if len(absent) == 2 else span or restriction.span
+            loose.append(LooseEnd(str(event), absent, where))
+        found += [
+            Transition(
+                source, target, ending_of(outcome) if outcome else Ending.DONE, outcome, str(event),
+                span or restriction.span,
+            )
+            for source, _ in sources
+            for outcome in outcomes or [None]
+            for target, _ in targets
+        ]  # fmt: skip
+    found.sort(key=lambda one: (one.source, one.outcome or "", one.target))
+    return tuple(found), tuple(loose)
+
+
+def _states(restrictions: Iterable[Restriction], word: str) -> list[tuple[str, Span]]:
+    return [
+        (one.filler, one.span) for one in restrictions if is_word(one.property, word) and isinstance(one.filler, str)
+    ]
+
+
+def _told_by_transitions(
+    transitions: tuple[Transition, ...], starts: list[tuple[str, Span]], ends: list[tuple[str, Span]], span: Span
+) -> list[SubAction]:
+    """The states of a recipe that names no sub-actions: those that its transitions lead through."""
+    states: dict[str, Span] = dict(starts)
+    for transition in transitions:
+        states.setdefault(transition.source, transition.span or span)
+        states.setdefault(transition.target, transition.span or span)
+    for state, where in ends:
+        states.setdefault(state, where)
+    return [SubAction(state, (), where) for state, where in states.items()]

@@ -1,0 +1,144 @@
+"""Dialects D1, D1f, D1e and D2: a class whose restrictions list sub-actions and the constraints that order them.
+
+The restrictions stand in one ``owl:intersectionOf`` above the class (D1), each for itself (D1f), or in an equivalent
+class (D1e); the sub-actions are named by ``subAction``, or by its super-property ``subEvents`` (D2). A constraint is an
+individual with ``occursBeforeInOrdering A`` and ``occursAfterInOrdering B``: A before B. A class may mix them all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from planlang.ontology import BNode, Ontology, Restriction, expand
+from planlang.ontology.terms import EQUIVALENT_CLASS, INTERSECTION_OF, SUBCLASS_OF
+from planlang.recipe.model import Ordering
+from planlang.recipe.statements import (
+    KINDS,
+    Filling,
+    LooseEnd,
+    Statements,
+    SubAction,
+    facts,
+    filled,
+    is_foreign,
+    is_word,
+    named,
+)
+
+SUB_ACTION = expand("subAction")
+SUB_EVENTS = expand("subEvents")
+ORDERING = expand("orderingConstraints")
+BEFORE = expand("occursBeforeInOrdering")
+AFTER = expand("occursAfterInOrdering")
+
+_DIALECTS = {"intersection": "D1", "flat": "D1f", "equivalent": "D1e"}
+
+
+def tasks(ontology: Ontology) -> Iterator[str]:
+    """The named classes of the main document that state restrictions."""
+    for predicate in (SUBCLASS_OF, EQUIVALENT_CLASS, INTERSECTION_OF):
+        for triple in ontology.triples(p=predicate):
+            subject = triple.subject
+            if isinstance(subject, str) and isinstance(triple.object, BNode) and ontology.main(subject):
+                yield subject
+
+
+def read(ontology: Ontology, iri: str) -> Statements | None:
+    """What a class states about its sub-actions; None if it names none."""
+    restrictions = ontology.restrictions(iri)
+    subs = [restriction for restriction in restrictions if is_sub_action(restriction)]
+    if not subs:
+        return None
+    orderings, loose = read_constraints(ontology, restrictions)
+    subs = in_stated_order(subs)
+    return Statements(
+        iri,
+        _dialect(subs),
+        tuple(read_sub_action(ontology, restriction) for restriction in subs),
+        orderings,
+        loose=loose,
+        foreign=foreign_words(ontology, restrictions),
+    )
+
+
+def is_sub_action(restriction: Restriction) -> bool:
+    """True if a restriction names a sub-action."""
+    return (
+        is_word(restriction.property, "subAction", "subEvents")
+        and restriction.kind in KINDS
+        and restriction.cardinality != 0
+        and isinstance(restriction.filler, (str, BNode))
+    )
+
+
+def in_stated_order(restrictions: Iterable[Restriction]) -> list[Restriction]:
+    """In the order of the list in which they stand; what stands in none has no order in RDF and is sorted by name."""
+    inside = list(restrictions)
+    flat = sorted((one for one in inside if one.form == "flat"), key=lambda one: str(one.filler))
+    return [one for one in inside if one.form != "flat"] + flat
+
+
+def read_sub_action(ontology: Ontology, restriction: Restriction) -> SubAction:
+    """The sub-action that a restriction names: of an intersection its first named member, and what that restricts."""
+    filler, times = restriction.filler, restriction.cardinality or 1
+    if isinstance(filler, str):
+        return SubAction(filler, (), restriction.span, times)
+    assert isinstance(filler, BNode)
+    name = next((member for member in ontology.members(filler) if isinstance(member, str)), None)
+    span = restriction.span
+    if name is not None:
+        mentions = [triple.span for triple in ontology.triples(o=name) if triple.predicate.endswith("#first")]
+        span = min((mention for mention in mentions if mention >= span), default=span)
+    return SubAction(name, filled(ontology.restrictions(filler)), span, times)
+
+
+def read_constraints(
+    ontology: Ontology, restrictions: tuple[Restriction, ...]
+) -> tuple[tuple[Ordering, ...], tuple[LooseEnd, ...]]:
+    """The orderings that constraints state, and the constraints that lack an end."""
+    orderings: list[Ordering] = []
+    loose: list[LooseEnd] = []
+    for restriction in restrictions:
+        constraint = restriction.filler
+        if not is_word(restriction.property, "orderingConstraints") or not isinstance(constraint, (str, BNode)):
+            continue
+        befores = named(facts(ontology, constraint, "occursBeforeInOrdering"))
+        afters = named(facts(ontology, constraint, "occursAfterInOrdering"))
+        name = constraint if isinstance(constraint, str) else str(constraint)
+        span = ontology.span(constraint) if isinstance(constraint, str) else None
+        missing = [("occursBeforeInOrdering", befores), ("occursAfterInOrdering", afters)]
+        absent = tuple(word for word, ends in missing if not ends)
+        if absent:
+            loose.append(LooseEnd(name, absent, restriction.span if len(absent) == 2 else span or restriction.span))
+        orderings += [
+            Ordering(before, after, name, span=span or restriction.span) for before, _ in befores for after, _ in afters
+        ]
+    return tuple(orderings), tuple(loose)
+
+
+def foreign_words(ontology: Ontology, restrictions: tuple[Restriction, ...]) -> tuple[Filling, ...]:
+    """The words of the recipe vocabulary that a class or its constraints take from another namespace, each once."""
+    words = ("subAction", "subEvents", "orderingConstraints", "stateTransition", "taskStartState", "taskEndState",
+             "inputOutputConstraints")  # fmt: skip
+    ends = ("occursBeforeInOrdering", "occursAfterInOrdering", "fromState", "toState", "causedBy", "createsOutput",
+            "requiresInput", "resourceType")  # fmt: skip
+    found: dict[str, Filling] = {}
+    for restriction in restrictions:
+        if not is_word(restriction.property, *words):
+            continue
+        used = [Filling(restriction.property, restriction.filler, restriction.span)]
+        if isinstance(restriction.filler, (str, BNode)) and not is_sub_action(restriction):
+            used += facts(ontology, restriction.filler, *ends)
+        for filling in used:
+            if is_foreign(filling.property):
+                found.setdefault(filling.property, filling)
+    return tuple(found.values())
+
+
+def _dialect(subs: list[Restriction]) -> str:
+    if all(is_word(restriction.property, "subEvents") for restriction in subs):
+        return "D2"
+    for form in ("flat", "intersection", "equivalent"):
+        if any(restriction.form == form for restriction in subs):
+            return _DIALECTS[form]
+    return "D1"

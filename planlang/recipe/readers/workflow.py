@@ -1,0 +1,257 @@
+"""Dialect D5: workflows of the DUL, EASE and SOMA ontologies: individuals with ``hasStep``, and how their steps relate.
+
+Steps are tasks: individuals of classes of actions. A workflow ``definesTask`` what it performs, so that a step which
+another workflow defines is nested; a step may also be a workflow itself. Relations are those of J. F. Allen between
+intervals, under the names that DUL, EASE, SOMA and OWL-Time give them. What takes part in a task are roles
+(``isTaskOf``), each of a class that tells the property of the action; what a role is filled with, the role
+``classifies``, or the task's class says. A binding (``hasBindingRole``) of roles of two tasks passes it on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from planlang.designators import local_name
+from planlang.ontology import BNode, Ontology, Restriction, expand
+from planlang.recipe.fillings import action_class
+from planlang.recipe.model import Allen, Flow, Ordering, Overlap
+from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named
+
+BEFORE = "before"
+"""The relations that only order: Allen's before and meets, and DUL's precedes."""
+
+RELATIONS: dict[str, tuple[Allen | str, bool]] = {
+    "before": (BEFORE, False),
+    "after": (BEFORE, True),
+    "precedes": (BEFORE, False),
+    "follows": (BEFORE, True),
+    "directlyprecedes": (BEFORE, False),
+    "directlyfollows": (BEFORE, True),
+    "meets": (BEFORE, False),
+    "metby": (BEFORE, True),
+    "overlaps": (Allen.OVERLAPS, False),
+    "overlapson": (Allen.OVERLAPS, False),
+    "overlapon": (Allen.OVERLAPS, False),
+    "overlappedon": (Allen.OVERLAPS, False),
+    "overlappedby": (Allen.OVERLAPS, True),
+    "during": (Allen.DURING, False),
+    "contains": (Allen.DURING, True),
+    "starts": (Allen.STARTS, False),
+    "startedby": (Allen.STARTS, True),
+    "finishes": (Allen.FINISHES, False),
+    "finishedby": (Allen.FINISHES, True),
+    "equals": (Allen.EQUALS, False),
+    "simultaneous": (Allen.EQUALS, False),
+}
+"""Local name in lower case, without "interval" or "temporally" before it -> relation, and whether it is the inverse."""
+
+ROLES: dict[str, str] = {
+    "Tool": "deviceUsed",
+    "Instrument": "deviceUsed",
+    "Destination": "toLocation",
+    "Location": "toLocation",
+    "Origin": "fromLocation",
+    "Source": "fromLocation",
+    "CreatedObject": "outputsCreated",
+    "Product": "outputsCreated",
+    "Recipient": "recipient",
+    "Beneficiary": "recipient",
+    "PerformerRole": "performedBy",
+    "AgentRole": "performedBy",
+}
+"""Class of a role (local name) -> property of the action; any other role is of an object that is acted on."""
+
+OUTPUT = expand("outputsCreated")
+
+_STEPS, _STEP_OF = ("hasStep",), ("isStepOf", "stepOf")
+_DEFINES, _DEFINED_BY = ("definesTask", "isPlanFor"), ("isTaskDefinedIn", "isDefinedIn", "hasPlan")
+
+
+def tasks(ontology: Ontology) -> Iterator[str]:
+    """The tasks of the workflows of the main document; a workflow that defines none is its own task."""
+    for triple in ontology.triples():
+        name = local_name(triple.predicate)
+        workflow = triple.subject if name in _STEPS else triple.object if name in _STEP_OF else None
+        if isinstance(workflow, str) and ontology.main(workflow):
+            yield task_of(ontology, workflow)
+
+
+def read(ontology: Ontology, iri: str) -> Statements | None:
+    """What the workflow of a task, or a workflow, states; None if it has no steps."""
+    subs: list[SubAction] = []
+    workflows = workflows_of(ontology, iri)
+    for workflow in workflows:
+        subs += [
+            SubAction(task_of(ontology, step), tuple(_roles(ontology, task_of(ontology, step))), filling.span)
+            for filling in _linked(ontology, workflow, _STEPS, _STEP_OF)
+            for step in [str(filling.term)]
+        ]
+    if not subs:
+        return None
+    subs.sort(key=lambda sub: sub.iri or "")
+    task = task_of(ontology, iri)
+    names = {name: task_of(ontology, name) for name in (iri, *workflows)}
+    orderings, overlaps = _related(ontology, [task, *workflows, *(str(sub.iri) for sub in subs)], names)
+    return Statements(
+        task,
+        "D5",
+        tuple(subs),
+        orderings,
+        overlaps,
+        tuple(_bindings(ontology, [str(sub.iri) for sub in subs])),
+        fillings=tuple(_roles(ontology, task)),
+    )
+
+
+def relations(ontology: Ontology, names: list[str]) -> Iterator[tuple[str, str, str, Filling]]:
+    """The relations that tasks state: (task, local name of the relation, other task, the fact)."""
+    for name in dict.fromkeys(names):
+        for triple in ontology.triples(s=name):
+            if isinstance(triple.object, str) and _relation(triple.predicate) is not None:
+                filling = Filling(triple.predicate, triple.object, triple.span)
+                yield name, local_name(triple.predicate), triple.object, filling
+
+
+def workflows_of(ontology: Ontology, iri: str) -> list[str]:
+    """The workflows that perform a task, sorted; of a workflow itself that one."""
+    if _linked(ontology, iri, _STEPS, _STEP_OF):
+        return [iri]
+    found = [str(filling.term) for filling in _linked(ontology, iri, _DEFINED_BY, _DEFINES)]
+    return sorted(workflow for workflow in found if _linked(ontology, workflow, _STEPS, _STEP_OF))
+
+
+def task_of(ontology: Ontology, iri: str) -> str:
+    """The task that a workflow defines, if it is exactly one; anything else is its own."""
+    defined = dict.fromkeys(str(filling.term) for filling in _linked(ontology, iri, _DEFINES, _DEFINED_BY))
+    return next(iter(defined)) if len(defined) == 1 else iri
+
+
+def _linked(ontology: Ontology, subject: str, words: tuple[str, ...], inverses: tuple[str, ...]) -> list[Filling]:
+    """What is linked to an individual by properties, said from either side; each once, in document order."""
+    found = {
+        filling.term: filling
+        for filling in facts(ontology, subject, *words)
+        if isinstance(filling.term, str) and filling.term != subject
+    }
+    for triple in ontology.triples(o=subject):
+        if isinstance(triple.subject, str) and is_word(triple.predicate, *inverses) and triple.subject != subject:
+            found.setdefault(triple.subject, Filling(triple.predicate, triple.subject, triple.span))
+    return list(found.values())
+
+
+def _relation(predicate: str) -> tuple[Allen | str, bool] | None:
+    name = local_name(predicate).lower().removeprefix("interval").removeprefix("temporally")
+    return RELATIONS.get(name)
+
+
+def _related(
+    ontology: Ontology, names: list[str], same: dict[str, str]
+) -> tuple[tuple[Ordering, ...], tuple[Overlap, ...]]:
+    """The orderings and overlaps that relations state, each once; a workflow stands for its task."""
+    orderings: dict[tuple[str, str], Ordering] = {}
+    overlaps: dict[tuple[str, Allen, str], Overlap] = {}
+    for name, _, other, filling in relations(ontology, names):
+        found = _relation(filling.property)
+        assert found is not None
+        relation, is_inverse = found
+        ends = (same.get(name, name), same.get(other, other))
+        first, second = ends[::-1] if is_inverse else ends
+        if isinstance(relation, str):
+            orderings.setdefault((first, second), Ordering(first, second, span=filling.span))
+            continue
+        if relation is Allen.EQUALS:
+            first, second = sorted((first, second))
+        if first != second:
+            overlaps.setdefault((first, relation, second), Overlap(first, relation, second, filling.span))
+    return (
+        tuple(orderings[pair] for pair in sorted(orderings)),
+        tuple(overlaps[key] for key in sorted(overlaps, key=lambda key: (key[0], key[1].value, key[2]))),
+    )
+
+
+def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
+    """What fills the roles of a task: what they classify, else what the task's class says about roles of that class."""
+    kinds: dict[str, list[str]] = {}
+    for fact in _linked(ontology, task, ("isTaskOf",), ("hasTask",)):
+        role = str(fact.term)
+        kind = action_class(ontology, role) or role
+        for classified in sorted(_linked(ontology, role, ("classifies",), ("isClassifiedBy",)), key=_name):
+            kinds.setdefault(kind, []).append(str(classified.term))
+            yield Filling(_property(kind), classified.term, fact.span)
+    cls = task if ontology.is_class(task) else action_class(ontology, task)
+    for ancestor in ontology.ancestors(cls) if cls is not None else ():
+        for restriction in ontology.restrictions(ancestor):
+            if is_word(restriction.property, "isTaskOf") and isinstance(restriction.filler, BNode):
+                yield from _role_of_class(ontology, restriction, kinds)
+
+
+def _role_of_class(ontology: Ontology, restriction: Restriction, known: dict[str, list[str]]) -> Iterator[Filling]:
+    """The class of what fills a role, of which no individual is known."""
+    kind = next((member for member in ontology.members(restriction.filler) if isinstance(member, str)), None)
+    assert isinstance(restriction.filler, BNode)
+    for inner in ontology.restrictions(restriction.filler):
+        cls = inner.filler
+        if kind is None or not is_word(inner.property, "classifies") or not isinstance(cls, str):
+            continue
+        if not any(ontology.is_a(individual, cls) for individual in known.get(kind, ())):
+            yield Filling(_property(kind), cls, inner.span)
+
+
+def _property(role: str) -> str:
+    return expand(ROLES.get(local_name(role), "objectActedOn"))
+
+
+def _bindings(ontology: Ontology, steps: list[str]) -> Iterator[Flow]:
+    """Data flow between tasks whose roles are bound to each other, from the one that creates what fills them."""
+    tasks_of_roles: dict[str, str] = {}
+    for step in steps:
+        for fact in _linked(ontology, step, ("isTaskOf",), ("hasTask",)):
+            tasks_of_roles.setdefault(str(fact.term), step)
+    seen: set[str] = set()
+    for role in tasks_of_roles:
+        for link in ontology.triples(o=role):
+            if is_word(link.predicate, "hasBindingRole", "hasBindingFiller") and isinstance(link.subject, (str, BNode)):
+                binding = link.subject
+                if str(binding) in seen:
+                    continue
+                seen.add(str(binding))
+                bound = [name for name, _ in named(facts(ontology, binding, "hasBindingRole", "hasBindingFiller"))]
+                yield from _bound(ontology, sorted(bound), tasks_of_roles, str(binding))
+
+
+def _bound(ontology: Ontology, roles: list[str], tasks_of_roles: dict[str, str], binding: str) -> Iterator[Flow]:
+    known = [(role, tasks_of_roles[role]) for role in roles if role in tasks_of_roles]
+    outputs = [(role, task) for role, task in known if _property(_kind(ontology, role)) == OUTPUT]
+    for made, producer in outputs:
+        for role, consumer in known:
+            if consumer != producer and (role, consumer) not in outputs:
+                span = next((triple.span for triple in ontology.triples(o=role) if triple.subject == binding), None)
+                resource = _passed(ontology, (made, producer), (role, consumer))
+                yield Flow(producer, consumer, resource, _property(_kind(ontology, role)), binding, span)
+
+
+def _passed(ontology: Ontology, made: tuple[str, str], used: tuple[str, str]) -> str | None:
+    """What one role creates and the other uses: the individual that either classifies, else a class of both tasks."""
+    for role, _ in (made, used):
+        for classified in _linked(ontology, role, ("classifies",), ("isClassifiedBy",)):
+            return str(classified.term)
+    created, needed = (
+        [
+            filling.term
+            for filling in _roles(ontology, task)
+            if filling.property == _property(_kind(ontology, role)) and isinstance(filling.term, str)
+        ]
+        for role, task in (made, used)
+    )
+    common = [cls for cls in created if cls in needed]
+    if len(common) == 1:
+        return common[0]
+    return created[0] if len(created) == 1 else None
+
+
+def _kind(ontology: Ontology, role: str) -> str:
+    return action_class(ontology, role) or role
+
+
+def _name(filling: Filling) -> str:
+    return str(filling.term)

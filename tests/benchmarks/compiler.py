@@ -1,0 +1,210 @@
+"""What compiling costs: each stage of a recipe of 1,000 and of 10,000 steps, and how it grows; networkx beside ours.
+
+The large recipes are made in memory: random orders with ten orderings a step, and series-parallel ones. Every row is
+measured in a process of its own, so that its peak of memory is its own; "x" is the growth from 1,000 to 10,000 steps,
+and in the rows of the reduction the ratio of networkx to ours, in the same process. What comes from files is compiled
+with the vocabulary read anew, and with the vocabulary and the recipe's ontology kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+BASE = "http://planlang.org/bench#"
+LOOKING = "http://knowrob.org/kb/knowrob.owl#LookingForSomething"
+SIZES = (1_000, 10_000)
+PER_STEP = 10
+
+
+def random_orders(size: int) -> list[tuple[int, int]]:
+    """Ten orderings a step, along a hidden linear order."""
+    rng = random.Random(size)
+    hidden = rng.sample(range(size), size)
+    pairs: dict[tuple[int, int], None] = {}
+    while len(pairs) < size * PER_STEP:
+        a, b = sorted(rng.sample(range(size), 2))
+        pairs[hidden[a], hidden[b]] = None
+    return list(pairs)
+
+
+def series_parallel_orders(size: int) -> list[tuple[int, int]]:
+    """Steps in series and in parallel by turns, five of each, ten orderings a step at most."""
+    pairs: list[tuple[int, int]] = []
+
+    def ends(start: int, number: int, *, is_series: bool) -> tuple[list[int], list[int]]:
+        if number == 1:
+            return [start], [start]
+        cuts = sorted({start + number * part // 5 for part in range(6)})
+        parts = [ends(a, b - a, is_series=not is_series) for a, b in pairwise(cuts)]
+        if not is_series:
+            return [a for first, _ in parts for a in first], [b for _, last in parts for b in last]
+        for (_, last), (first, _) in pairwise(parts):
+            pairs.extend((a, b) for a in last for b in first[:PER_STEP])
+        return parts[0][0], parts[-1][1]
+
+    ends(0, size, is_series=True)
+    return pairs
+
+
+FORMS: dict[str, Callable[[int], list[tuple[int, int]]]] = {
+    "random": random_orders,
+    "series-parallel": series_parallel_orders,
+}
+
+
+def peak() -> float:
+    """Peak resident memory of this process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def stages(form: str, size: int) -> Iterator[tuple[str, float]]:
+    """Names of the stages of one compilation and how long each took [s]."""
+    from planlang.compiler.canonical import canonical
+    from planlang.compiler.emit import emit
+    from planlang.compiler.lowering import Lowering
+    from planlang.ontology import load
+    from planlang.recipe import Actions, Ordering, Recipe, RecipeSet, Source, Step
+    from planlang.recipe.check_unordered import check_free, check_unordered
+    from planlang.recipe.graph import recipe_graph, shortest_cycle
+    from planlang.recipe.wise import check_wisdom
+
+    ontology = load(ROOT / "recipes" / "serve_a_drink.omn")
+    actions = Actions(ontology)
+    names = [f"{BASE}step{number}" for number in range(size)]
+    steps = tuple(Step(name, "LookingForSomething", primitive=LOOKING, cls=LOOKING) for name in names)
+    orderings = tuple(Ordering(names[a], names[b]) for a, b in FORMS[form](size))
+    recipe = Recipe(BASE + "Task", "PurposefulAction", steps, orderings)
+    recipes = RecipeSet(recipe.iri, {recipe.iri: recipe}, Source("bench.omn", "0" * 64))
+    began = time.process_time()
+
+    def lap() -> float:
+        nonlocal began
+        now = time.process_time()
+        passed, began = now - began, now
+        return passed
+
+    assert shortest_cycle(recipe_graph(recipe)) is None
+    yield "cycle search", lap()
+    for _ in (*check_wisdom(actions, recipe), *check_free(recipe), *check_unordered(actions, recipe, recipes)):
+        pass
+    yield "checks of orders", lap()
+    recipes = canonical(recipes)
+    yield "canonical order", lap()
+    tree = Lowering(ontology, recipes, actions).tree()
+    yield "graph, scopes, lowering", lap()
+    source, _ = emit(tree, recipes, "bench")
+    yield "emit", lap()
+    compile(source, "<plan>", "exec")
+    yield "import by Python", lap()
+
+
+def reduction(form: str, size: int, *, with_networkx: bool) -> tuple[float, float, float]:
+    """Seconds of the reduction and the decomposition by us, and of the reduction by networkx (0 if left out)."""
+    import networkx as nx
+
+    from planlang.recipe.decomposition import decomposed
+    from planlang.recipe.graph import order_graph, reduced
+
+    graph = order_graph(range(size), FORMS[form](size))
+    began = time.process_time()
+    small = reduced(graph)
+    reducing = time.process_time()
+    decomposed(small)
+    done = time.process_time()
+    theirs = 0.0
+    if with_networkx:
+        expected = nx.transitive_reduction(graph)
+        theirs = time.process_time() - done
+        assert set(expected.edges) == set(small.edges)
+    return reducing - began, done - reducing, theirs
+
+
+def files() -> Iterator[tuple[str, float]]:
+    """Seconds of compiling the bundled recipe, the vocabulary read anew, and with the ontology kept."""
+    from planlang.compiler import compile_ontology, compile_recipe
+    from planlang.ontology import load
+
+    recipe = ROOT / "recipes" / "serve_a_drink.omn"
+    began = time.process_time()
+    compile_recipe(recipe)
+    yield "serve_a_drink, first in its process", time.process_time() - began
+
+    def median(work: Callable[[], object]) -> float:
+        times = []
+        for _ in range(7):
+            began = time.process_time()
+            work()
+            times.append(time.process_time() - began)
+        return statistics.median(times)
+
+    yield "serve_a_drink, again in the same process", median(lambda: compile_recipe(recipe))
+    ontology = load(recipe)
+    yield "serve_a_drink, from its ontology", median(lambda: compile_ontology(ontology))
+
+
+def measured(*arguments: str) -> Any:
+    """What a process of its own measures, told by JSON."""
+    done = subprocess.run([sys.executable, __file__, *arguments], check=True, capture_output=True, text=True)
+    return json.loads(done.stdout)
+
+
+def report() -> None:
+    """Print all measurements."""
+    print(f"{'stage':38}{'1,000':>9}{'10,000':>9}{'x':>7}{'us/step':>9}")
+    for form in FORMS:
+        small, large = (measured("--stages", form, str(size)) for size in SIZES)
+        for name, seconds in large["stages"].items():
+            before = small["stages"][name]
+            row = f"{form}: {name}"
+            print(f"{row:38}{before:7.3f} s{seconds:7.3f} s{seconds / before:7.1f}{seconds / SIZES[1] * 1e6:9.0f}")
+        one, other = (sum(found["stages"].values()) for found in (small, large))
+        print(f"{form + ': all stages':38}{one:7.3f} s{other:7.3f} s{other / one:7.1f}{other / SIZES[1] * 1e6:9.0f}")
+        print(f"{form + ': peak of the process':38}{small['peak']:6.0f} MB{large['peak']:6.0f} MB")
+    print(f"\n{'random orders':38}{'ours':>9}{'networkx':>10}{'ratio':>7}")
+    for size in SIZES:
+        ours, decomposing, theirs = measured("--reduction", "random", str(size))["seconds"]
+        print(f"{f'reduction, {size:,} steps':38}{ours:7.3f} s{theirs:8.3f} s{theirs / ours:7.1f}")
+        print(f"{f'decomposition, {size:,} steps':38}{decomposing:7.3f} s")
+    alone, both = (measured("--reduction", "random", str(SIZES[1]), *more)["peak"] for more in (["--alone"], []))
+    print(f"{f'peak of the process, {SIZES[1]:,} steps':38}{alone:6.0f} MB{both:7.0f} MB{both / alone:7.1f}")
+    print()
+    for name, seconds in measured("--files")["stages"].items():
+        print(f"{name:44}{seconds:7.3f} s")
+
+
+def main() -> None:
+    """Print the report, or measure one row of it."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--stages", nargs=2, metavar=("FORM", "SIZE"))
+    parser.add_argument("--reduction", nargs=2, metavar=("FORM", "SIZE"))
+    parser.add_argument("--alone", action="store_true", help="without networkx")
+    parser.add_argument("--files", action="store_true")
+    chosen = parser.parse_args()
+    if chosen.stages:
+        found = dict(stages(chosen.stages[0], int(chosen.stages[1])))
+        print(json.dumps({"stages": found, "peak": peak()}))
+    elif chosen.reduction:
+        form, size = chosen.reduction
+        print(json.dumps({"seconds": reduction(form, int(size), with_networkx=not chosen.alone), "peak": peak()}))
+    elif chosen.files:
+        print(json.dumps({"stages": dict(files())}))
+    else:
+        report()
+
+
+if __name__ == "__main__":
+    main()

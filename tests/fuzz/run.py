@@ -1,0 +1,282 @@
+"""Breaks real files in many ways; nothing but diagnostics may come of it.
+
+    python tests/fuzz/run.py --seconds 1800          half an hour, on all cores
+    python tests/fuzz/run.py --seconds 60 --seed 5   a minute of other cases
+    python tests/fuzz/run.py --case 5:1234           one case again, by its seed and number
+    python tests/fuzz/run.py --file finds/x.owl      a file that was found, again
+
+Each case is a real file (the bundled ones, and the corpus where it is beside this checkout) whose bytes or triples were
+changed, chosen by seed and number alone. Workers read, check, compile, draw and fix it with bounded memory and time. A
+case that ends otherwise than in diagnostics is written to --finds: made as small as it gets, beside a JSON file that
+says what came of it and which seed and number it has. Exit 1 when there was any.
+"""
+
+# ruff: noqa: T201 - it reports
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import random
+import re
+import select
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+CORPUS = ROOT.parent / "shared" / "corpus"
+KINDS = ("recipes", "environments", "objects", "robots", "ontologies")
+LARGEST = 120_000
+"""Bytes; larger files are not broken as a whole, but a part of this length."""
+
+SECONDS = 30.0
+"""For one case on one core that others use, too."""
+
+TRIES = 300
+"""Runs that go into making a find smaller."""
+
+
+@dataclass(frozen=True)
+class Case:
+    seed: int
+    number: int
+    kind: str
+    source: str
+    steps: tuple[str, ...]
+    content: bytes
+
+
+def sources() -> list[tuple[str, Path]]:
+    """Kind and path of the files to break, sorted."""
+    found = [("recipes", path) for path in sorted((ROOT / "recipes").glob("*.omn"))]
+    for path in sorted((ROOT / "ontologies").rglob("*.omn")):
+        found.append((path.parent.name if path.parent.name in KINDS else "ontologies", path))
+    for kind in KINDS:
+        found += ((kind, path) for path in sorted((CORPUS / kind).glob("*.owl*")))
+    return found
+
+
+def case_of(seed: int, number: int, files: list[tuple[str, Path]]) -> Case:
+    """The case with this seed and number, whatever came before it."""
+    from mutations import mutated
+
+    draw = random.Random(f"{seed}:{number}")
+    recipes = [one for one in files if one[0] == "recipes"]
+    kind, path = draw.choice(recipes if draw.random() < 0.6 else files)
+    other = draw.choice(files)[1].read_bytes()
+    content = path.read_bytes()
+    if len(content) > LARGEST:
+        begin = draw.randrange(len(content) - LARGEST)
+        head = content[: LARGEST // 2]
+        content = head + content[begin : begin + LARGEST // 2]
+    broken, steps = mutated(draw, content, other, path.name)
+    return Case(seed, number, kind, path.name, steps, broken)
+
+
+class Worker:
+    """A process that takes cases; it is started anew when it dies or hangs."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / "case.owl"
+        self.peak = 0
+        self.slowest = 0.0
+        self._process: subprocess.Popen[str] | None = None
+        self._cache = folder / "cache"
+
+    def _start(self) -> subprocess.Popen[str]:
+        environment = os.environ | {
+            "PYTHONPATH": str(ROOT),
+            "PYTHONHASHSEED": "0",
+            "XDG_CACHE_HOME": str(self._cache),
+        }
+        return subprocess.Popen(
+            [sys.executable, str(Path(__file__).parent / "worker.py")],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            env=environment,
+        )
+
+    def problem_of(self, kind: str, content: bytes, seconds: float = SECONDS) -> str | None:
+        """What came of a file besides diagnostics; None is good."""
+        self.path.write_bytes(content)
+        if self._process is None or self._process.poll() is not None:
+            self._process = self._start()
+        process = self._process
+        assert process.stdin is not None
+        assert process.stdout is not None
+        began = time.perf_counter()
+        process.stdin.write(json.dumps([kind, str(self.path)]) + "\n")
+        process.stdin.flush()
+        ready, _, _ = select.select([process.stdout], [], [], seconds)
+        if not ready:
+            self.close()
+            return f"it took more than {seconds:.0f} seconds"
+        line = process.stdout.readline()
+        self.slowest = max(self.slowest, time.perf_counter() - began)
+        if not line:
+            code = process.wait()
+            self._process = None
+            return f"the process died with {code}"
+        answer = json.loads(line)
+        self.peak = max(self.peak, answer["megabytes"])
+        problem: str | None = answer["problem"]
+        return problem
+
+    def close(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.communicate()
+            self._process = None
+
+
+def signature(problem: str) -> str:
+    """What two finds have in common that have one cause: the exception and the place that raised it."""
+    places = re.findall(r'File "[^"]*?([\w./-]+)", line (\d+), in (\S+)', problem)
+    last = problem.strip().splitlines()[-1].partition(":")[0]
+    return f"{last} in {places[-1][0].rpartition('/')[2]}:{places[-1][2]}" if places else last
+
+
+def smaller(worker: Worker, case: Case, problem: str) -> bytes:
+    """A smaller file with the same signature: ever smaller groups of lines, then of bytes, are left out."""
+    if "seconds" in problem or "died" in problem:
+        return case.content
+    wanted, tries = signature(problem), TRIES
+    content = case.content
+    for split in (lambda text: text.splitlines(keepends=True), lambda text: [bytes((byte,)) for byte in text]):
+        pieces: list[bytes] = split(content)
+        size = max(len(pieces) // 2, 1)
+        while size >= 1 and tries > 0:
+            at = 0
+            while at < len(pieces) and tries > 0:
+                shorter = pieces[:at] + pieces[at + size :]
+                tries -= 1
+                found = worker.problem_of(case.kind, b"".join(shorter))
+                if found is not None and signature(found) == wanted:
+                    pieces[:] = shorter
+                else:
+                    at += size
+            size //= 2
+        content, tries = b"".join(pieces), TRIES
+    return content
+
+
+def keep(worker: Worker, case: Case, problem: str, finds: Path) -> Path:
+    """Write a find down: the small file, and what is known of it."""
+    finds.mkdir(parents=True, exist_ok=True)
+    content = smaller(worker, case, problem)
+    name = f"{signature(problem)}-{hashlib.sha256(content).hexdigest()[:8]}"
+    path = finds / (re.sub(r"[^\w.-]+", "_", name) + ".owl")
+    path.write_bytes(content)
+    known = {
+        "case": f"{case.seed}:{case.number}",
+        "kind": case.kind,
+        "source": case.source,
+        "steps": case.steps,
+        "problem": problem,
+    }
+    path.with_suffix(".json").write_text(json.dumps(known, indent=2) + "\n")
+    return path
+
+
+class Campaign:
+    """Cases one after the other, shared among workers; a cause is written down once."""
+
+    def __init__(self, seed: int, first: int, seconds: float, finds: Path) -> None:
+        self.seed = seed
+        self.next = first
+        self.done = 0
+        self.ends = time.monotonic() + seconds
+        self.finds = finds
+        self.found: dict[str, tuple[int, Path]] = {}
+        self.peak, self.slowest = 0, 0.0
+        self._files = sources()
+        self._lock = threading.Lock()
+
+    def work(self) -> None:
+        """Run cases until the time is over."""
+        with tempfile.TemporaryDirectory() as folder:
+            worker = Worker(Path(folder))
+            try:
+                while time.monotonic() < self.ends:
+                    with self._lock:
+                        number = self.next
+                        self.next += 1
+                        case = case_of(self.seed, number, self._files)
+                    problem = worker.problem_of(case.kind, case.content)
+                    if problem is not None:
+                        self._found(worker, case, problem)
+                    with self._lock:
+                        self.done += 1
+                        self.peak = max(self.peak, worker.peak)
+                        self.slowest = max(self.slowest, worker.slowest)
+            finally:
+                worker.close()
+
+    def _found(self, worker: Worker, case: Case, problem: str) -> None:
+        known = signature(problem)
+        with self._lock:
+            times, path = self.found.get(known, (0, Path()))
+            self.found[known] = (times + 1, path)
+        if times == 0:
+            path = keep(worker, case, problem, self.finds)
+            with self._lock:
+                self.found[known] = (self.found[known][0], path)
+            print(f"case {case.seed}:{case.number} ({case.source}, {', '.join(case.steps)}): {known}\n  {path}")
+            sys.stdout.flush()
+
+
+def again(kind: str, content: bytes) -> int:
+    """Run one case and show what comes of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        worker = Worker(Path(folder))
+        problem = worker.problem_of(kind, content)
+        worker.close()
+    print(problem or "nothing but diagnostics")
+    return 1 if problem else 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=60)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--finds", type=Path, default=ROOT / "fuzz-finds")
+    parser.add_argument("--case", help="SEED:NUMBER, this case alone")
+    parser.add_argument("--file", type=Path, help="this file alone")
+    parser.add_argument("--kind", choices=KINDS, default="recipes", help="what --file is")
+    options = parser.parse_args()
+    if options.file:
+        return again(options.kind, options.file.read_bytes())
+    if options.case:
+        seed, _, number = options.case.partition(":")
+        case = case_of(int(seed), int(number), sources())
+        print(f"{case.source}: {', '.join(case.steps)}, {len(case.content)} bytes")
+        return again(case.kind, case.content)
+    campaign = Campaign(options.seed, options.first, options.seconds, options.finds)
+    threads = [threading.Thread(target=campaign.work) for _ in range(options.jobs)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    print(
+        f"{campaign.done} cases of seed {options.seed} from number {options.first}, {len(campaign.found)} finds;"
+        f" slowest {campaign.slowest:.1f} s, most memory {campaign.peak} MB"
+    )
+    for known, (times, path) in sorted(campaign.found.items()):
+        print(f"  {times} times {known}: {path}")
+    return 1 if campaign.found else 0
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(ROOT))
+    sys.exit(main())

@@ -1,0 +1,123 @@
+"""Takes files through everything that reads them; one JSON line in (kind, path), one JSON line out, in a process of
+its own with little memory.
+
+Whatever is no diagnostic is an answer with a "problem": the exception with its traceback, or what does not hold.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import resource
+import sys
+import traceback
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+
+from planlang.diagnostics import CODES, BadInput, Diagnostic
+
+MEGABYTES = 1500
+MOST_TASKS = 3
+
+
+def checked(found: Iterable[object], path: Path, lines: int) -> None:
+    """Every diagnostic can be shown, and stands inside its file."""
+    for one in found:
+        assert isinstance(one, Diagnostic)
+        json.dumps(one.as_json())
+        assert one.code in CODES, f"{one.code} is no code"
+        assert len(str(one)) < 20_000, f"{one.code} has a message of {len(str(one))} characters"
+        if one.span is not None and one.span.file == str(path):
+            assert 1 <= one.span.line <= lines + 1, f"{one} is behind the last line, {lines}"
+            assert one.span.column >= 1, f"{one} is left of the first column"
+
+
+def refused(problem: BadInput, path: Path, lines: int) -> None:
+    """What is refused is refused for a reason."""
+    assert problem.diagnostics, "refused without a reason"
+    checked(problem.diagnostics, path, lines)
+
+
+def recipe(path: Path, lines: int) -> None:
+    """Read, check, compile every task, draw it, and fix."""
+    from planlang.compiler import compile_ontology
+    from planlang.compiler.graphs import FORMATS, task_graph
+    from planlang.ontology import load
+    from planlang.recipe.actions import Actions
+    from planlang.recipe.fixes import fix_recipe
+    from planlang.recipe.tasks import stated_tasks
+
+    ontology = load(path)
+    checked(ontology.diagnostics, path, lines)
+    for task in (None, *stated_tasks(Actions(ontology))[:MOST_TASKS]):
+        try:
+            plan = compile_ontology(ontology, task=task, allow_abstract=True)
+        except BadInput as problem:
+            refused(problem, path, lines)
+            continue
+        checked(plan.diagnostics, path, lines)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            compile(ast.parse(plan.source), "plan.py", "exec")
+        graph = task_graph(plan.recipes, plan.added)
+        for draw in FORMATS.values():
+            draw(graph)
+        fix_recipe(path, task=task, allow_abstract=True)
+
+
+def environment(path: Path, lines: int) -> None:
+    from executive.knowledge import read_map
+    from planlang.ontology import load
+
+    ontology = load(path)
+    checked(ontology.diagnostics, path, lines)
+    read_map(ontology)
+
+
+def robot(path: Path, lines: int) -> None:
+    from executive.capabilities.self_model import read_self_model
+    from planlang.ontology import load
+
+    ontology = load(path)
+    checked(ontology.diagnostics, path, lines)
+    read_self_model(ontology)
+
+
+WAYS = {"recipes": (recipe,), "environments": (environment,), "objects": (environment,), "robots": (robot,),
+        "ontologies": (recipe, environment)}  # fmt: skip
+
+
+def problem_of(kind: str, path: Path) -> str | None:
+    """What went wrong other than by a diagnostic, as text; None if nothing did."""
+
+    content = path.read_bytes()
+    lines = max(content.count(b"\n"), content.count(b"\r"), content.count(b"\n\0")) + 1
+    for way in WAYS[kind]:
+        try:
+            way(path, lines)
+        except BadInput as problem:
+            try:
+                refused(problem, path, lines)
+            except Exception:
+                return traceback.format_exc(limit=-12)
+        except (Exception, MemoryError):
+            return traceback.format_exc(limit=-12)
+    return None
+
+
+def main() -> None:
+    limit = MEGABYTES * 1_000_000
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    answers = sys.stdout
+    sys.stdout = sys.stderr  # nothing that is run may speak in between
+    for line in sys.stdin:
+        kind, path = json.loads(line)
+        problem = problem_of(kind, Path(path))
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+        answers.write(json.dumps({"problem": problem, "megabytes": peak}) + "\n")
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()
