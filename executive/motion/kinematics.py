@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +31,8 @@ class Chain:
 
     def __init__(self, joints: Sequence[Joint], *, others: Iterable[Joint] = (), locked: Mapping[str, float]) -> None:
         """Joints from base to tip; ``others`` are searched for masters of mimics, ``locked`` ones stay where said."""
-        every = {joint.name: joint for joint in (*others, *joints)}
+        self._joints, self._others, self._locked = tuple(joints), tuple(others), dict(locked)
+        every = {joint.name: joint for joint in (*self._others, *joints)}
         movers: dict[str, Joint] = {}
         variables: list[Variable] = []
         ranges: dict[str, tuple[float, float]] = {}
@@ -59,6 +62,7 @@ class Chain:
         """Which joints turn without end (d,)."""
         self.prismatic: NDArray[np.bool_] = np.array([joint.kind == "prismatic" for joint in movers.values()], bool)
         """Which joints slide (d,)."""
+        self._variables = tuple(variables)
         self.symbolic = symbolic_chain(joints, variables, len(movers))
         self._position = position_function(self.symbolic)
         self._pose = pose_function(self.symbolic)
@@ -97,6 +101,19 @@ class Chain:
     def dof(self) -> int:
         """Number of moving joints, d."""
         return len(self.names)
+
+    def locked(self, positions: Mapping[str, float]) -> Chain:
+        """The same chain with more of its joints kept at a position."""
+        return Chain(self._joints, others=self._others, locked={**self._locked, **positions})
+
+    @cached_property
+    def digest(self) -> str:
+        """Equal for chains that move alike: joints, their frames, axes and limits, and what is locked."""
+        parts = [
+            (j.kind, j.origin.tolist(), j.axis.tolist(), v) for j, v in zip(self._joints, self._variables, strict=True)
+        ]
+        limits = (self.names, self.lower.tolist(), self.upper.tolist(), self.continuous.tolist())
+        return hashlib.sha256(repr((parts, limits)).encode()).hexdigest()
 
     def fk(self, q: ArrayLike) -> Array:
         """Poses (n, 4, 4) of the tip in the base for configurations (n, d)."""
