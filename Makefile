@@ -2,6 +2,7 @@
 # make test    the test suite          make lint    ruff, mypy --strict, import contracts
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
+# make bench-locations   how places are found, beside samplers and other inverse kinematics, judged by PyBullet
 #
 # Everything happens in .venv, made on first use by python3.11, or python3 if that is 3.11 or newer.
 # PYTHON=/path/to/python make test   takes another interpreter.
@@ -17,7 +18,7 @@ SEEDS ?= 30
 JOBS ?= 2
 PYTEST_ARGS ?=
 
-.PHONY: help demo test lint bench coverage mutants seeds golden clean
+.PHONY: help demo test lint bench bench-locations coverage mutants seeds golden clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -60,7 +61,7 @@ lint: $(VENV)/.dev-stamp
 	$(BIN)/lint-imports
 
 $(VENV)/.bench-stamp: $(VENV)/.dev-stamp
-	@echo "installing what the kernel is measured against into $(VENV)"
+	@echo "installing what is measured against into $(VENV)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	@touch $@
 
@@ -69,6 +70,10 @@ bench: $(VENV)/.bench-stamp
 	    test "$$benchmark" = tests/benchmarks/seeds.py && continue; \
 	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
 	done
+
+ROOMS ?= 200
+bench-locations: $(VENV)/.bench-stamp
+	$(BIN)/python -m tests.benchmarks.locations --rooms $(ROOMS)
 
 # coverage run, not pytest --cov: our pytest plugin is imported before pytest-cov could look.
 # Plans that recurse without end come last: Python stops tracing when they overflow.
