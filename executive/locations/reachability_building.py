@@ -104,7 +104,9 @@ def lift_of(chain: Chain, torso: str | None) -> Lift | None:
 
 
 def _entry_name(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> str:
-    facts = (VERSION, arm.solver.chain.digest, lift, grasp.value, arm.frame, CELL, YAWS, arm.seeds.tolist())
+    chain = arm.solver.chain
+    computed_by = type(chain.backend).__name__
+    facts = (VERSION, chain.digest, computed_by, lift, grasp.value, arm.frame, CELL, YAWS, arm.seeds.tolist())
     return hashlib.sha256(repr(facts).encode()).hexdigest()
 
 
