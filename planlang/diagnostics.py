@@ -174,6 +174,8 @@ CODES: dict[str, str] = {
     "P005": "a phrase names two arms or two grasps for one location",
     "P006": "a phrase bounds the distance of a relation that has none",
     "P007": "a noun of a phrase could mean several classes of things of the map",
+    "P008": "a phrase is about something that the map does not have",
+    "P009": "of several things that a phrase could mean the nearest was taken",
     # X: running
     "X001": "a plan cannot be imported",
     "X002": "a file defines no plan",

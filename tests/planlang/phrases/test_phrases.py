@@ -240,7 +240,8 @@ def test_a_file_has_its_diagnostic_at_its_line(path: Path) -> None:
 
 
 def test_every_code_about_phrases_has_a_file() -> None:
-    assert {path.name.split("_")[0] for path in FILES} == {code for code in CODES if code.startswith("P")}
+    about_maps = {"P008", "P009"}
+    assert {path.name.split("_")[0] for path in FILES} == {code for code in CODES if code[0] == "P"} - about_maps
 
 
 def test_words_are_lower_case_with_one_space_between() -> None:
