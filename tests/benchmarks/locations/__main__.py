@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import statistics
 import sys
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from executive.capabilities import Robot
@@ -19,8 +18,18 @@ from planlang.designators import a_location
 from planlang.diagnostics import BadInput
 from tests.benchmarks.locations import ik
 from tests.benchmarks.locations.infeasible import infeasible_rooms
-from tests.benchmarks.locations.reach import HEAD, Case, first_reasons, milliseconds, reach, summary, unsolved
-from tests.benchmarks.locations.rooms import KINDS, THE_BOTTLE, rooms
+from tests.benchmarks.locations.queries import ask_many, resolve_again, some_stage
+from tests.benchmarks.locations.reach import (
+    HEAD,
+    Case,
+    first_reasons,
+    milliseconds,
+    reach,
+    summary,
+    told_reason,
+    unsolved,
+)
+from tests.benchmarks.locations.rooms import KINDS, THE_BOTTLE, asked, rooms
 from tests.benchmarks.locations.stage import Stage, robot_of
 
 ROBOTS = ("amigo", "pr2", "panda")
@@ -42,6 +51,7 @@ def main() -> int:
     options.add_argument("--rooms", type=int, default=200, help="rooms of the kinds normal and hard (default: 200)")
     options.add_argument("--targets", type=int, default=1000, help="targets of inverse kinematics (default: 1000)")
     options.add_argument("--robots", default=",".join(ROBOTS), help="which robots (default: all that are there)")
+    options.add_argument("--queries", type=int, default=1000, help="random questions (default: 1000)")
     options.add_argument("--without-search", action="store_true", help="do not search unsolved rooms through")
     chosen = options.parse_args()
     found = [robot for name in chosen.robots.split(",") if (robot := _robot(name)) is not None]
@@ -52,6 +62,7 @@ def main() -> int:
         wrong += _reach(robot, chosen.rooms, promises, search=not chosen.without_search)
     _infeasible(found[0], max(1, chosen.rooms // 20), promises)
     _visible(found[0], chosen.rooms // 2, promises)
+    _unchanged(chosen.queries, promises)
     print("\n## Promises\n\n| promise | measured | bound | |\n|---|---|---|---|")
     for promise in promises:
         print(f"| {promise.what} | {promise.measured} | {promise.bound} | {'' if promise.kept else 'missed'} |")
@@ -137,20 +148,12 @@ def _infeasible(robot: Robot, number: int, promises: list[Promise]) -> None:
         stage = Stage(room, robot)
         answer = stage.ask(location)
         stage.close()
-        told = first_reason(answer.counts, room.reason)
+        told = told_reason(answer.counts, room.reason)
         times.append(answer.seconds)
         right += told == room.reason and not answer.solved
         print(f"| {room.name} | {room.reason} | {told} | {1e3 * answer.seconds:.0f} | {first_reasons(answer)} |")
     promises.append(Promise("unreachable, right reason", f"{right} of {len(times)}", "all", right == len(times)))
     promises.append(Promise("unreachable, longest", f"{1e3 * max(times):.0f} ms", "<= 500 ms", max(times) <= 0.5))
-
-
-def first_reason(counts: Mapping[str, int], expected: str) -> str:
-    """The most frequent reason; that there is no room for the base counts only where next to nothing else does."""
-    others = {reason: count for reason, count in counts.items() if reason != "no room for the base"}
-    if expected == "no room for the base" and sum(others.values()) <= 0.01 * sum(counts.values()):
-        return max(counts, key=lambda reason: counts[reason])
-    return max(others or counts, key=lambda reason: counts[reason], default="none")
 
 
 def _visible(robot: Robot, number: int, promises: list[Promise]) -> None:
@@ -161,6 +164,26 @@ def _visible(robot: Robot, number: int, promises: list[Promise]) -> None:
         stage.close()
     median = 1e3 * statistics.median(times)
     promises.append(Promise("visible from, median", f"{median:.1f} ms", "<= 30 ms", median <= 30))
+
+
+def _unchanged(number: int, promises: list[Promise]) -> None:
+    """Random questions, and the same one again and again."""
+    room, robot = some_stage()
+    stage = Stage(room, robot_of(robot))
+    asked_many = ask_many(stage, number, tell=print)
+    endings = ", ".join(f"{count} {ending}" for ending, count in asked_many.endings.most_common())
+    print(f"\n## Random questions\n\n{number} in {room.name}: {endings}")
+    for line in asked_many.other_failures[:20]:
+        print(f"- {line}")
+    promises.append(
+        Promise("questions that changed something", str(len(asked_many.changed)), "0", not asked_many.changed)
+    )
+    wrong = len(asked_many.other_failures)
+    promises.append(Promise("questions that ended in an internal error", str(wrong), "0", not wrong))
+    growth = resolve_again(stage, asked(room), number)
+    stage.close()
+    what = f"memory in the last {number // 2} of {number} resolutions"
+    promises.append(Promise(what, f"{growth:+.1f} MB", "<= 2 MB", growth <= 2))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from executive.capabilities import Robot
@@ -127,3 +127,11 @@ def first_reasons(answer: Answer) -> str:
     bodies = Counter(answer.blocking).most_common(2)
     text = ", ".join(f"{number} {reason}" for reason, number in reasons)
     return text + (f" ({', '.join(f'{body} {number}' for body, number in bodies)})" if bodies else "")
+
+
+def told_reason(counts: Mapping[str, int], expected: str) -> str:
+    """The most frequent reason; that there is no room for the base counts only where next to nothing else does."""
+    others = {reason: count for reason, count in counts.items() if reason != "no room for the base"}
+    if expected == "no room for the base" and sum(others.values()) <= 0.01 * sum(counts.values()):
+        return max(counts, key=lambda reason: counts[reason])
+    return max(others or counts, key=lambda reason: counts[reason], default="none")
