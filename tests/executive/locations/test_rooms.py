@@ -12,7 +12,7 @@ import pytest
 from planlang.designators import Location
 from tests.benchmarks.locations.infeasible import REASONS, infeasible_rooms
 from tests.benchmarks.locations.oracle import Oracle
-from tests.benchmarks.locations.queries import ask_many, resolve_again, some_stage
+from tests.benchmarks.locations.queries import Interrupter, ask_many, resolve_again, some_stage
 from tests.benchmarks.locations.reach import judged, told_reason
 from tests.benchmarks.locations.rooms import KINDS, THE_BOTTLE, Room, asked, room_of
 from tests.benchmarks.locations.sampler import Chains, by_levenberg_marquardt, sample
@@ -83,6 +83,21 @@ def test_random_questions_failing_and_interrupted_ones_too_change_nothing() -> N
     assert asked_many.other_failures == ()
     assert asked_many.endings["interrupted"] > 2
     assert asked_many.endings["LocationUnresolvable"] > 5
+
+
+def test_a_question_that_was_interrupted_is_answered_as_if_it_had_never_been_asked() -> None:
+    room, robot = room_of("normal", 1), robot_of("amigo")
+    location = asked(room)
+    stages = [Stage(room, robot) for _ in range(2)]
+    try:
+        expected = stages[0].ask(location, 2).solutions
+        for calls in (100, 1000, 4000):
+            with Interrupter(calls):
+                next(stages[1].platform.resolver.bases(location))
+        assert [s.base for s in stages[1].ask(location, 2).solutions] == [s.base for s in expected]
+    finally:
+        for stage in stages:
+            stage.close()
 
 
 def test_resolving_again_and_again_takes_no_more_memory() -> None:
