@@ -5,8 +5,8 @@ a location of a phrase and ``writing`` a phrase of a location, inverse to each o
 """
 
 from planlang.phrases.lexicon import Lexicon
-from planlang.phrases.reading import read_location
+from planlang.phrases.reading import read_location, read_thing
 from planlang.phrases.words import FORMS
 from planlang.phrases.writing import write_location
 
-__all__ = ["FORMS", "Lexicon", "read_location", "write_location"]
+__all__ = ["FORMS", "Lexicon", "read_location", "read_thing", "write_location"]

@@ -28,17 +28,30 @@ def read_location(phrase: str, lexicon: Lexicon | None = None, *, file: str = "p
         raise BadInput(
             [error("P003", f"a phrase has at most {LONGEST} characters, this one {len(phrase)}", Span(file))]
         )
-    lexicon = lexicon or Lexicon()
-    phrase = _COMMENT.sub(lambda found: found[0] if found[1] is None else " " * len(found[0]), phrase)
-    try:
-        tree = parser().parse(phrase)
-    except UnexpectedInput as problem:
-        raise BadInput([mistakes.explain(problem, phrase, file)]) from None
-    reader = _Reader(lexicon, file)
+    tree = _parsed(phrase, "start", file)
+    reader = _Reader(lexicon or Lexicon(), file)
     location = reader.location(_trees(tree)[0], 1)
     if reader.found:
         raise BadInput(reader.found)
     return location
+
+
+def read_thing(phrase: str, lexicon: Lexicon | None = None, *, file: str = "phrase") -> Object:
+    """The thing that a noun with or without article tells, e.g. "the bottle"; raises BadInput as above."""
+    tree = _parsed(phrase[:LONGEST], "only_thing", file)
+    reader = _Reader(lexicon or Lexicon(), file)
+    thing = reader.thing(_trees(tree)[0], tree, named=len(tree.children) == 1)
+    if thing is None:
+        raise BadInput(reader.found)
+    return thing
+
+
+def _parsed(phrase: str, start: str, file: str) -> Tree[Token]:
+    phrase = _COMMENT.sub(lambda found: found[0] if found[1] is None else " " * len(found[0]), phrase)
+    try:
+        return parser().parse(phrase, start=start)
+    except UnexpectedInput as problem:
+        raise BadInput([mistakes.explain(problem, phrase, file)]) from None
 
 
 @cache
@@ -54,7 +67,7 @@ def parser() -> Lark:
         ("GRASP", grasps, 5),
     ):
         grammar += f"\n{name}.{priority}: /(?:{pattern(forms)})\\b/i"
-    return Lark(grammar, parser="lalr", propagate_positions=True)
+    return Lark(grammar, parser="lalr", start=["start", "only_thing"], propagate_positions=True)
 
 
 class _Reader:

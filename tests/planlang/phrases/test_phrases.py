@@ -25,7 +25,7 @@ from planlang.designators import (
 )
 from planlang.diagnostics import CODES, BadInput, Diagnostic
 from planlang.ontology import load
-from planlang.phrases import FORMS, Lexicon, read_location, write_location
+from planlang.phrases import FORMS, Lexicon, read_location, read_thing, write_location
 from planlang.phrases.lexicon import DEVICES
 from planlang.phrases.words import GRASP_FORMS, plain
 from planlang.resources import bundled
@@ -218,6 +218,21 @@ def test_all_mistakes_of_a_phrase_are_told_in_one_go() -> None:
 def test_places_within_places_are_bounded() -> None:
     assert only("near a place " * 30 + "near the bed").code == "P003"
     assert only("near the bed and " * 2000 + "near the bed").code == "P003"
+
+
+@pytest.mark.parametrize(
+    ("noun", "thing"),
+    [("the bottle", Object("DrinkingBottle")), ("bottle1", THINGS["bottle1"]), ("a patient", Person("Patient"))],
+)
+def test_a_noun_alone_tells_a_thing(noun: str, thing: Object) -> None:
+    assert read_thing(noun, LEXICON) == thing
+
+
+@pytest.mark.parametrize(("noun", "code"), [("the unicorn", "P002"), ("the bottle near the bed", "P003"), ("", "P003")])
+def test_what_is_no_noun_tells_no_thing(noun: str, code: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        read_thing(noun, LEXICON)
+    assert [found.code for found in caught.value.diagnostics] == [code]
 
 
 def test_a_posture_is_no_place_that_a_phrase_could_tell() -> None:
