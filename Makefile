@@ -3,6 +3,7 @@
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
 # make fuzz    broken files; FUZZ_SECONDS=1800 for half an hour, FUZZ_SEED=7 for other cases
+# make bench-locations   how places are found, beside samplers and other inverse kinematics, judged by PyBullet
 #
 # Everything happens in .venv, made on first use by python3.11, or python3 if that is 3.11 or newer.
 # PYTHON=/path/to/python make test   takes another interpreter.
@@ -20,7 +21,7 @@ FUZZ_SECONDS ?= 60
 FUZZ_SEED ?= 0
 PYTEST_ARGS ?=
 
-.PHONY: help demo test lint bench coverage mutants seeds fuzz golden clean
+.PHONY: help demo test lint bench bench-locations coverage mutants seeds fuzz golden clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -63,7 +64,7 @@ lint: $(VENV)/.dev-stamp
 	$(BIN)/lint-imports
 
 $(VENV)/.bench-stamp: $(VENV)/.dev-stamp
-	@echo "installing what the kernel is measured against into $(VENV)"
+	@echo "installing what is measured against into $(VENV)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	@touch $@
 
@@ -72,6 +73,10 @@ bench: $(VENV)/.bench-stamp
 	    test "$$benchmark" = tests/benchmarks/seeds.py && continue; \
 	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
 	done
+
+ROOMS ?= 200
+bench-locations: $(VENV)/.bench-stamp
+	$(BIN)/python -m tests.benchmarks.locations --rooms $(ROOMS)
 
 # coverage run, not pytest --cov: our pytest plugin is imported before pytest-cov could look.
 # Plans that recurse without end come last: Python stops tracing when they overflow.

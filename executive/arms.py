@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from executive.capabilities import Arm, Robot
-from executive.capabilities.mechanism import displacement
 from executive.locations import ArmModel, HandFrame
 from executive.motion import Chain, Gaze, InverseKinematics
-from executive.motion.urdf import Joint, joints_between, read_joints
+from executive.motion.urdf import Joint, displacement, joints_between, read_joints
 from planlang.protocols import Array, Configuration
 from sim import PyBulletWorld
 

@@ -399,6 +399,56 @@ def replay_command(
     answer("replay", work, as_json=json)
 
 
+@app.command(
+    "locate",
+    epilog='Example: planlang locate "in reach of the patient with the right arm" --robot amigo '
+    "--environment hospital_room --explain where.png",
+)
+def locate_command(
+    phrase: Annotated[
+        str, typer.Argument(metavar="PHRASE", help='What the place is, e.g. "in reach of the bottle and near the bed".')
+    ],
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="The robot's self-model: a file, or a bundled robot's name.")
+    ] = None,
+    urdf: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The robot's geometry, if the self-model does not name it.")
+    ] = None,
+    environment: Annotated[
+        str | None, typer.Option(metavar="MAP", help="The semantic map: a file, or a bundled environment's name.")
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option(metavar="X,Y,YAW", help="Where the robot is [m, m, rad]; default: the middle.")
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, max=1000, metavar="N", help="How many places, best first.")] = 3,
+    explain: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw what was looked at and what became of it, as PNG.")
+    ] = None,
+    ontologies: Ontologies = None,
+    json: AsJson = False,
+) -> None:
+    """Find places for the robot's base that a phrase tells."""
+    base = _planar(start)
+
+    def work() -> Answer:
+        problems = check_outputs({"--explain": explain}, {"--urdf": urdf})
+        if urdf is not None and not urdf.is_file():
+            problems.append(error("C001", f"no such URDF file: {urdf}"))
+        reason = "a place is looked for with --{what}"
+        self_model = _named("robot", robot, "robots", "", False, problems, reason=reason)
+        semantic_map = _named("environment", environment, "environments", "", False, problems, reason=reason)
+        _refuse(problems)
+        assert self_model is not None
+        assert semantic_map is not None
+
+        from executive.locating import LocateOptions, locate
+
+        folders = tuple(ontologies or ())
+        return locate(LocateOptions(phrase, self_model, semantic_map, urdf, folders, base, count, explain))
+
+    answer("locate", work, as_json=json)
+
+
 def _ran(result: RunResult, *, told: bool) -> Answer:
     lines = [result.outcome, *result.final_state]
     data: dict[str, Any] = {
@@ -441,13 +491,20 @@ def _compile(
 
 
 def _named(
-    what: str, given: str | None, folder: str, default: str, is_bundled: bool, problems: list[Diagnostic]
+    what: str,
+    given: str | None,
+    folder: str,
+    default: str,
+    is_bundled: bool,
+    problems: list[Diagnostic],
+    *,
+    reason: str = "this plan needs --{what}; only bundled recipes have a default",
 ) -> Path | None:
     """The file of a robot or environment; bundled recipes have a default, all others need one."""
     place = bundled("ontologies") / folder
     if given is None and not is_bundled:
         advice = f"add --{what} FILE, or a bundled one: {', '.join(names(place))}"
-        problems.append(error("C008", f"this plan needs --{what}; only bundled recipes have a default", help=advice))
+        problems.append(error("C008", reason.format(what=what), help=advice))
         return None
     try:
         return find(what, given or default, place)

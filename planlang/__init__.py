@@ -16,6 +16,7 @@ from planlang.designators import (
     action,
     an_object,
     holding,
+    located,
 )
 from planlang.failures import PlanFailure
 from planlang.kernel import (
@@ -46,7 +47,7 @@ from planlang.kernel import (
 from planlang.language.bounds import timeout, unwind_protect
 from planlang.language.budgets import budget
 from planlang.language.explaining import explain
-from planlang.language.goals import achieve
+from planlang.language.goals import achieve, holds
 from planlang.language.location import at_location
 from planlang.language.machine import state_machine
 from planlang.language.ordering import partial_order
@@ -126,9 +127,11 @@ __all__ = [
     "explain",
     "given",
     "holding",
+    "holds",
     "ignore",
     "in_thread",
     "join",
+    "located",
     "look_and_repeat",
     "look_from_another_place",
     "monitor",

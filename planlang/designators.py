@@ -7,7 +7,9 @@ Properties are written in snake case (``object_acted_on`` is ``objectActedOn``).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+from planlang.lengths import metres
 
 RELATIONS: dict[str, str] = {
     "in_reach_of": "inReachOf",
@@ -17,9 +19,25 @@ RELATIONS: dict[str, str] = {
     "in_": "in-ContGeneric",
     "in_center_of": "inCenterOf",
     "in_front_of": "inFrontOf-Generally",
+    "behind": "behind-Generally",
+    "left_of": "toTheLeftOf",
+    "right_of": "toTheRightOf",
     "next_to": "toTheSideOf",
+    "near": "near",
+    "far_from": "farFrom",
+    "facing": "facing",
+    "clear_of": "clearOf",
 }
 """Relation of a location -> the local name of its OWL property."""
+
+SYNONYMS: dict[str, str] = {"visible": "visible_from"}
+"""Another word for a relation -> the one that is kept."""
+
+MEASURED: tuple[str, ...] = ("above", "in_front_of", "behind", "left_of", "right_of", "next_to", "near", "far_from")
+"""Relations that may be bounded: the distance [m] between the outlines seen from above; of ``above`` the height."""
+
+GRASPS: tuple[str, ...] = ("side", "tilted", "top")
+"""Classes of grasps, by where the hand comes from."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,36 +71,62 @@ class Device(Object):
 
 @dataclass(frozen=True, slots=True)
 class Relation:
-    """One conjunct of a location: ``name`` is a key of :data:`RELATIONS`."""
+    """One conjunct of a location: ``name`` is a key of :data:`RELATIONS`.
+
+    A relation of :data:`MEASURED` may be bounded: a distance of at most ``within`` and at least ``beyond`` [m]. A
+    ``negated`` relation holds where the relation, with its bounds, does not.
+    """
 
     name: str
     reference: Object | Location
+    within: float | None = None
+    beyond: float | None = None
+    negated: bool = False
+
+    def __invert__(self) -> Relation:
+        """The relation that holds where this one does not."""
+        return replace(self, negated=not self.negated)
 
     def __str__(self) -> str:
-        return f"{self.name}({self.reference})"
+        bounds = ""
+        if self.beyond is not None:
+            bounds += f", beyond {self.beyond!r} m"
+        if self.within is not None:
+            bounds += f", within {self.within!r} m"
+        return f"{'not ' if self.negated else ''}{self.name}({self.reference}{bounds})"
 
 
 @dataclass(frozen=True, slots=True)
 class Location:
     """A set of poses: the conjunction of its relations. Without relations: a posture of the robot, by ``name``.
 
-    ``device`` narrows what reaches: "in reach of the bottle with the right gripper".
+    ``device`` narrows what reaches: "in reach of the bottle with the right gripper"; ``grasp``, one of
+    :data:`GRASPS`, how.
     """
 
     relations: tuple[Relation, ...] = ()
     name: str | None = field(default=None, compare=False)
     device: Device | None = None
+    grasp: str | None = None
 
     def __and__(self, other: Location) -> Location:
         """The poses in both."""
         more = tuple(relation for relation in other.relations if relation not in self.relations)
-        return Location(self.relations + more, self.name, self.device or other.device)
+        device, grasp = self.device or other.device, self.grasp or other.grasp
+        return Location(self.relations + more, self.name, device, grasp)
+
+    def __invert__(self) -> Location:
+        """The poses that are not in it; ValueError unless it is one relation, with any arm and any grasp."""
+        if len(self.relations) != 1 or self.device is not None or self.grasp is not None:
+            raise ValueError(f"only a location of one relation, whatever reaches, can be negated; this is {self}")
+        return Location((~self.relations[0],))
 
     def __str__(self) -> str:
         if not self.relations:
             return f"posture {self.name}"
         text = " and ".join(str(relation) for relation in self.relations)
-        return f"{text} with {self.device}" if self.device else text
+        text = f"{text} with {self.device}" if self.device else text
+        return f"{text} by a {self.grasp} grasp" if self.grasp else text
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,22 +187,54 @@ def a_location(
     name: str | None = None,
     *,
     using: Device | None = None,
+    grasp: str | None = None,
+    within: float | str | None = None,
+    beyond: float | str | None = None,
+    not_: Location | Iterable[Location] = (),
     **relations: Object | Location | Iterable[Object | Location],
 ) -> Location:
     """Describe a location by relations, e.g. ``a_location(in_reach_of=bottle, using=RIGHT_GRIPPER)``.
 
-    A relation to several references is written with a tuple. Raises ValueError for an unknown relation.
+    A relation to several references is written with a tuple. ``within`` and ``beyond`` bound the one relation of the
+    call that has a distance: ``a_location(near=door, within="30 cm")``, numbers are metres; bounds of several relations
+    are joined with ``&``. ``not_`` takes locations of one relation each that must not hold:
+    ``a_location(in_reach_of=patient, not_=a_location(near=door))``. Raises ValueError for what is none of these.
     """
     conjuncts: list[Relation] = []
-    for key, references in relations.items():
+    for said, references in relations.items():
+        key = SYNONYMS.get(said, said)
         if key not in RELATIONS:
             raise ValueError(f"unknown relation {key!r}; valid relations: {', '.join(RELATIONS)}")
         if isinstance(references, (Object, Location)):
             references = (references,)
         conjuncts.extend(Relation(key, reference) for reference in references)
+    if within is not None or beyond is not None:
+        conjuncts = _bounded(conjuncts, within, beyond)
+    for excluded in (not_,) if isinstance(not_, Location) else not_:
+        conjuncts.extend((~excluded).relations)
     if not conjuncts:
         raise ValueError("a location needs a relation; a named posture of the robot is a_posture(name)")
-    return Location(tuple(conjuncts), name, using)
+    if grasp is not None and grasp not in GRASPS:
+        raise ValueError(f"unknown grasp {grasp!r}; valid grasps: {', '.join(GRASPS)}")
+    return Location(tuple(dict.fromkeys(conjuncts)), name, using, grasp)
+
+
+def _bounded(relations: list[Relation], within: float | str | None, beyond: float | str | None) -> list[Relation]:
+    measured = [relation for relation in relations if relation.name in MEASURED]
+    if len(measured) != 1:
+        said = ", ".join(map(str, measured)) or "none"
+        raise ValueError(
+            f"within and beyond bound one relation, of {', '.join(MEASURED)}; here there are: {said}. Join bounds of "
+            "several with &: a_location(near=bed, within=1.0) & a_location(near=door, within=2.0)"
+        )
+    at_most = None if within is None else metres(within)
+    at_least = None if beyond is None else metres(beyond)
+    if at_most is not None and at_least is not None and at_least > at_most:
+        raise ValueError(f"nothing is beyond {at_least} m and within {at_most} m")
+    return [
+        replace(relation, within=at_most, beyond=at_least) if relation in measured else relation
+        for relation in relations
+    ]
 
 
 def a_posture(name: str) -> Posture:
@@ -174,6 +250,11 @@ def action(type: str, *, name: str | None = None, **properties: Value) -> Action
 def holding(what: Object) -> Condition:
     """True while the robot holds the object."""
     return Condition("holding", (what,))
+
+
+def located(where: Location, what: Object | None = None) -> Condition:
+    """True while the robot's base, or the hand that is given as a device, or an object, is at a location."""
+    return Condition("located", (where,) if what is None else (where, what))
 
 
 def local_name(iri: str) -> str:

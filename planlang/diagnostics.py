@@ -187,6 +187,16 @@ CODES: dict[str, str] = {
     "B011": "a robot file names what the URDF does not have, or a position outside of its limits",
     "B012": "the URDF is another robot's",
     "B013": "meshes of the URDF are not there or cannot be read; simple shapes stand in for them",
+    # P: phrases
+    "P001": "a phrase has a relation that is not known",
+    "P002": "a phrase names a thing, a class or an arm that is not known",
+    "P003": "a phrase ends, goes on or is nested where it should not",
+    "P004": "a phrase has a length that is none",
+    "P005": "a phrase names two arms or two grasps for one location",
+    "P006": "a phrase bounds the distance of a relation that has none",
+    "P007": "a noun of a phrase could mean several classes of things of the map",
+    "P008": "a phrase is about something that the map does not have",
+    "P009": "of several things that a phrase could mean the nearest was taken",
     # X: running
     "X001": "a plan cannot be imported",
     "X002": "a file defines no plan",

@@ -102,25 +102,41 @@ class Camera:
         """
         if name in self.bodies.removed or not model.near <= self.bodies.poses[name].distance(pose) <= model.far:
             return 0.0
+        points, weights = self._facing(name, _axes(model, pose)[0])
+        framed = self._framed(points, model, pose)
+        if not framed.any():
+            return 0.0
+        free = np.array([hit == name for hit in self._lines(points[framed], model, pose, cast)])
+        return round(float(weights[framed][free].sum() / weights.sum()), 3)
+
+    def hits(self, name: str, model: CameraModel, pose: Pose, cast: Any) -> dict[str, int]:
+        """What lines from the camera to the surface that faces it hit first; whatever the field of view."""
+        points, _ = self._facing(name, _axes(model, pose)[0])
+        found: dict[str, int] = {}
+        for hit in self._lines(points, model, pose, cast) if len(points) else ():
+            if hit is not None:
+                found[hit] = found.get(hit, 0) + 1
+        return found
+
+    def _framed(self, points: Array, model: CameraModel, pose: Pose) -> NDArray[np.bool_]:
+        """Which points are in the field of view."""
         eye, forward, up = _axes(model, pose)
         right = np.cross(forward, up)
-        points, weights = self._facing(name, eye)
-        if not len(points):
-            return 0.0
         offset = points - eye
         depth = offset @ forward
         wide = math.tan(model.fov / 2)
-        framed = (
+        return np.asarray(
             (depth > _CLIP)
             & (np.abs(offset @ right) <= depth * wide)
             & (np.abs(offset @ up) <= depth * wide * model.height / model.width)
         )
-        if not framed.any():
-            return 0.0
-        starts = eye + offset[framed] / np.linalg.norm(offset[framed], axis=1)[:, None] * _CLIP
-        hits = cast(starts, eye + offset[framed] * 1.01)
-        free = np.array([hit == name for hit in hits])
-        return round(float(weights[framed][free].sum() / weights.sum()), 3)
+
+    def _lines(self, points: Array, model: CameraModel, pose: Pose, cast: Any) -> Sequence[str | None]:
+        eye = _axes(model, pose)[0]
+        offset = points - eye
+        starts = eye + offset / np.linalg.norm(offset, axis=1)[:, None] * _CLIP
+        hits: Sequence[str | None] = cast(starts, eye + offset * 1.01)
+        return hits
 
     def _facing(self, name: str, eye: Array) -> tuple[Array, Array]:
         """Points on the surface that face the eye, and their shares of the silhouette."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,18 +15,34 @@ from sim.robot import Robot
 Size = tuple[float, float, float]
 
 
-def boxes_around(bodies: Bodies, left_out: Iterable[str]) -> tuple[tuple[Pose, ...], tuple[Size, ...]]:
-    """Poses in the map and sizes [m] of boxes around the pieces of all bodies, floors and some bodies left out."""
-    poses, sizes = [], []
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """A convex piece of a body where it is: "box", "cylinder" (about z) or "sphere", extents [m], pose in the map."""
+
+    body: str
+    kind: str
+    size: Size
+    pose: Pose
+    limb: bool
+    """Part of a person's arm, which hands may touch."""
+
+
+def solids(bodies: Bodies, left_out: Iterable[str]) -> Iterator[Solid]:
+    """The pieces of all bodies, floors and some bodies left out."""
     for index, piece in enumerate(bodies.pieces):
         if piece.body in left_out or piece.body in bodies.removed or bodies.upper[index, 2] < 1e-3:
             continue
         x, y, z = piece.part.size
         if piece.part.kind != "box":
             x = y = max(x, y)
-        poses.append(bodies.poses[piece.body] @ piece.offset)
-        sizes.append((x, y, z))
-    return tuple(poses), tuple(sizes)
+        pose = bodies.poses[piece.body] @ piece.offset
+        yield Solid(piece.body, piece.part.kind, (x, y, z), pose, piece.part.limb)
+
+
+def boxes_around(bodies: Bodies, left_out: Iterable[str]) -> tuple[tuple[Pose, ...], tuple[Size, ...]]:
+    """Poses in the map and sizes [m] of boxes around the pieces of all bodies, floors and some bodies left out."""
+    found = tuple(solids(bodies, left_out))
+    return tuple(solid.pose for solid in found), tuple(solid.size for solid in found)
 
 
 def bands(

@@ -238,6 +238,36 @@ class Robot:
             away = max(away, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
         return away
 
+    def shapes(self, number: int) -> list[tuple[str, tuple[float, float, float], Pose]]:
+        """Primitives of a solid link: "box", "cylinder", "sphere" or "mesh", extents [m], pose in the link's frame.
+
+        A cylinder lies along z (a capsule is told as one, without its caps); of a mesh it is a box around it.
+        """
+        index = self.solid[number]
+        frame = self.link_pose(self.link_names[index])
+        if index == -1:
+            place = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client))
+        else:
+            state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
+            place = Pose(state[0], state[1])
+        found = []
+        for shape in bullet.getCollisionShapeData(self.uid, index, physicsClientId=self.client):
+            a, b, c = shape[3]
+            at = frame.inverse() @ place @ Pose(shape[5], shape[6])
+            match shape[2]:
+                case bullet.GEOM_BOX:
+                    found.append(("box", (a, b, c), at))
+                case bullet.GEOM_SPHERE:
+                    found.append(("sphere", (2 * a, 2 * a, 2 * a), at))
+                case bullet.GEOM_CYLINDER | bullet.GEOM_CAPSULE:
+                    found.append(("cylinder", (2 * b, 2 * b, a), at))
+                case _:
+                    matrix = np.eye(4)
+                    matrix[:3, :3], matrix[:3, 3] = self._axes[number], self._center[number]
+                    x, y, z = (2 * self._half[number]).tolist()
+                    return [("mesh", (x, y, z), Pose.from_matrix(matrix))]
+        return found
+
     def hand_links(self, link: str) -> frozenset[str]:
         """Names of the solid links of the hand at a link."""
         return frozenset(self.solid_names[number] for number in self.hand_of(link))

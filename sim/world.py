@@ -15,7 +15,7 @@ from sim.camera import Camera, Picture
 from sim.contact import PARTED, Contacts, Held, Ignored, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
-from sim.outline import Size, bands, boxes_around
+from sim.outline import Size, Solid, bands, boxes_around, solids
 from sim.people import People
 from sim.person import Reach, parts_of
 from sim.playback import BASE, Playback, advance, begin
@@ -166,6 +166,11 @@ class PyBulletWorld:
         """Poses in the map and sizes [m] of boxes around the pieces of all bodies not held, floors left out."""
         self._here()
         return boxes_around(self._bodies, self._held)
+
+    def solids(self) -> tuple[Solid, ...]:
+        """The convex pieces of all bodies not held, where they are, floors left out."""
+        self._here()
+        return tuple(solids(self._bodies, self._held))
 
     def between_fingers(self, fingers: str | Collection[str]) -> str | None:
         """The body between the fingers of a hand (its link, or the finger links), each within 1 cm of it."""
@@ -318,6 +323,16 @@ class PyBulletWorld:
         self._show(configuration or self._now)
         pose = self.robot.link_pose(camera or self._optics().link)
         return self._camera.visible(name, self._optics(), pose, self._rays.cast)
+
+    def hiding(self, name: str, configuration: Configuration | None = None) -> Mapping[str, int]:
+        """What is hit first on straight lines from the camera to the side of a body that faces it: name -> lines.
+
+        The robot's own links are told by their names; lines that reach the body count for it.
+        """
+        self.scene.body(name)
+        self._show(configuration or self._now)
+        pose = self.robot.link_pose(self._optics().link)
+        return self._camera.hits(name, self._optics(), pose, self._rays.cast)
 
     def _optics(self) -> CameraModel:
         return self.robot.body.camera

@@ -22,11 +22,22 @@ def corpus() -> Path:
     return CORPUS
 
 
+COSTLY = ("native", "reachability")
+"""Kinds of cached things that take seconds to make and are named by what they depend on."""
+
+
 @pytest.fixture(scope="session", autouse=True)
-def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Tests, and the processes that they start, keep their cache to themselves."""
+def own_cache(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Config) -> Iterator[None]:
+    """Tests, and the processes that they start, have a cache of their own; what is costly is kept between sessions."""
     before = os.environ.get("XDG_CACHE_HOME")
-    os.environ["XDG_CACHE_HOME"] = str(tmp_path_factory.mktemp("cache"))
+    folder = tmp_path_factory.mktemp("cache")
+    if pytestconfig.cache is not None:  # None with -p no:cacheprovider
+        kept = pytestconfig.cache.mkdir("planlang")
+        for kind in COSTLY:
+            (kept / kind).mkdir(exist_ok=True)
+            (folder / "planlang").mkdir(exist_ok=True)
+            (folder / "planlang" / kind).symlink_to(kept / kind)
+    os.environ["XDG_CACHE_HOME"] = str(folder)
     yield
     if before is None:
         del os.environ["XDG_CACHE_HOME"]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.motion.urdf import Joint, read_joints
+from executive.motion.urdf import Joint, displacement, read_joints
 from planlang.protocols import Array
 from sim.urdf import read_description
 
@@ -78,15 +78,3 @@ class Mechanism:
             if joint.name == of:
                 matrix = matrix @ displacement(joint, position)
         return matrix
-
-
-def displacement(joint: Joint, position: float) -> Array:
-    """Motion (4, 4) of a joint's child: a slide along its axis or a turn about it (Rodrigues' formula)."""
-    matrix = np.eye(4)
-    if joint.kind == "prismatic":
-        matrix[:3, 3] = position * joint.axis
-        return matrix
-    x, y, z = joint.axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    matrix[:3, :3] = np.eye(3) + np.sin(position) * cross + (1 - np.cos(position)) * cross @ cross
-    return matrix

@@ -90,6 +90,12 @@ class Belief:
             self._bound[what] = self._find(what, near)
         return self._bound[what]
 
+    def alike(self, what: Object) -> tuple[str, ...]:
+        """The things of a designator's class, in the order of the map."""
+        return tuple(
+            thing.name for thing in self.map.objects if thing.name in self._poses and self._is_a(thing, what.type)
+        )
+
     def _find(self, what: Object, near: tuple[float, float, float]) -> str:
         placed = [thing for thing in self.map.objects if thing.name in self._poses]
         for thing in placed:

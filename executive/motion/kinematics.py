@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from executive.motion.backends import Backend, ChainFacts, Solver, backend
 from executive.motion.errors import NoSuchChain
-from executive.motion.levenberg_marquardt import Solver, StepFunctions, VirtualMachine, step_functions
-from executive.motion.symbolic import Variable, pose_function, position_function, symbolic_chain
-from executive.motion.urdf import KINDS, Joint, joints_between, read_joints
+from executive.motion.urdf import KINDS, Joint, Variable, joints_between, read_joints
 from planlang.protocols import Array
 
 POSITION_TOLERANCE = 1e-4
@@ -29,7 +30,8 @@ class Chain:
 
     def __init__(self, joints: Sequence[Joint], *, others: Iterable[Joint] = (), locked: Mapping[str, float]) -> None:
         """Joints from base to tip; ``others`` are searched for masters of mimics, ``locked`` ones stay where said."""
-        every = {joint.name: joint for joint in (*others, *joints)}
+        self._joints, self._others, self._locked = tuple(joints), tuple(others), dict(locked)
+        every = {joint.name: joint for joint in (*self._others, *joints)}
         movers: dict[str, Joint] = {}
         variables: list[Variable] = []
         ranges: dict[str, tuple[float, float]] = {}
@@ -59,9 +61,7 @@ class Chain:
         """Which joints turn without end (d,)."""
         self.prismatic: NDArray[np.bool_] = np.array([joint.kind == "prismatic" for joint in movers.values()], bool)
         """Which joints slide (d,)."""
-        self.symbolic = symbolic_chain(joints, variables, len(movers))
-        self._position = position_function(self.symbolic)
-        self._pose = pose_function(self.symbolic)
+        self._variables = tuple(variables)
 
     @classmethod
     def from_urdf(
@@ -98,9 +98,38 @@ class Chain:
         """Number of moving joints, d."""
         return len(self.names)
 
+    def locked(self, positions: Mapping[str, float]) -> Chain:
+        """The same chain with more of its joints kept at a position."""
+        return Chain(self._joints, others=self._others, locked={**self._locked, **positions})
+
+    @property
+    def digest(self) -> str:
+        """Equal for chains that move alike: joints, their frames, axes and limits, and what is locked."""
+        return self._facts.digest
+
+    @cached_property
+    def backend(self) -> Backend:
+        """What computes this chain."""
+        return backend(self._facts)
+
+    @cached_property
+    def _facts(self) -> ChainFacts:
+        moved = zip(self._joints, self._variables, strict=True)
+        parts = [(joint.kind, joint.origin.tolist(), joint.axis.tolist(), variable) for joint, variable in moved]
+        limits = (self.names, self.lower.tolist(), self.upper.tolist(), self.continuous.tolist())
+        return ChainFacts(
+            self._joints,
+            self._variables,
+            self.dof,
+            np.where(self.continuous, -np.inf, self.lower),
+            np.where(self.continuous, np.inf, self.upper),
+            self.continuous,
+            hashlib.sha256(repr((parts, limits)).encode()).hexdigest(),
+        )
+
     def fk(self, q: ArrayLike) -> Array:
         """Poses (n, 4, 4) of the tip in the base for configurations (n, d)."""
-        rotation, position = self._position(self._rows(q))
+        rotation, position = self.backend.position(self._rows(q))
         return _poses(rotation, position)
 
     def jacobian(self, q: ArrayLike) -> Array:
@@ -108,7 +137,7 @@ class Chain:
 
         Both in the axes of the base.
         """
-        _, _, jacobian = self._pose(self._rows(q))
+        _, _, jacobian = self.backend.pose(self._rows(q))
         return jacobian.reshape(-1, 6, self.dof)
 
     def within(self, q: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
@@ -138,28 +167,19 @@ class Chain:
 class InverseKinematics:
     """Configurations of a chain that bring its tip to a pose, by Levenberg-Marquardt from given seeds."""
 
-    def __init__(
-        self,
-        chain: Chain,
-        *,
-        free_axis: ArrayLike | None = None,
-        solver: Callable[[StepFunctions], Solver] = VirtualMachine,
-    ) -> None:
-        """``free_axis`` (3,) in the tip's frame: the tip may turn about it (a cylinder can be grasped from any side).
-
-        ``solver`` iterates the step function; its results must be reproducible.
-        """
-        axis = None
+    def __init__(self, chain: Chain, *, free_axis: ArrayLike | None = None) -> None:
+        """``free_axis`` (3,) in the tip's frame: the tip may turn about it, as a hand does around a cylinder."""
+        self.chain = chain
+        self._free_axis = None
         if free_axis is not None:
             axis = np.asarray(free_axis, float)
             if axis.shape != (3,) or np.linalg.norm(axis) < 1e-9:
                 raise ValueError(f"free_axis must be a vector (3,) of some length, got {free_axis!r}")
-            axis = axis / np.linalg.norm(axis)
-        self.chain = chain
-        lower = np.where(chain.continuous, -np.inf, chain.lower)
-        upper = np.where(chain.continuous, np.inf, chain.upper)
-        tolerance = (POSITION_TOLERANCE, ANGLE_TOLERANCE)
-        self._solver = solver(step_functions(chain.symbolic, lower, upper, tolerance, axis))
+            self._free_axis = axis / np.linalg.norm(axis)
+
+    @cached_property
+    def _solver(self) -> Solver:
+        return self.chain.backend.solver(self._free_axis, (POSITION_TOLERANCE, ANGLE_TOLERANCE))
 
     def solve(self, targets: ArrayLike, seeds: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
         """Solve for targets (m, 4, 4) in the base frame, each from its seeds (m, s, d) in order until one converges.
@@ -176,11 +196,7 @@ class InverseKinematics:
             )
         if starts.shape[1] == 0:
             raise ValueError("expected at least one seed per target")
-        rows = np.concatenate([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]], axis=1)
-        low, high = self.chain.lower, self.chain.upper
-        starts = np.where(self.chain.continuous, starts, np.clip(starts, low, high))
-        q, ok = self._solver(rows, starts)
-        return self.chain.near(q, starts[:, 0]), ok
+        return self._solver(poses, starts)
 
     def solve_one(
         self, target: ArrayLike, seed: ArrayLike, rng: np.random.Generator | None = None, restarts: int = 20

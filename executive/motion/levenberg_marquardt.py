@@ -1,22 +1,17 @@
-"""A Levenberg-Marquardt step for inverse kinematics as one symbolic function, and its iteration over many seeds.
+"""One step of inverse kinematics as a symbolic function: Levenberg-Marquardt with joint limits.
 
 With e = (p* - p, w log(R* R^T)) and J weighted alike, a step is dq = J^T (J J^T + l I)^-1 e with the damping
 l = |e|^2 / 2 + bias of Sugihara (Solvability-unconcerned inverse kinematics, IEEE T-RO 2011). Columns of joints that
-stand at a limit and would leave it are taken out of J; the step is clipped, then the joints. The constants are not
-critical: 3 to 5 steps a round, giving up at 0.5 to 0.9, steps of 0.5 to 1.5 cost the same within a tenth (0.04 ms a
-target for an arm on a lift, 0.1 ms for one of seven joints alone).
+stand at a limit and would leave it are taken out of J; the step is clipped, then the joints.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import casadi
-import numpy as np
-from numpy.typing import NDArray
 
-from executive.motion.symbolic import RowFunction, SymbolicChain
+from executive.motion.symbolic import SymbolicChain
 from planlang.protocols import Array
 
 ROTATION_WEIGHT = 0.5
@@ -25,41 +20,14 @@ BIAS = 1e-6
 """Smallest damping: keeps steps finite where the Jacobian loses rank."""
 LARGEST_STEP = 0.8
 """Largest move of a joint in one step [rad, m]."""
-STEPS = 4
-"""Steps between two looks at the error from outside."""
-ROUNDS = 12
-"""Looks after which a seed is given up."""
-STALLED = 0.8
-"""A seed is given up when a round leaves more than this share of its squared error."""
 
 
-@dataclass(frozen=True, slots=True)
-class StepFunctions:
-    """``steps``: (q, target) -> q after STEPS steps; ``error``: (q, target) -> (squared position, squared angle).
+def step_function(chain: SymbolicChain, lower: Array, upper: Array, free_axis: Array | None) -> Any:
+    """(q, target) -> (q after one step, squared errors [m^2, rad^2] at q) within joint limits (d,), infinite or not.
 
-    A target is a row of 12: the rotation row by row, the position. Arguments of ``steps`` and ``error`` alike.
+    A target is a row of 12: the rotation row by row, the position. ``free_axis`` (3,) is one of the tip about which it
+    may turn freely.
     """
-
-    steps: Any
-    error: Any
-    tolerance: tuple[float, float]
-    """Squared position [m^2] and squared angle [rad^2] at which a solution is one."""
-
-
-class Solver(Protocol):
-    """Iterates steps from seeds until targets are met; the virtual machine is one, compiled code can be another."""
-
-    def __call__(self, targets: Array, seeds: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Targets (m, 12), seeds (m, s, d), tried in order -> the first solution (m, d), and whether there is one.
-
-        A row without solution holds the configuration of the smallest error found.
-        """
-
-
-def step_functions(
-    chain: SymbolicChain, lower: Array, upper: Array, tolerance: tuple[float, float], free_axis: Array | None
-) -> StepFunctions:
-    """Build the functions for joint limits (d,), tolerances [m, rad] and an axis of the tip that may turn freely."""
     q, target = chain.q, casadi.SX.sym("target", 12)
     wanted, place = casadi.reshape(target[:9], 3, 3).T, target[9:]
     linear = place - chain.position
@@ -71,7 +39,6 @@ def step_functions(
         angular = _turn_between(axis, wanted @ casadi.SX(casadi.DM(free_axis)))
         turning = chain.jacobian[3:, :] - axis @ (axis.T @ chain.jacobian[3:, :])
     squares = casadi.vertcat(casadi.dot(linear, linear), casadi.dot(angular, angular))
-    limits = (tolerance[0] ** 2, tolerance[1] ** 2)
 
     error = casadi.vertcat(linear, ROTATION_WEIGHT * angular)
     jacobian = casadi.vertcat(chain.jacobian[:3, :], ROTATION_WEIGHT * turning)
@@ -84,54 +51,9 @@ def step_functions(
     damped = jacobian @ jacobian.T + (0.5 * casadi.dot(error, error) + BIAS) * casadi.SX.eye(6)
     move = jacobian.T @ casadi.ldl_solve(error, *casadi.ldl(damped))
     move = move * casadi.fmin(1, LARGEST_STEP / casadi.fmax(casadi.mmax(casadi.fabs(move)), 1e-12))
-    met = casadi.logic_and(squares[0] <= limits[0], squares[1] <= limits[1])
-    moved = casadi.fmin(casadi.fmax(q + casadi.if_else(met, 0, move), low), high)
-    one = casadi.Function("ik_step", [q, target], [casadi.densify(moved)], {"cse": True})
-
-    x, t = casadi.MX.sym("q", q.numel()), casadi.MX.sym("target", 12)
-    state = x
-    for _ in range(STEPS):
-        state = one(state, t)
-    steps = casadi.Function("ik_steps", [x, t], [state])
-    return StepFunctions(
-        steps, casadi.Function("ik_error", [q, target], [casadi.densify(squares)], {"cse": True}), limits
-    )
-
-
-class VirtualMachine:
-    """Iterates the step functions on casadi's virtual machine, all targets at once, one seed of each at a time."""
-
-    def __init__(self, functions: StepFunctions) -> None:
-        self._steps = RowFunction(functions.steps)
-        self._error = RowFunction(functions.error)
-        self._tolerance = np.array(functions.tolerance)
-
-    def __call__(self, targets: Array, seeds: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """As :class:`Solver` says; a target's result does not depend on the other targets."""
-        count, tries, _ = seeds.shape
-        best, least = seeds[:, 0].copy(), np.full(count, np.inf)
-        solved = np.zeros(count, dtype=np.bool_)
-        # one lane per target that is still open
-        lane, q = np.arange(count), seeds[:, 0].copy()
-        seed, rounds, before = np.zeros(count, np.int64), np.zeros(count, np.int64), np.full(count, np.inf)
-        while lane.size:
-            (q,) = self._steps(q, targets[lane])
-            (squares,) = self._error(q, targets[lane])
-            rounds += 1
-            error = squares[:, 0] + ROTATION_WEIGHT**2 * squares[:, 1]
-            met = (squares <= self._tolerance).all(axis=1)
-            better = met | (error < least[lane])
-            best[lane[better]], least[lane[better]] = q[better], error[better]
-            solved[lane[met]] = True
-            given_up = ~met & ((error > STALLED * before) | (rounds >= ROUNDS))
-            before = error
-            seed[given_up] += 1
-            again = given_up & (seed < tries)
-            q[again] = seeds[lane[again], seed[again]]
-            rounds[again], before[again] = 0, np.inf
-            keep = ~met & (seed < tries)
-            lane, q, seed, rounds, before = lane[keep], q[keep], seed[keep], rounds[keep], before[keep]
-        return best, solved
+    moved = casadi.fmin(casadi.fmax(q + move, low), high)
+    outputs = [casadi.densify(moved), casadi.densify(squares)]
+    return casadi.Function("ik_step", [q, target], outputs, {"cse": True})
 
 
 def _log(rotation: Any) -> Any:

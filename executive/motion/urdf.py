@@ -45,6 +45,32 @@ class Joint:
     mimic: Mimic | None
 
 
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """How a joint of a chain gets its position: ``multiplier * q[index] + offset``; index None is a fixed position."""
+
+    index: int | None
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+def displacement(joint: Joint, value: float) -> Array:
+    """The motion (4, 4) of a joint's child at a position, in the child's frame at zero."""
+    moved = np.eye(4)
+    if joint.kind == "prismatic":
+        moved[:3, 3] = joint.axis * value
+    elif joint.kind != "fixed":
+        cross = cross_matrix(joint.axis)
+        moved[:3, :3] += cross * np.sin(value) + cross @ cross * (1 - np.cos(value))
+    return moved
+
+
+def cross_matrix(axis: Array) -> Array:
+    """The matrix (3, 3) that takes the cross product with a vector from the left."""
+    x, y, z = axis
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def read_joints(path: Path) -> tuple[Joint, ...]:
     """All joints of a URDF file in its order; raises :class:`BadRobotDescription`."""
     try:

@@ -24,7 +24,14 @@ PHRASES = {
     "in_": "in {}",
     "in_center_of": "at the centre of {}",
     "in_front_of": "in front of {}",
+    "behind": "behind {}",
+    "left_of": "to the left of {}",
+    "right_of": "to the right of {}",
     "next_to": "beside {}",
+    "near": "near {}",
+    "far_from": "far from {}",
+    "facing": "facing {}",
+    "clear_of": "clear of {}",
 }
 """Relations of places in words, for docstrings."""
 

@@ -1,11 +1,11 @@
-"""achieve: steps that are skipped when what they are for already holds."""
+"""achieve: steps that are skipped when what they are for already holds; holds: what the belief says, as a fluent."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 from typing import Any, TypeVar
 
-from planlang.designators import Condition
+from planlang.designators import Condition, Location, Object, located
 from planlang.failures import GoalNotAchieved
 from planlang.kernel import Fluent, Signal, checkpoint, wait_for
 from planlang.kernel.journal import taken_over
@@ -39,6 +39,17 @@ async def achieve(goal: Goal, body: Callable[[], Awaitable[V]], *, within: float
             raise GoalNotAchieved(goal=text)
         node.result = result
     return result
+
+
+def holds(what: Condition | Location, of: Object | None = None) -> Fluent[bool]:
+    """A fluent that is true while a condition holds, or something is at a location, as the executive believes.
+
+    At a location is ``of``: an object, or the hand of the device; without it the base of the robot. What is read is
+    what judges candidates when the location is resolved.
+    """
+    executive = executive_for("holds")
+    condition = located(what, of) if isinstance(what, Location) else what
+    return Fluent(read=lambda: executive.holds(condition), name=str(condition))
 
 
 def _reader(goal: Goal) -> tuple[str, Callable[[], bool]]:

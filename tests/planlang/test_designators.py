@@ -144,3 +144,53 @@ def test_an_action_prints_its_class_and_properties() -> None:
     text = str(action("http://example.org/kb#Pouring", object_acted_on=BOTTLE, amount=0.2))
     assert text == "Pouring(amount=0.2, object_acted_on=bottle1)"
     assert str(holding(BOTTLE)) == "holding(bottle1)"
+
+
+def test_a_distance_is_in_metres_or_has_a_unit() -> None:
+    assert a_location(near=BED, within="30 cm") == a_location(near=BED, within=0.3)
+    assert a_location(near=BED, within="35cm").relations[0].within == 0.35
+    assert a_location(far_from=BED, beyond="1 ft").relations[0].beyond == 0.3048
+    assert str(a_location(near=BED, beyond=0.1, within="1 m")) == (
+        "near(Bed-PieceOfFurniture, beyond 0.1 m, within 1.0 m)"
+    )
+
+
+@pytest.mark.parametrize("length", ["30", "cm", "30 miles", "-1 m", "1e999 m", "1_0 m", float("nan"), -1, True, "٣ m"])
+def test_what_is_no_length_is_refused(length: float | str) -> None:
+    with pytest.raises(ValueError, match=r"length"):
+        a_location(near=BED, within=length)
+
+
+def test_a_bound_is_that_of_the_one_relation_that_has_a_distance() -> None:
+    assert str(a_location(in_reach_of=BOTTLE, near=BED, within=0.5)) == (
+        "in_reach_of(bottle1) and near(Bed-PieceOfFurniture, within 0.5 m)"
+    )
+    for relations in ({"in_reach_of": BOTTLE}, {"near": (BOTTLE, BED)}):
+        with pytest.raises(ValueError, match="bound one relation"):
+            a_location(within=0.5, **relations)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="nothing is beyond"):
+        a_location(near=BED, within=0.2, beyond=0.3)
+
+
+def test_what_must_not_hold_is_a_negated_conjunct() -> None:
+    location = a_location(in_reach_of=BOTTLE, not_=a_location(near=BED, within=1.0))
+    assert str(location) == "in_reach_of(bottle1) and not near(Bed-PieceOfFurniture, within 1.0 m)"
+    assert location == a_location(in_reach_of=BOTTLE) & ~a_location(near=BED, within=1.0)
+    assert ~~a_location(near=BED) == a_location(near=BED)
+
+
+def test_only_single_relations_are_negated() -> None:
+    with pytest.raises(ValueError, match="one relation"):
+        a_location(in_reach_of=BOTTLE, not_=a_location(near=BED, on=BED))
+    with pytest.raises(ValueError, match="whatever reaches"):
+        a_location(not_=a_location(in_reach_of=BOTTLE, using=GRIPPER))
+
+
+def test_a_grasp_is_one_of_the_classes_there_are() -> None:
+    assert str(a_location(in_reach_of=BOTTLE, grasp="top")) == "in_reach_of(bottle1) by a top grasp"
+    with pytest.raises(ValueError, match="side, tilted, top"):
+        a_location(in_reach_of=BOTTLE, grasp="below")
+
+
+def test_visible_is_another_word() -> None:
+    assert a_location(visible=BED) == a_location(visible_from=BED)

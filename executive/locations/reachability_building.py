@@ -1,0 +1,261 @@
+"""Builds reachability maps by inverse kinematics, and keeps them between runs.
+
+A coarse sub-lattice is solved from postures at random; then solutions spread to neighbours in place and heading, each
+from the joints of its neighbour, until nothing is added; at last every pose takes over a neighbour's posture if it can
+be better off with it. So unreachable poses cost something at the rim only.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.cache import cache_folder, keep
+from executive.locations.hand import HandFrame
+from executive.locations.reachability import (
+    CELL,
+    YAWS,
+    GraspClass,
+    Index,
+    Lift,
+    ReachabilityMap,
+    Rows,
+    ordered,
+    row_type,
+)
+from executive.locations.surroundings import ArmModel
+from executive.motion import Chain, InverseKinematics
+from planlang.protocols import Array
+
+VERSION = 1
+"""Raised whenever maps come out otherwise for the same arm."""
+SAMPLES = 20_000
+"""Random postures that tell where the tip can be at all."""
+RESTARTS = 6
+"""Random postures from which each pose of the coarse lattice is tried."""
+COARSE = 2
+"""Cells and headings from one pose of the coarse lattice to the next."""
+FLOOR = 0.0
+"""Lowest tip above the floor that is mapped [m]."""
+USUAL_MANIPULABILITY = 90
+"""Percentile of a map's manipulability that counts as full."""
+SPARE = 0.125
+"""Distance to the nearest joint limit, as a share of the joint's range, that counts as full."""
+MOST_ENTRIES = 60
+"""Maps that are kept."""
+
+Progress = Callable[[int, int, str], None]
+"""Told what is done, of how many, and what it was."""
+
+
+def reachability_maps(
+    arm: ArmModel,
+    torso: str | None = None,
+    classes: Iterable[GraspClass] = GraspClass,
+    progress: Progress | None = None,
+) -> Mapping[GraspClass, ReachabilityMap]:
+    """The maps of an arm, from the user's cache or built now (in parallel; ``progress`` is told of those built).
+
+    ``torso``: the joint among the arm's that lifts it; one that does not slide straight up is a joint like others.
+    """
+    lift = lift_of(arm.solver.chain, torso)
+    wanted = list(classes)
+    maps = {grasp: _fetch(arm, lift, grasp) for grasp in wanted}
+    absent = [grasp for grasp, found in maps.items() if found is None]
+    if absent:
+        with ThreadPoolExecutor(max_workers=min(len(absent), os.cpu_count() or 1)) as pool:
+            futures = {grasp: pool.submit(_build_rows, arm, lift, grasp) for grasp in absent}
+            for number, (grasp, future) in enumerate(futures.items(), 1):
+                maps[grasp] = _kept(arm, lift, grasp, future.result())
+                if progress is not None:
+                    progress(number, len(absent), f"{arm.name}, {grasp.value}")
+    return {grasp: found for grasp in wanted if (found := maps[grasp]) is not None}
+
+
+def lift_of(chain: Chain, torso: str | None) -> Lift | None:
+    """How a torso joint lifts a chain; None if it does not, or not straight up."""
+    if torso is None or torso not in chain.names:
+        return None
+    column = chain.names.index(torso)
+    low, high = float(chain.lower[column]), float(chain.upper[column])
+    ends = np.tile((chain.lower + chain.upper) / 2, (2, 1))
+    ends[:, column] = low, high
+    below, above = chain.fk(ends)
+    travel = above[:3, 3] - below[:3, 3]
+    if not chain.prismatic[column] or high - low < 1e-6 or np.abs(above[:3, :3] - below[:3, :3]).max() > 1e-9:
+        return None
+    rise = float(travel[2])
+    if np.hypot(*travel[:2]) > 1e-3 * abs(rise):
+        return None
+    if rise < 0:
+        low, high, rise = high, low, -rise
+    return Lift(torso, column, low, high, rise / (high - low))
+
+
+# Cache
+
+
+def _entry_name(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> str:
+    chain = arm.solver.chain
+    computed_by = type(chain.backend).__name__
+    facts = (VERSION, chain.digest, computed_by, lift, grasp.value, arm.frame, CELL, YAWS, arm.seeds.tolist())
+    return hashlib.sha256(repr(facts).encode()).hexdigest()
+
+
+def _fetch(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> ReachabilityMap | None:
+    folder = cache_folder("reachability")
+    if folder is None:
+        return None
+    entry = folder / f"{_entry_name(arm, lift, grasp)}.npy"
+    try:
+        rows = np.load(entry, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError):
+        return None
+    if rows.ndim != 1 or rows.dtype != row_type(_width(arm, lift)):
+        return None
+    return _map(arm, lift, grasp, rows)
+
+
+def _kept(arm: ArmModel, lift: Lift | None, grasp: GraspClass, rows: Rows) -> ReachabilityMap:
+    folder = cache_folder("reachability")
+    if folder is not None:
+        entry = folder / f"{_entry_name(arm, lift, grasp)}.npy"
+
+        def write(path: os.PathLike[str]) -> None:
+            with open(path, "wb") as file:
+                np.lib.format.write_array(file, rows, allow_pickle=False)
+
+        keep(entry, write, most=MOST_ENTRIES)
+    return _map(arm, lift, grasp, rows)
+
+
+def _map(arm: ArmModel, lift: Lift | None, grasp: GraspClass, rows: Rows) -> ReachabilityMap:
+    return ReachabilityMap.of(arm.name, grasp, arm.frame, arm.solver.chain.names, lift, rows)
+
+
+def _width(arm: ArmModel, lift: Lift | None) -> int:
+    return arm.solver.chain.dof - (lift is not None)
+
+
+# Building
+
+
+@dataclass(frozen=True, slots=True)
+class _Lattice:
+    """Lattice poses around an arm: shape (yaws, x, y, z), ``first`` cell (3,)."""
+
+    grasp: GraspClass
+    frame: HandFrame
+    roll: int
+    first: NDArray[np.int64]
+    shape: tuple[int, int, int, int]
+
+    def poses(self, index: Index) -> Array:
+        """Tip poses (m, 4, 4) of flat indices (m,)."""
+        yaw, *cells = np.unravel_index(index, self.shape)
+        poses = np.tile(np.eye(4), (len(index), 1, 1))
+        poses[:, :3, :3] = self.grasp.rotations(yaw * (2 * math.pi / YAWS), self.roll, self.frame)
+        poses[:, :3, 3] = CELL * (np.stack(cells, axis=-1) + self.first)
+        return poses
+
+    def neighbours(self, index: Index) -> Iterator[tuple[Index, Index]]:
+        """Pairs of (positions in ``index``, flat index of a neighbour) for each of the eight directions."""
+        cells = np.stack(np.unravel_index(index, self.shape), axis=-1)
+        for axis, step in product(range(4), (1, -1)):
+            moved = cells.copy()
+            moved[:, axis] += step
+            if axis == 0:
+                moved[:, 0] %= YAWS
+            inside = np.flatnonzero((moved[:, axis] >= 0) & (moved[:, axis] < self.shape[axis]))
+            yield inside, np.ravel_multi_index(tuple(moved[inside].T), self.shape)
+
+
+def _build_rows(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> Rows:
+    full = arm.solver.chain
+    chain = full if lift is None else full.locked({lift.joint: lift.lowest})
+    solver = InverseKinematics(chain)
+    columns = [full.names.index(name) for name in chain.names]
+    rng = np.random.default_rng(0)
+    tips = chain.fk(chain.sample(rng, SAMPLES))[:, :3, 3]
+    least = FLOOR - (0.0 if lift is None else float(lift.rise(lift.highest)))
+    first = np.floor(np.maximum(tips.min(axis=0), (-np.inf, -np.inf, least)) / CELL).astype(np.int64)
+    last = np.ceil(tips.max(axis=0) / CELL).astype(np.int64)
+    nx, ny, nz = (int(n) for n in np.maximum(last - first + 1, 1))
+    parts = []
+    for roll in grasp.rolls:
+        lattice = _Lattice(grasp, arm.frame, roll, first, (YAWS, nx, ny, nz))
+        q, solved = _solved(lattice, solver, arm.seeds[:, columns], rng)
+        parts.append(_as_rows(lattice, chain, q, np.flatnonzero(solved)))
+    return ordered(np.concatenate(parts))
+
+
+def _solved(
+    lattice: _Lattice, solver: InverseKinematics, postures: Array, rng: np.random.Generator
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Joint values (all, d) and which poses have some."""
+    chain = solver.chain
+    count = math.prod(lattice.shape)
+    q = np.zeros((count, chain.dof), np.float32)
+    solved = np.zeros(count, np.bool_)
+    score = np.zeros(count)
+    every = np.stack(np.unravel_index(np.arange(count), lattice.shape), axis=-1)
+    coarse = np.flatnonzero((every % COARSE == 0).all(axis=1))
+    del every
+    seeds = np.concatenate([postures, chain.sample(rng, RESTARTS)])
+    tried, ok = solver.solve(lattice.poses(coarse), np.broadcast_to(seeds, (len(coarse), *seeds.shape)))
+    added = coarse[ok]
+    q[added], solved[added], score[added] = tried[ok], True, _scores(chain, tried[ok])
+    while len(added):
+        fresh = []
+        for at, other in lattice.neighbours(added):
+            open_ = ~solved[other]
+            source, goal = added[at[open_]], other[open_]
+            tried, ok = solver.solve(lattice.poses(goal), q[source][:, None].astype(float))
+            reached = goal[ok]
+            q[reached], solved[reached], score[reached] = tried[ok], True, _scores(chain, tried[ok])
+            fresh.append(reached)
+        added = np.concatenate(fresh)
+    done = np.flatnonzero(solved)
+    for at, other in lattice.neighbours(done):
+        better = solved[other] & (score[other] > 1.2 * score[done[at]])
+        goal, source = done[at[better]], other[better]
+        tried, ok = solver.solve(lattice.poses(goal), q[source][:, None].astype(float))
+        goal, tried = goal[ok], tried[ok]
+        gained = _scores(chain, tried)
+        up = gained > score[goal]
+        q[goal[up]], score[goal[up]] = tried[up], gained[up]
+    return q, solved
+
+
+def _scores(chain: Chain, q: Array) -> Array:
+    """Manipulability (m,) (Yoshikawa 1985) of configurations (m, d), less near joint limits; not yet normalised."""
+    if not len(q):
+        return np.zeros(0)
+    jacobian = chain.jacobian(q)
+    across = jacobian.transpose(0, 2, 1)
+    squares = jacobian @ across if chain.dof >= 6 else across @ jacobian
+    manipulability = np.sqrt(np.maximum(np.linalg.det(squares), 0.0))
+    span = np.where(chain.continuous, np.inf, np.maximum(chain.upper - chain.lower, 1e-9))
+    spare = np.where(chain.continuous, 1.0, np.minimum(q - chain.lower, chain.upper - q) / span).min(axis=1)
+    return np.asarray(manipulability * np.clip(spare / SPARE, 0.0, 1.0))
+
+
+def _as_rows(lattice: _Lattice, chain: Chain, q: NDArray[np.float32], index: Index) -> Rows:
+    rows = np.zeros(len(index), row_type(chain.dof))
+    if not len(index):
+        return rows
+    yaw, *cells = np.unravel_index(index, lattice.shape)
+    rows["yaw"], rows["roll"], rows["q"] = yaw, lattice.roll, q[index]
+    rows["x"], rows["y"], rows["z"] = (np.stack(cells, axis=-1) + lattice.first).T
+    score = _scores(chain, q[index].astype(float))
+    full = float(np.percentile(score, USUAL_MANIPULABILITY)) or 1.0
+    rows["score"] = np.clip(score / full, 1e-3, 1.0)
+    return rows

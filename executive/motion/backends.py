@@ -1,0 +1,63 @@
+"""What computes kinematics: code compiled for one chain, or casadi's virtual machine where there is no compiler."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.motion.urdf import Joint, Variable
+from planlang.protocols import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChainFacts:
+    """A chain as it is computed: joints from base to tip, the variable of each, limits (d,) of the variables."""
+
+    joints: tuple[Joint, ...]
+    variables: tuple[Variable, ...]
+    dof: int
+    lowest: Array
+    """Lower limits, -inf for joints that turn without end."""
+    highest: Array
+    continuous: NDArray[np.bool_]
+    digest: str
+    """Of all this; chains that move alike have the same."""
+
+
+class Solver(Protocol):
+    """Inverse kinematics of one chain, with a tolerance and maybe an axis that may turn freely."""
+
+    def __call__(self, poses: Array, seeds: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Poses (m, 4, 4), seeds (m, s, d), tried in order -> the first solution (m, d), and whether there is one.
+
+        Seeds outside of limits begin at the limit. A row without solution holds the configuration of the smallest error
+        found. Joints that turn without end come out within half a turn of the first seed.
+        """
+
+
+class Backend(Protocol):
+    """Computes one chain; the result of a row does not depend on the other rows."""
+
+    def position(self, q: Array) -> tuple[Array, Array]:
+        """Configurations (n, d) -> rotations (n, 9) row by row, positions (n, 3) of the tip."""
+
+    def pose(self, q: Array) -> tuple[Array, Array, Array]:
+        """The same and the Jacobian (n, 6 d) row by row."""
+
+    def solver(self, free_axis: Array | None, tolerance: tuple[float, float]) -> Solver:
+        """Inverse kinematics to a tolerance [m, rad], maybe with an axis (3,) of the tip that may turn freely."""
+
+
+def backend(facts: ChainFacts) -> Backend:
+    """Compiled code if there is a compiler or the code is kept, else the virtual machine."""
+    from executive.motion.compiled import CompiledChain
+
+    found = CompiledChain.of(facts)
+    if found is not None:
+        return found
+    from executive.motion.virtual_machine import VirtualChain
+
+    return VirtualChain(facts)

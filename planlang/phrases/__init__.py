@@ -1,0 +1,12 @@
+"""Locations as phrases of controlled English: "in reach of the patient with the right arm and not blocking the door".
+
+General layout: ``words`` is the table of what can be said, ``location.lark`` how it is put together; ``reading`` makes
+a location of a phrase and ``writing`` a phrase of a location, inverse to each other; ``lexicon`` knows the nouns.
+"""
+
+from planlang.phrases.lexicon import Lexicon
+from planlang.phrases.reading import read_location, read_thing
+from planlang.phrases.words import FORMS
+from planlang.phrases.writing import write_location
+
+__all__ = ["FORMS", "Lexicon", "read_location", "read_thing", "write_location"]

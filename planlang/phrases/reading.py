@@ -1,0 +1,219 @@
+"""Phrase -> location."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import cache
+from importlib.resources import files
+
+from lark import Lark, Token, Tree, UnexpectedInput
+
+from planlang.designators import MEASURED, Device, Location, Object, Relation
+from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.lengths import metres
+from planlang.phrases import mistakes
+from planlang.phrases.lexicon import DEVICES, KINDS, Lexicon
+from planlang.phrases.words import BLOCKING, DEEPEST, FORMS, GRASP_FORMS, LIMITS, LONGEST, RELATION_OF, pattern, plain
+
+_COMMENT = re.compile(r"<[^<>\s]*>|(#[^\n]*)")
+
+
+def read_location(phrase: str, lexicon: Lexicon | None = None, *, file: str = "phrase") -> Location:
+    """The location that a phrase tells; ``file`` is what messages call the place where it stands.
+
+    A comment begins with ``#`` and ends with its line. Raises BadInput with all mistakes that were found.
+    """
+    if len(phrase) > LONGEST:
+        raise BadInput(
+            [error("P003", f"a phrase has at most {LONGEST} characters, this one {len(phrase)}", Span(file))]
+        )
+    tree = _parsed(phrase, "start", file)
+    reader = _Reader(lexicon or Lexicon(), file)
+    location = reader.location(_trees(tree)[0], 1)
+    if reader.found:
+        raise BadInput(reader.found)
+    return location
+
+
+def read_thing(phrase: str, lexicon: Lexicon | None = None, *, file: str = "phrase") -> Object:
+    """The thing that a noun with or without article tells, e.g. "the bottle"; raises BadInput as above."""
+    tree = _parsed(phrase[:LONGEST], "only_thing", file)
+    reader = _Reader(lexicon or Lexicon(), file)
+    thing = reader.thing(_trees(tree)[0], tree, named=len(tree.children) == 1)
+    if thing is None:
+        raise BadInput(reader.found)
+    return thing
+
+
+def _parsed(phrase: str, start: str, file: str) -> Tree[Token]:
+    phrase = _COMMENT.sub(lambda found: found[0] if found[1] is None else " " * len(found[0]), phrase)
+    try:
+        return parser().parse(phrase, start=start)
+    except UnexpectedInput as problem:
+        raise BadInput([mistakes.explain(problem, phrase, file)]) from None
+
+
+@cache
+def parser() -> Lark:
+    """The parser of phrases, its words taken from the tables."""
+    grammar = files("planlang.phrases").joinpath("location.lark").read_text(encoding="utf-8")
+    grasps = tuple(form for forms in GRASP_FORMS.values() for form in forms)
+    relations = tuple(form for form in RELATION_OF if not form.startswith("not "))
+    for name, forms, priority in (
+        ("RELATION", relations, 5),
+        ("BLOCKING", BLOCKING, 5),
+        ("LIMIT", tuple(LIMITS), 5),
+        ("GRASP", grasps, 5),
+    ):
+        grammar += f"\n{name}.{priority}: /(?:{pattern(forms)})\\b/i"
+    return Lark(grammar, parser="lalr", start=["start", "only_thing"], propagate_positions=True)
+
+
+class _Reader:
+    """Makes locations of trees; what is wrong is collected."""
+
+    def __init__(self, lexicon: Lexicon, file: str) -> None:
+        self.lexicon, self.file = lexicon, file
+        self.found: list[Diagnostic] = []
+
+    def wrong(self, code: str, message: str, where: Tree[Token] | Token, help: str | None = None) -> None:
+        """Note a mistake at a word."""
+        token = where if isinstance(where, Token) else next(where.scan_values(lambda _: True))
+        self.found.append(error(code, message, Span(self.file, token.line or 1, token.column or 1), help))
+
+    def location(self, tree: Tree[Token], depth: int) -> Location:
+        """A conjunction."""
+        relations: dict[Relation, None] = {}
+        device: Device | None = None
+        grasp: str | None = None
+        for conjunct in _trees(tree, "conjunct"):
+            clause, *manners = _trees(conjunct)
+            relation = self.clause(clause, depth)
+            if relation is not None:
+                relations[relation] = None
+            for manner in manners:
+                if manner.data == "grasp":
+                    said = plain(str(manner.children[0]))
+                    one = next(name for name, forms in GRASP_FORMS.items() if said in forms)
+                    if grasp not in (None, one):
+                        self.wrong("P005", f"two grasps are said of one location: {grasp} and {one}", manner)
+                    grasp = one
+                else:
+                    other = self.device(manner)
+                    if device is not None and other not in (None, device):
+                        self.wrong("P005", f"two arms are said of one location: {device} and {other}", manner)
+                    device = other or device
+        return Location(tuple(relations), None, device, grasp)
+
+    def clause(self, tree: Tree[Token], depth: int) -> Relation | None:
+        """One relation."""
+        said, reference = _trees(tree)
+        before = len(tree.children) > 2
+        relation = self.said(said)
+        what = self.reference(reference, depth, said)
+        if what is None or relation is None:
+            return None
+        return replace(relation, reference=what, negated=relation.negated != before)
+
+    def said(self, tree: Tree[Token]) -> Relation | None:
+        """A relation to nothing yet."""
+        nothing = Object("Thing")
+        match tree.data, tree.children:
+            case "relation", [word]:
+                return Relation(RELATION_OF[plain(str(word))], nothing)
+            case "blocking", _:
+                return Relation("clear_of", nothing, negated=True)
+            case "near", [_, Token() as length, _]:
+                return self._bounded("near", nothing, within=self.length(length))
+            case "far", [_, Token() as length, _]:
+                return self._bounded("far_from", nothing, beyond=self.length(length))
+            case "limited", [limit, Token() as length, _]:
+                bound = LIMITS[plain(str(limit))]
+                return self._bounded(
+                    "near" if bound == "within" else "far_from", nothing, **{bound: self.length(length)}
+                )
+            case "measured", [Tree() as measure, Token() as word]:
+                name = RELATION_OF[plain(str(word))]
+                bounds = self.measure(measure)
+                if name not in MEASURED:
+                    help = f"what has a distance: {', '.join(FORMS[name][0] for name in MEASURED)}"
+                    self.wrong("P006", f"{FORMS[name][0]!r} has no distance that could be bounded", word, help)
+                    return None
+                return self._bounded(name, nothing, **bounds)
+        raise AssertionError(tree.data)
+
+    def _bounded(self, name: str, what: Object, **bounds: float | None) -> Relation | None:
+        return None if None in bounds.values() else Relation(name, what, bounds.get("within"), bounds.get("beyond"))
+
+    def measure(self, tree: Tree[Token]) -> dict[str, float | None]:
+        """Bounds by name."""
+        tokens = [token for token in tree.children if isinstance(token, Token)]
+        if tree.data == "limit":
+            return {LIMITS[plain(tokens[0])]: self.length(tokens[1])}
+        least, most = self.length(tokens[0]), self.length(tokens[2])
+        if least is not None and most is not None and least > most:
+            self.wrong("P004", f"nothing is beyond {tokens[0]} and within {tokens[2]}", tokens[0])
+        return {"beyond": least, "within": most}
+
+    def length(self, token: Token) -> float | None:
+        """Metres."""
+        try:
+            return metres(str(token))
+        except ValueError as problem:
+            message, _, help = str(problem).partition("; ")
+            self.wrong("P004", message, token, help or None)
+            return None
+
+    def reference(self, tree: Tree[Token], depth: int, said: Tree[Token]) -> Object | Location | None:
+        """A thing, or a place told by relations; ``said`` is the relation to it."""
+        inner = _trees(tree)[-1]
+        if tree.data == "thing":
+            return self.thing(inner, said, named=len(tree.children) == 1)
+        if depth >= DEEPEST:
+            self.wrong("P003", f"places are told within each other at most {DEEPEST} deep", inner)
+            return None
+        if tree.data == "group":
+            return self.location(inner, depth + 1)
+        relation = self.clause(inner, depth + 1)
+        return None if relation is None else Location((relation,))
+
+    def thing(self, noun: Tree[Token], said: Tree[Token], *, named: bool) -> Object | None:
+        """What a noun means; ``named``: it has no article."""
+        words, kind, name, iri = _parts(noun)
+        if name is not None:
+            if plain(words) not in ("", *KINDS):
+                help = f"before a class in brackets: {', '.join(KINDS)}"
+                self.wrong("P002", f"{words!r} is no kind of thing", noun, help)
+            return kind(name, iri)
+        meant = self.lexicon.meaning(words, named=named)
+        if isinstance(meant, Object):
+            return meant if iri is None else replace(meant, iri=iri)
+        self.found.append(mistakes.unknown_noun(words, meant, noun, said, self.lexicon, self.file))
+        return None
+
+    def device(self, manner: Tree[Token]) -> Device | None:
+        """What reaches."""
+        noun = _trees(manner)[-1]
+        words, _, name, iri = _parts(noun)
+        if name is not None:
+            return Device(name, iri)
+        if plain(words) in DEVICES:
+            return replace(DEVICES[plain(words)], iri=iri)
+        meant = self.lexicon.things.get(words)
+        if isinstance(meant, Device):
+            return meant
+        self.found.append(mistakes.unknown_device(words, noun, self.file))
+        return None
+
+
+def _trees(tree: Tree[Token], data: str | None = None) -> list[Tree[Token]]:
+    """The parts of a tree that are trees themselves, of one rule if said."""
+    return [part for part in tree.children if isinstance(part, Tree) and data in (None, part.data)]
+
+
+def _parts(noun: Tree[Token]) -> tuple[str, type[Object], str | None, str | None]:
+    """Words, kind, class in brackets, IRI."""
+    words = " ".join(str(part) for part in noun.children if isinstance(part, Token))
+    inside = {str(part.data): str(part.children[-1])[1:-1] for part in noun.children if isinstance(part, Tree)}
+    return words, KINDS.get(plain(words), Object), inside.get("exact"), inside.get("called")

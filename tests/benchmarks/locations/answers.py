@@ -1,0 +1,36 @@
+"""Prints the answers in some rooms to the last bit: two processes that print the same are equal.
+
+python -m tests.benchmarks.locations.answers 2
+"""
+
+from __future__ import annotations
+
+import sys
+
+from planlang.designators import a_location
+from tests.benchmarks.locations.rooms import KINDS, THE_BOTTLE, THE_PATIENT, rooms
+from tests.benchmarks.locations.stage import Stage, robot_of
+
+LOCATIONS = (
+    a_location(in_reach_of=THE_BOTTLE),
+    a_location(in_reach_of=THE_PATIENT),
+    a_location(visible_from=THE_BOTTLE),
+)
+
+
+def main() -> None:
+    """Print base, arm and counts of the first places in rooms of every kind."""
+    number = int(sys.argv[1]) if len(sys.argv) > 1 else 1
+    for kind in KINDS:
+        for room in rooms(kind, number):
+            stage = Stage(room, robot_of("amigo"))
+            for location in LOCATIONS:
+                answer = stage.ask(location, 3)
+                places = [[value.hex() for value in map(float, s.base)] for s in answer.solutions]
+                details = [sorted(map(str, s.detail.items())) for s in answer.solutions]
+                print(room.name, location, places, details, answer.failure)
+            stage.close()
+
+
+if __name__ == "__main__":
+    main()

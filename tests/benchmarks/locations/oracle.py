@@ -1,0 +1,277 @@
+"""A judge of answers that shares no code with what finds them: the room and the robot in a PyBullet client of its own.
+
+Used by the benchmark, by the sampler it measures and by the exhaustive search; it knows URDF, room and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pybullet
+
+from executive.capabilities import Robot
+from planlang.protocols import Array, Pose
+from sim import Body
+from sim.person import parts_of
+from tests.benchmarks.locations.rooms import Room
+
+TOUCHING = 0.002
+"""Penetrations up to this depth are touching [m]: PyBullet's cylinders of a URDF are polyhedra, up to 1 mm wider."""
+TIP, TURN = 2e-3, 2e-2
+"""How far a tip may be from the pose that is claimed [m], [rad]."""
+NEIGHBOURS = 2
+"""Links that are so few joints apart may touch each other."""
+SAMPLES = 40
+"""Random postures; links that touch in nearly all of them are modelled so."""
+
+Base = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """What an answer says: from this base the joints (k, d) bring an arm's tip to poses (k, 4, 4), touching nothing.
+
+    The hand may touch ``target``; ``opened`` says whether the fingers are open meanwhile.
+    """
+
+    base: Base
+    arm: str
+    joints: tuple[str, ...]
+    values: Array
+    poses: Array
+    target: str | None
+    opened: bool
+
+
+class Oracle:
+    """A room and a robot in a client of its own."""
+
+    def __init__(self, room: Room, robot: Robot) -> None:
+        self.room, self.robot = room, robot
+        self.client = pybullet.connect(pybullet.DIRECT)
+        flags = pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_IGNORE_VISUAL_SHAPES
+        self.uid = pybullet.loadURDF(str(robot.urdf), useFixedBase=True, flags=flags, physicsClientId=self.client)
+        self.joints: dict[str, int] = {}
+        self.links = {robot.base_link: -1}
+        self.parents: dict[int, int] = {}
+        self.limits: dict[str, tuple[float, float]] = {}
+        for index in range(pybullet.getNumJoints(self.uid, physicsClientId=self.client)):
+            info = pybullet.getJointInfo(self.uid, index, physicsClientId=self.client)
+            self.links[info[12].decode()] = index
+            self.parents[index] = info[16]
+            if info[2] != pybullet.JOINT_FIXED:
+                name = info[1].decode()
+                self.joints[name] = index
+                endless = info[2] == pybullet.JOINT_REVOLUTE and info[8] >= info[9]
+                self.limits[name] = (-math.inf, math.inf) if endless else (float(info[8]), float(info[9]))
+        self.names = {index: name for name, index in self.links.items()}
+        self._inertial = pybullet.getDynamicsInfo(self.uid, -1, physicsClientId=self.client)[3:5]
+        self.posture: dict[str, float] = {name: _nearest_zero(ends) for name, ends in self.limits.items()}
+        self.posture |= {n: v for n, v in robot.postures.get("carrying", {}).items() if n in self.joints}
+        self.pieces: dict[int, str] = {}
+        for body in room.bodies:
+            self._build(body)
+        self._allowed = self._modelled_so()
+        self.checks = 0
+
+    def close(self) -> None:
+        """End the client."""
+        pybullet.disconnect(self.client)
+
+    # Building
+
+    def _build(self, body: Body) -> None:
+        if body.shape == "room":
+            x, y, _ = body.pose.position
+            length, width, height = body.size
+            for sign in (-1, 1):
+                self._piece(
+                    body.name, "box", (0.1, width, height), Pose((x + sign * (length / 2 + 0.05), y, height / 2))
+                )
+                self._piece(
+                    body.name, "box", (length, 0.1, height), Pose((x, y + sign * (width / 2 + 0.05), height / 2))
+                )
+        elif body.shape == "person":
+            for part in parts_of(body):
+                self._piece(body.name, part.kind, part.size, body.pose @ part.offset)
+        else:
+            self._piece(body.name, body.shape, body.size, body.pose)
+
+    def _piece(self, name: str, kind: str, size: Sequence[float], at: Pose) -> None:
+        match kind:
+            case "cylinder":
+                shape = {"shapeType": pybullet.GEOM_CYLINDER, "radius": max(size[:2]) / 2, "height": size[2]}
+            case "sphere":
+                shape = {"shapeType": pybullet.GEOM_SPHERE, "radius": max(size) / 2}
+            case _:
+                shape = {"shapeType": pybullet.GEOM_BOX, "halfExtents": [extent / 2 for extent in size]}
+        solid = pybullet.createCollisionShape(physicsClientId=self.client, **shape)
+        seen = {"length" if key == "height" else key: value for key, value in shape.items()}
+        visual = pybullet.createVisualShape(physicsClientId=self.client, **seen)
+        uid = pybullet.createMultiBody(0, solid, visual, at.position, at.orientation, physicsClientId=self.client)
+        self.pieces[uid] = name
+
+    def _modelled_so(self) -> set[frozenset[int]]:
+        """Pairs of links that touch because of how the robot is modelled: in its posture, or whatever it does."""
+        allowed = {frozenset((self.links[a], self.links[b])) for a, b in self.robot.allowed_contacts}
+        for arm in self.robot.arms:
+            if arm.gripper is not None:
+                fingers = [self.links[name] for name in arm.gripper.finger_links]
+                allowed |= {frozenset((a, b)) for a in fingers for b in fingers if a != b}
+        self.place((0.0, 0.0, 0.0), self.posture)
+        allowed |= self._self_contacts(allowed)
+        rng, counts = np.random.default_rng(0), dict[frozenset[int], int]()
+        for _ in range(SAMPLES):
+            spans = {name: np.clip(ends, -math.pi, math.pi) for name, ends in self.limits.items()}
+            self.place((0.0, 0.0, 0.0), {name: float(rng.uniform(*span)) for name, span in spans.items()})
+            for pair in self._self_contacts(allowed):
+                counts[pair] = counts.get(pair, 0) + 1
+        return allowed | {pair for pair, count in counts.items() if count > 0.9 * SAMPLES}
+
+    def _self_contacts(self, allowed: set[frozenset[int]]) -> set[frozenset[int]]:
+        points = pybullet.getClosestPoints(self.uid, self.uid, 0.0, physicsClientId=self.client)
+        deep = {frozenset((p[3], p[4])) for p in points if p[8] < -TOUCHING and not self._neighbours(p[3], p[4])}
+        return deep - allowed
+
+    def _neighbours(self, one: int, other: int) -> bool:
+        up, down = self.upwards(one), self.upwards(other)
+        shared = next(link for link in up if link in down)
+        between = (*up[: up.index(shared)], *down[: down.index(shared)])
+        moving = [link for link in between if link in self.joints.values()]
+        return len(moving) <= NEIGHBOURS
+
+    def upwards(self, link: int) -> list[int]:
+        """A link and what carries it, down to the base."""
+        chain = [link]
+        while chain[-1] != -1:
+            chain.append(self.parents[chain[-1]])
+        return chain
+
+    # Asking
+
+    def place(self, base: Base, joints: Mapping[str, float]) -> None:
+        """Put the robot somewhere; joints not named stay."""
+        turn = (0.0, 0.0, math.sin(base[2] / 2), math.cos(base[2] / 2))
+        there = pybullet.multiplyTransforms([base[0], base[1], 0.0], turn, *self._inertial)
+        pybullet.resetBasePositionAndOrientation(self.uid, *there, physicsClientId=self.client)
+        for name, value in joints.items():
+            pybullet.resetJointState(self.uid, self.joints[name], value, physicsClientId=self.client)
+
+    def link(self, name: str) -> Array:
+        """Frame (4, 4) of a link in the map."""
+        index = self.links[name]
+        if index == -1:
+            position, turn = pybullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client)
+            back = pybullet.invertTransform(*self._inertial)
+            position, turn = pybullet.multiplyTransforms(position, turn, *back)
+        else:
+            state = pybullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
+            position, turn = state[4], state[5]
+        frame = np.eye(4)
+        frame[:3, :3] = np.array(pybullet.getMatrixFromQuaternion(turn)).reshape(3, 3)
+        frame[:3, 3] = position
+        return frame
+
+    def hand_links(self, arm: str) -> frozenset[int]:
+        """Links that an arm's hand consists of."""
+        root = self.links[self.robot.arm(arm).hand_link]
+        return frozenset(link for link in self.links.values() if root in self.upwards(link))
+
+    def touched(
+        self, hand: Iterable[int] = (), target: str | None = None, *, itself: bool = True
+    ) -> tuple[str, str] | None:
+        """One pair of (link, body or link) that penetrate, where the robot is; ``hand`` may touch ``target``."""
+        self.checks += 1
+        may = set(hand)
+        for name, link in self.links.items():
+            low, high = pybullet.getAABB(self.uid, link, physicsClientId=self.client)
+            for uid, _ in pybullet.getOverlappingObjects(low, high, physicsClientId=self.client) or ():
+                body = self.pieces.get(uid)
+                if body is None or (body == target and link in may):
+                    continue
+                points = pybullet.getClosestPoints(self.uid, uid, 0.0, link, physicsClientId=self.client)
+                if any(point[8] < -TOUCHING for point in points):
+                    return name, body
+        if itself:
+            for pair in self._self_contacts(self._allowed):
+                one, other = sorted(pair)
+                return self.names[one], self.names[other]
+        return None
+
+    def hand_alone_is_free(self, arm: str, joints: Mapping[str, float], base: Array, target: str) -> bool:
+        """Whether a hand touches nothing but its target while the robot hangs in the air at a pose (4, 4)."""
+        pose = Pose.from_matrix(base)
+        there = pybullet.multiplyTransforms(pose.position, pose.orientation, *self._inertial)
+        pybullet.resetBasePositionAndOrientation(self.uid, *there, physicsClientId=self.client)
+        for name, value in joints.items():
+            pybullet.resetJointState(self.uid, self.joints[name], value, physicsClientId=self.client)
+        for link in sorted(self.hand_links(arm)):
+            low, high = pybullet.getAABB(self.uid, link, physicsClientId=self.client)
+            for uid, _ in pybullet.getOverlappingObjects(low, high, physicsClientId=self.client) or ():
+                if self.pieces.get(uid, target) == target:
+                    continue
+                points = pybullet.getClosestPoints(self.uid, uid, 0.0, link, physicsClientId=self.client)
+                if any(point[8] < -TOUCHING for point in points):
+                    return False
+        return True
+
+    def objection(self, claim: Claim) -> str | None:
+        """What is wrong with a claim; None if all of it is true."""
+        arm = self.robot.arm(claim.arm)
+        hand = self.hand_links(claim.arm) if claim.target is not None else frozenset()
+        fingers = arm.gripper.opened if claim.opened and arm.gripper is not None else {}
+        x_min, y_min, x_max, y_max = (-3.0, -2.5, 3.0, 2.5)
+        if not (x_min < claim.base[0] < x_max and y_min < claim.base[1] < y_max):
+            return f"the base {claim.base} is outside of the room"
+        self.place(claim.base, self.posture)
+        if pair := self.touched():
+            return f"standing at {claim.base}, {pair[0]} touches {pair[1]}"
+        for number, (values, pose) in enumerate(zip(claim.values, claim.poses, strict=True)):
+            joints = dict(zip(claim.joints, map(float, values), strict=True))
+            for name, value in joints.items():
+                low, high = self.limits[name]
+                if not low - 2e-3 <= value <= high + 2e-3:
+                    return f"pose {number}: {name} is {value:.4f}, outside of {low:.4f} to {high:.4f}"
+            self.place(claim.base, {**self.posture, **fingers, **joints})
+            reached = self.link(arm.tip)
+            away, turned = np.linalg.norm(reached[:3, 3] - pose[:3, 3]), angle(reached[:3, :3], pose[:3, :3])
+            if away > TIP or turned > TURN:
+                return f"pose {number}: the tip is {away:.4f} m and {turned:.4f} rad from where it should be"
+            if pair := self.touched(hand, claim.target):
+                return f"pose {number}: {pair[0]} touches {pair[1]}"
+        return None
+
+    def is_grasp(self, claim: Claim) -> str | None:
+        """What keeps a claim from being the grasp of its target: pre-grasp, grasp, then up."""
+        body = self.room.body(claim.target or "")
+        arm = self.robot.arm(claim.arm)
+        centre = np.array(body.pose.position)
+        before, grasp, lift = claim.poses[:3]
+        approach = grasp[:3, :3] @ np.array(arm.approach)
+        closing = grasp[:3, :3] @ np.array(arm.closing)
+        if np.linalg.norm(grasp[:3, 3] - centre) > 0.06:
+            return "the grip point is far from the middle of what is grasped"
+        if np.abs(before[:3, 3] + 0.08 * approach - grasp[:3, 3]).max() > 2e-3:
+            return "the pre-grasp is not 8 cm back along the approach"
+        rise = lift[:3, 3] - grasp[:3, 3]
+        if rise[2] < 0.03 or np.abs(rise[:2]).max() > 2e-3:
+            return "the lift does not go up"
+        if max(angle(before[:3, :3], grasp[:3, :3]), angle(lift[:3, :3], grasp[:3, :3])) > TURN:
+            return "the hand turns between pre-grasp and lift"
+        if arm.gripper is not None and body.size[0] > arm.gripper.max_opening:
+            return "it does not fit between the fingers"
+        if abs(closing[2]) > 0.1:
+            return "the fingers do not close horizontally around what stands"
+        return None
+
+
+def angle(one: Array, other: Array) -> float:
+    """Angle between two rotations (3, 3) [rad]."""
+    return math.acos(min(1.0, max(-1.0, float((np.trace(one.T @ other) - 1) / 2))))
+
+
+def _nearest_zero(ends: tuple[float, float]) -> float:
+    return min(max(0.0, ends[0]), ends[1])

@@ -1,0 +1,174 @@
+"""Random questions, sensible and not, and whether they leave the world, the belief and the memory as they were."""
+
+from __future__ import annotations
+
+import gc
+import resource
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import islice
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from planlang.designators import (
+    GRASPS,
+    MEASURED,
+    RELATIONS,
+    Location,
+    Object,
+    Relation,
+    a_device,
+    an_object,
+)
+from planlang.failures import PlanFailure
+from tests.benchmarks.locations.rooms import PLACE, THE_BOTTLE, THE_PATIENT, Room, room_of
+from tests.benchmarks.locations.stage import Stage
+
+DEVICES = (None, None, a_device("RightArm"), a_device("LeftGripper"))
+
+
+def random_location(rng: np.random.Generator, room: Room, depth: int = 0) -> Location:
+    """A conjunction of one to three relations to things of a room, to places, or to what is not there."""
+    relations = tuple(_relation(rng, room, depth) for _ in range(int(rng.choice([1, 1, 2, 3]))))
+    device = DEVICES[int(rng.integers(len(DEVICES)))]
+    grasp = GRASPS[int(rng.integers(len(GRASPS)))] if rng.random() < 0.2 else None
+    return Location(relations, device=device, grasp=grasp)
+
+
+def _relation(rng: np.random.Generator, room: Room, depth: int) -> Relation:
+    usual = ("in_reach_of", "visible_from", "near", "in_front_of", "next_to", "clear_of")
+    names = usual if rng.random() < 0.7 else tuple(RELATIONS)
+    name = names[int(rng.integers(len(names)))]
+    reference: Object | Location = _thing(rng, room)
+    if depth == 0 and rng.random() < 0.2:
+        reference = random_location(rng, room, 1)
+    within = float(rng.uniform(0.1, 2.0)) if name in MEASURED and rng.random() < 0.3 else None
+    return Relation(name, reference, within, negated=bool(rng.random() < 0.15))
+
+
+def _thing(rng: np.random.Generator, room: Room) -> Object:
+    kind = rng.random()
+    if kind < 0.4:
+        return THE_BOTTLE
+    if kind < 0.6:
+        return THE_PATIENT
+    if kind < 0.95:
+        body = room.bodies[int(rng.integers(len(room.bodies)))]
+        return an_object(body.type or "Thing", body.iri or PLACE + body.name)
+    return an_object("Bathtub")
+
+
+def snapshot(stage: Stage) -> tuple[object, ...]:
+    """Everything that a question must leave alone: the world, what is believed, where the generators stand."""
+    belief = stage.platform.belief
+    return (
+        stage.world.state(),
+        belief.revision,
+        tuple((name, belief.pose(name)) for name in belief.names()),
+        tuple(belief.held.items()),
+        repr(stage.platform.rng.bit_generator.state),
+    )
+
+
+class Interrupter:
+    """Raises KeyboardInterrupt at the n-th call of a function, as Ctrl-C may at any."""
+
+    def __init__(self, calls: int) -> None:
+        self.left = calls
+
+    def __enter__(self) -> None:
+        sys.setprofile(self._count)
+
+    def __exit__(self, *problem: object) -> bool:
+        sys.setprofile(None)
+        return problem[0] is KeyboardInterrupt
+
+    def _count(self, frame: FrameType, event: str, argument: Any) -> None:
+        if event == "call":
+            self.left -= 1
+            if self.left == 0:
+                sys.setprofile(None)
+                raise KeyboardInterrupt
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """How questions ended, and which of them changed something."""
+
+    endings: Counter[str]
+    changed: tuple[str, ...]
+    other_failures: tuple[str, ...]
+    """Exceptions that are no failures of a plan: programming errors."""
+    growth: float
+    """Of the largest memory of the process in the second half [MB]."""
+
+
+def ask_many(stage: Stage, number: int, *, seed: int = 0, tell: Callable[[str], None] = lambda line: None) -> Asked:
+    """Ask random questions; every fifth is interrupted, every third given up after its first answer."""
+    rng = np.random.default_rng(seed)
+    endings: Counter[str] = Counter()
+    changed, wrong = [], []
+    stage.platform.sync()
+    before = snapshot(stage)
+    half = 0.0
+    for index in range(number):
+        if index == number // 2:
+            gc.collect()
+            half = _memory()
+        location = random_location(rng, stage.room)
+        calls = int(rng.integers(1, 4000)) if index % 5 == 4 else sys.maxsize
+        try:
+            answers = stage.platform.resolver.bases(location)
+            if calls < sys.maxsize:
+                ended = "interrupted"
+                with Interrupter(calls):
+                    ended = "answered" if list(islice(answers, 2)) else "none"
+            elif index % 3 == 0:
+                next(answers)
+                ended = "given up after one"
+            else:
+                ended = f"answered {len(list(islice(answers, 3)))}"
+        except PlanFailure as failure:
+            ended = type(failure).__name__
+        except Exception as problem:
+            ended = f"{type(problem).__name__}: {problem}"
+            wrong.append(f"{location}: {ended}")
+        endings[ended.split(":")[0]] += 1
+        stage.platform.sync()
+        if snapshot(stage) != before:
+            changed.append(str(location))
+            tell(f"{location} changed the world ({ended})")
+            before = snapshot(stage)
+    gc.collect()
+    return Asked(endings, tuple(changed), tuple(wrong), _memory() - half)
+
+
+def resolve_again(stage: Stage, location: Location, number: int) -> float:
+    """Resolve a location so many times, the belief changed in between; growth of memory in the second half [MB]."""
+    half = 0.0
+    for index in range(number):
+        if index == number // 2:
+            gc.collect()
+            half = _memory()
+        stage.platform.belief.revision += 1
+        stage.ask(location)
+    gc.collect()
+    return _memory() - half
+
+
+def _memory() -> float:
+    """Resident memory of this process now [MB]; where the system does not say, the largest it has been."""
+    try:
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * resource.getpagesize() / 1e6
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+
+
+def some_stage() -> tuple[Room, str]:
+    """A room for questions and the robot that asks in it."""
+    return room_of("person in bed", 3), "amigo"

@@ -1,0 +1,110 @@
+"""The product's side of the measurements, through its public interface: rooms that are believed, and answers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import islice
+
+import numpy as np
+
+from executive.assembly import platform_of
+from executive.capabilities import Robot, bind_robot
+from executive.knowledge import MapObject, SemanticMap
+from executive.locations import ReachSolution
+from executive.platform import Platform
+from planlang.designators import Location, Object, a_location
+from planlang.failures import PlanFailure
+from planlang.ontology import Ontology, expand, load
+from planlang.protocols import Configuration, Solution
+from planlang.resources import bundled
+from sim import Body, PyBulletWorld
+from tests.benchmarks.locations.oracle import Claim
+from tests.benchmarks.locations.rooms import PLACE, Room
+
+
+@cache
+def vocabulary() -> Ontology:
+    """The bundled classes and properties."""
+    return load(bundled("ontologies") / "environments" / "hospital_room.omn")
+
+
+@cache
+def robot_of(name: str) -> Robot:
+    """A bundled robot."""
+    return bind_robot(name)
+
+
+@dataclass(slots=True)
+class Answer:
+    """What a resolution came to."""
+
+    solutions: list[Solution]
+    seconds: float
+    """CPU time until the last of them, or until it gave up [s]."""
+    counts: Mapping[str, int] = field(default_factory=dict)
+    blocking: Mapping[str, int] = field(default_factory=dict)
+    failure: str = ""
+
+    @property
+    def solved(self) -> bool:
+        """Whether there is a place."""
+        return bool(self.solutions)
+
+
+class Stage:
+    """A room, a robot in it, and what it believes: all of the room."""
+
+    def __init__(self, room: Room, robot: Robot) -> None:
+        self.room, self.robot = room, robot
+        self.world = PyBulletWorld(room.scene(), robot.body())
+        things = SemanticMap(None, vocabulary(), tuple(map(_thing, room.bodies)), ())
+        self.platform: Platform = platform_of(robot, things, self.world, self.world, 0)
+
+    def close(self) -> None:
+        """End the world."""
+        self.world.close()
+
+    def ask(self, location: Location, number: int = 1) -> Answer:
+        """The first places for a location."""
+        self.platform.sync()
+        found: list[Solution] = []
+        began = time.process_time()
+        try:
+            for solution in islice(self.platform.resolver.bases(location), number):
+                found.append(solution)
+        except PlanFailure as failure:
+            counts, blocking = getattr(failure, "counts", {}), getattr(failure, "blocking", {})
+            return Answer(found, time.process_time() - began, counts, blocking, str(failure))
+        return Answer(found, time.process_time() - began)
+
+    def claim(self, solution: Solution, what: Object, *, held: bool = False) -> Claim | None:
+        """The way in which the arm that was chosen reaches, from a place; None if there it finds none."""
+        before = self.world.configuration()
+        try:
+            self.world.set_configuration(Configuration(solution.base, before.joints))
+            self.platform.sync()
+            arm = next(a for a in self.platform.around.arms if a.name == solution.detail["arm"])
+            person = self.platform.around.is_person(self.platform.around.bind(what))
+            hand = a_location(in_reach_of=what) if person else a_location(in_front_of=what)
+            seed = np.array([before.joints[name] for name in arm.joints])
+            way = next(self.platform.resolver.hands(hand, arm, seed))
+            return _claim(way, solution)
+        except (PlanFailure, StopIteration):
+            return None
+        finally:
+            self.world.set_configuration(before)
+            self.platform.sync()
+
+
+def _claim(way: ReachSolution, solution: Solution) -> Claim:
+    plan = way.plan
+    joints = tuple(way.arm.joints)
+    return Claim(solution.base, way.arm.name, joints, way.joints, plan.poses, plan.touches, plan.opened)
+
+
+def _thing(body: Body) -> MapObject:
+    types = (expand(body.type),)
+    return MapObject(body.iri or PLACE + body.name, body.name, types, body.pose, body.size, body.size)

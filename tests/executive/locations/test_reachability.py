@@ -1,0 +1,184 @@
+"""Facts about reachability maps, on a short arm upon a lift: what a row says is so, and inverting it finds the base."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executive.locations import ArmModel, HandFrame
+from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
+from executive.locations.reachability_building import lift_of, reachability_maps
+from executive.motion import Chain, InverseKinematics
+from planlang.protocols import Array
+
+JOINTS = [
+    ("lift", "prismatic", "0 0 1", "0.1 0 0.5", "0.1", "0.4"),
+    ("turn", "revolute", "0 0 1", "0 0 0", "-2", "2"),
+    ("lower", "revolute", "0 1 0", "0 0 0", "-1.8", "1.8"),
+    ("roll", "revolute", "1 0 0", "0.14 0 0", "-2", "2"),
+    ("elbow", "revolute", "0 1 0", "0 0 0", "-2", "2"),
+    ("twist", "revolute", "1 0 0", "0.12 0 0", "-2", "2"),
+    ("bend", "revolute", "0 1 0", "0 0 0", "-1.6", "1.6"),
+    ("swing", "revolute", "0 0 1", "0 0 0", "-1.6", "1.6"),
+]
+
+
+def arm_of(folder: Path) -> ArmModel:
+    """Seven joints on a lift, 0.32 m from shoulder to tip."""
+    links = "".join(
+        f'<joint name="{name}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="{origin}"/>'
+        f'<axis xyz="{axis}"/><limit lower="{low}" upper="{high}" velocity="1"/></joint>'
+        for i, (name, kind, axis, origin, low, high) in enumerate(JOINTS)
+    )
+    tip = '<joint name="tool" type="fixed"><parent link="l8"/><child link="tip"/><origin xyz="0.06 0 0"/></joint>'
+    (folder / "arm.urdf").write_text(f'<robot name="arm">{links}{tip}</robot>')
+    chain = Chain.from_urdf(folder / "arm.urdf", "l0", "tip")
+    middle = (chain.lower + chain.upper) / 2
+    return ArmModel(
+        name="arm",
+        joints=chain.names,
+        lower=chain.lower,
+        upper=chain.upper,
+        solver=InverseKinematics(chain),
+        resolution=np.full(8, 0.05),
+        frame=HandFrame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        max_opening=0.1,
+        hand_links=frozenset({"tip"}),
+        hand_radius=0.03,
+        shoulder_low=np.array([0.1, 0.0, 0.6]),
+        shoulder_high=np.array([0.1, 0.0, 0.9]),
+        reach=0.33,
+        seeds=middle[None],
+    )
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> ArmModel:
+    """The short arm."""
+    return arm_of(tmp_path_factory.mktemp("arm"))
+
+
+Maps = dict[GraspClass, ReachabilityMap]
+
+
+@pytest.fixture(scope="module")
+def maps(arm: ArmModel) -> Maps:
+    """Its maps."""
+    return dict(reachability_maps(arm, "lift"))
+
+
+def some(found: ReachabilityMap, count: int = 200) -> Array:
+    """Evenly drawn rows of a map."""
+    return np.unique(np.linspace(0, len(found) - 1, count).astype(np.intp))
+
+
+@pytest.mark.parametrize("grasp", GraspClass)
+@pytest.mark.parametrize("torso", [0.1, 0.27])
+def test_the_joints_of_a_row_take_the_tip_to_its_pose_within_limits(
+    arm: ArmModel, maps: Maps, grasp: GraspClass, torso: float
+) -> None:
+    found = maps[grasp]
+    assert len(found) > 1000
+    rows = some(found)
+    q = found.seeds(rows, torso)
+    np.testing.assert_allclose(arm.solver.chain.fk(q), found.poses(rows, torso), atol=1.5e-3)
+    assert arm.solver.chain.within(q, 1e-6).all()
+    assert (q[:, 0] == torso).all()
+    score = found.rows["score"]
+    assert 0 < score.min() < 0.1 < 0.9 < score.max() <= 1
+
+
+@given(
+    grasp=st.sampled_from(list(GraspClass)),
+    x=st.floats(-5, 5),
+    y=st.floats(-5, 5),
+    z=st.floats(0.5, 1.1),
+    heading=st.floats(-math.pi, math.pi),
+    roll=st.sampled_from([1, -1]),
+)
+def test_from_every_base_that_is_found_the_tip_is_at_the_target(
+    arm: ArmModel, maps: Maps, grasp: GraspClass, x: float, y: float, z: float, heading: float, roll: int
+) -> None:
+    found = maps[grasp]
+    for torso in found.heights(z):
+        candidates = found.bases((x, y, z), [heading, heading + 1.0], torso=torso, rolls=(roll,))
+        chosen = slice(None, None, max(1, len(candidates) // 20))
+        bases, rows = candidates.bases[chosen], candidates.rows[chosen]
+        headings = heading + candidates.headings[chosen]
+        poses = arm.solver.chain.fk(found.seeds(rows, torso))
+        for base, pose, wanted in zip(bases, poses, headings, strict=True):
+            c, s = math.cos(base[2]), math.sin(base[2])
+            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            np.testing.assert_allclose(turn @ pose[:3, 3] + [base[0], base[1], 0.0], (x, y, z), atol=5e-4)
+            expected = grasp.rotations(wanted, roll, found.frame)
+            np.testing.assert_allclose(turn @ pose[:3, :3], expected, atol=3e-3)
+
+
+def test_a_height_that_no_torso_position_reaches_has_none(maps: Maps) -> None:
+    found = maps[GraspClass.SIDE]
+    assert found.heights(0.05) == ()
+    assert found.heights(2.0) == ()
+    heights = found.heights(0.83)
+    assert len(heights) >= 5
+    assert all(0.1 <= torso <= 0.4 for torso in heights)
+    np.testing.assert_allclose(np.diff(heights), CELL)
+
+
+def test_poses_of_rows_are_found_again_and_others_are_not(maps: Maps) -> None:
+    for grasp, found in maps.items():
+        rows = some(found)
+        poses = found.poses(rows, 0.2)
+        headings, rolls = found.rows["yaw"][rows] * (2 * np.pi / 24), found.rows["roll"][rows]
+        assert (found.find(poses[:, :3, 3] + 0.02, headings + 0.1, rolls, 0.2) == rows).all()
+        assert (found.find(poses[:, :3, 3] + [9.0, 0.0, 0.0], headings, rolls, 0.2) == -1).all()
+        if grasp is GraspClass.TOP:
+            assert (found.find(poses[:, :3, 3], headings + np.pi, -rolls, 0.2) == rows).all()
+
+
+def test_what_random_postures_reach_is_in_the_map(arm: ArmModel, maps: Maps) -> None:
+    chain, found = arm.solver.chain.locked({"lift": 0.1}), maps[GraspClass.SIDE]
+    rng = np.random.default_rng(3)
+    poses = found.poses(rng.integers(0, len(found), 300), 0.1)
+    poses[:, 0, 3] += CELL * rng.integers(-2, 3, 300)
+    poses[:, 1, 3] += CELL * rng.integers(-2, 3, 300)
+    seeds = chain.sample(rng, (300, 30))
+    _, reachable = InverseKinematics(chain).solve(poses, seeds)
+    headings = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
+    rolls = np.where(poses[:, 2, 2] > 0, 1, -1)
+    known = found.find(poses[:, :3, 3], headings, rolls, 0.1) >= 0
+    assert 50 < reachable.sum() < 300
+    assert known[reachable].mean() >= 0.97
+    assert (known & ~reachable).mean() <= 0.03
+
+
+def test_maps_are_kept_and_those_of_another_arm_are_not_taken_for_them(
+    arm: ArmModel, maps: Maps, tmp_path: Path
+) -> None:
+    built: list[str] = []
+
+    def told(done: int, count: int, what: str) -> None:
+        built.append(what)
+
+    again = reachability_maps(arm, "lift", progress=told)
+    assert not built
+    assert all(np.array_equal(again[grasp].rows, maps[grasp].rows) for grasp in GraspClass)
+    assert not again[GraspClass.SIDE].rows.flags.writeable
+    other = arm_of(tmp_path)
+    text = (tmp_path / "arm.urdf").read_text().replace("0.12 0 0", "0.13 0 0")
+    (tmp_path / "arm.urdf").write_text(text)
+    longer = Chain.from_urdf(tmp_path / "arm.urdf", "l0", "tip")
+    assert longer.digest != other.solver.chain.digest == arm.solver.chain.digest
+
+
+def test_only_a_joint_that_slides_straight_up_is_a_lift(arm: ArmModel) -> None:
+    chain = arm.solver.chain
+    lift = lift_of(chain, "lift")
+    assert lift is not None
+    assert (lift.column, lift.lowest, lift.highest, lift.per_unit) == (0, 0.1, 0.4, pytest.approx(1.0))
+    assert lift_of(chain, "turn") is None
+    assert lift_of(chain, None) is None
