@@ -20,6 +20,7 @@ from planlang.ontology.terms import (
     SUBCLASS_OF,
     SUBPROPERTY_OF,
     TYPE,
+    XSD,
     BNode,
     Literal,
     Term,
@@ -76,12 +77,17 @@ ORDER = ("Annotations", "Types", "Facts", "Characteristics", "SubClassOf", "Equi
          "DifferentFrom")  # fmt: skip
 """Sections in the order of a frame."""
 
+SINGLE = ("DisjointUnionOf", "HasKey", "SubPropertyChain")
+"""Sections of one item each; a datatype's EquivalentTo is another."""
+
 _SEVERAL = {
     "AllDisjointClasses": "DisjointClasses",
     "AllDisjointProperties": "DisjointProperties",
     "AllDifferent": "DifferentIndividuals",
 }
 _PAIRS = {
+    OWL + "sameAs": "SameIndividual",
+    OWL + "differentFrom": "DifferentIndividuals",
     EQUIVALENT_CLASS: "EquivalentClasses",
     OWL + "disjointWith": "DisjointClasses",
     OWL + "equivalentProperty": "EquivalentProperties",
@@ -92,12 +98,15 @@ _ANNOTATING = frozenset(
      *(OWL + name for name in ("versionInfo", "deprecated", "priorVersion", "backwardCompatibleWith",
                                "incompatibleWith")))
 )  # fmt: skip
-_LANGUAGES = (OWL, RDF, RDFS)
+_LANGUAGES = (OWL, RDF, RDFS, XSD)
 
 
 @dataclass(slots=True)
 class _Frame:
-    """One frame: its heading, and the items of its sections."""
+    """One frame: its heading, and the items of its sections; an annotated item has a section of its own.
+
+    The Note lets it stand in the middle of others; not every reader does.
+    """
 
     word: str
     heads: list[str]
@@ -107,9 +116,10 @@ class _Frame:
         lines = [f"{self.word}: {head}" for head in self.heads]
         for name in ORDER:
             if items := sorted(self.sections.get(name, ()), key=lambda item: (" " in item, item)):
-                single = name in ("DisjointUnionOf", "HasKey", "SubPropertyChain")  # one axiom each
-                for group in ([item] for item in items) if single else (items,):
-                    lines.append(_section(name, group))
+                single = name in SINGLE or (self.word, name) == ("Datatype", "EquivalentTo")
+                alone = [item for item in items if single or item.startswith("Annotations: ")]
+                together = [item for item in items if item not in alone]
+                lines += [_section(name, group) for group in (together, *([item] for item in alone)) if group]
         return "\n".join(lines) + "\n"
 
 
@@ -141,7 +151,7 @@ class _Writer:
         self._words = Words(self._names)
         self._expressions = Expressions(graph)
         self._frames: dict[tuple[str, str | BNode], _Frame] = {}
-        self._kinds: dict[str | BNode, tuple[str, ...]] = {}
+        self._pairs: list[str] = []
 
     def text(self) -> str:
         header = self._header()
@@ -149,11 +159,12 @@ class _Writer:
         for subject in subjects:
             if isinstance(subject, str) and (self._ontology is None or subject != self._ontology.subject):
                 self._entity(subject)
-        several = sorted(filter(None, (self._axiom(node) for node in subjects if isinstance(node, BNode))))
+        found = [self._axiom(node) for node in subjects if isinstance(node, BNode)]
         for subject in subjects:
             if isinstance(subject, BNode) and (self._ontology is None or subject != self._ontology.subject):
                 self._nameless(subject)
         frames = [self._frames[key].text() for key in sorted(self._frames, key=self._place)]
+        several = sorted(text for text in (*found, *self._pairs) if text)
         parts = [self._prefixes(), header, *frames, *several]
         return "\n".join(part for part in parts if part)
 
@@ -186,7 +197,8 @@ class _Writer:
             note
             for triple in self._graph.about(subject)
             if triple.predicate not in (TYPE, IMPORTS, OWL + "versionIRI")
-            for note in self._said([triple], partial(self._annotation, triple, ANNOTATION))
+            for text in self._said([triple], partial(self._joined, triple))
+            for note in text.split("\0")
         ]
         if notes:
             lines.append(_section("Annotations", notes))
@@ -205,21 +217,28 @@ class _Writer:
 
     # annotations
 
-    def _annotation(self, triple: Triple, kind: str) -> str:
-        """``property value``, with what is said about that in front."""
+    def _annotation(self, triple: Triple, kind: str = ANNOTATION) -> list[str]:
+        """``property value``, once for each annotation that it has in turn, or once without."""
         words = f"{self._words.name(triple.predicate)} {self._words.term(triple.object)}"
-        return "".join(self._notes(triple, kind, first=True)) + words
+        return [note + words for note in self._notes(triple, kind)] or [words]
 
-    def _notes(self, triple: Triple, kind: str = AXIOM, *, first: bool = False) -> list[str]:
+    def _joined(self, triple: Triple) -> str:
+        return "\0".join(self._annotation(triple))
+
+    def _notes(self, triple: Triple, kind: str = AXIOM) -> list[str]:
         """``Annotations: ...`` for each node that annotates a triple."""
         found = []
         for node in self._graph.annotations(triple):
             said, frame = self._graph.notes(node)
             if said and self._graph.has(node, TYPE, kind):
-                inner = ", ".join(self._annotation(note, ANNOTATION) for note in said)
+                found.append(self._noted(said))
                 self._graph.write(*said, *frame)
-                found.append(f"Annotations: {inner} ")
-        return found[:1] if first else found
+        return found
+
+    def _noted(self, notes: list[Triple]) -> str:
+        """``Annotations: ...`` and a blank; nothing if there are none."""
+        texts = [text for note in notes for text in self._annotation(note)]
+        return f"Annotations: {', '.join(texts)} " if texts else ""
 
     def _annotated(self, triple: Triple, item: str) -> list[str]:
         """An item once for each annotation that it has, or once without."""
@@ -239,6 +258,13 @@ class _Writer:
         except CannotSay:
             return
         said = self._graph.about(subject)
+        if not any(t.predicate == TYPE and t.object in FRAMES for t in said):  # a frame would declare it
+            for triple in said:
+                if triple.predicate in _PAIRS:
+                    self._pairs += self._said([triple], partial(self._pair, subject, triple))
+            said = [triple for triple in said if triple not in self._graph.written]
+            if not said:
+                return
         words = self._words_of(subject, said)
         for triple in said:
             word = FRAMES.get(triple.object) if triple.predicate == TYPE and isinstance(triple.object, str) else None
@@ -307,7 +333,7 @@ class _Writer:
         if is_fact and not self._is_annotation_property(triple.predicate):
             self._put(triple, words, ("Individual",), "Facts", lambda: self._fact(triple))
         else:
-            self._put(triple, words, words, "Annotations", lambda: [self._annotation(triple, AXIOM)])
+            self._put(triple, words, words, "Annotations", lambda: self._annotation(triple, AXIOM))
 
     def _is_annotation_property(self, prop: str) -> bool:
         return self._graph.has(prop, TYPE, OWL + "AnnotationProperty")
@@ -327,14 +353,19 @@ class _Writer:
             self._frame(word, triple.subject).sections.setdefault(section, []).extend(text.split("\0"))
 
     def _expression(self, triple: Triple) -> list[str]:
+        text = self._plain(triple)
+        return self._annotated(triple, text)
+
+    def _plain(self, triple: Triple) -> str:
+        """The name or expression that is a triple's object."""
         if isinstance(triple.object, BNode) and triple.predicate in (OWL + "sameAs", OWL + "differentFrom"):
-            return self._annotated(triple, self._words.term(triple.object))
+            return self._words.term(triple.object)
         if isinstance(triple.object, Literal):
             raise CannotSay("a value where a name belongs")
         expression, used = self._expressions.of(triple)
         text = self._words.text(expression)
         self._graph.write(*used)
-        return self._annotated(triple, text)
+        return text
 
     def _direct(self, triple: Triple) -> list[str]:
         """``owl:intersectionOf`` and the like, said of a class itself as in OWL 1."""
@@ -392,9 +423,8 @@ class _Writer:
         names = self._individuals if word == "DifferentIndividuals" else self._members
         items = names(members[0], ", ", at_least=2)
         notes = [t for t in self._graph.about(typed.subject) if t not in (typed, members[0])]
-        annotations = ", ".join(self._annotation(note, ANNOTATION) for note in notes)
         self._graph.write(members[0], *notes)
-        return f"{word}: {f'Annotations: {annotations} ' if notes else ''}{items}\n"
+        return f"{word}: {self._noted(notes)}{items}\n"
 
     def _individuals(self, triple: Triple, between: str, *, at_least: int) -> str:
         items, cells = self._graph.items(triple)
@@ -403,15 +433,19 @@ class _Writer:
         self._graph.write(*cells)
         return between.join(map(self._words.term, items))
 
-    def _pair(self, node: BNode, triple: Triple) -> str:
-        first, used = self._expressions.about(node, triple)
-        second = self._expression(triple)
-        self._graph.write(*used)
-        word = _PAIRS[triple.predicate]
-        notes, _, item = second[0].rpartition(" ") if second[0].startswith("Annotations: ") else ("", "", second[0])
-        if notes:
-            raise CannotSay("an annotated pair of expressions")
-        return f"{word}: {self._words.text(first)}, {item}\n"
+    def _pair(self, subject: str | BNode, triple: Triple) -> str:
+        """Two things that are alike or different; the first is a name or an expression."""
+        if isinstance(subject, str):
+            first = self._words.name(subject)
+        elif triple.predicate in (OWL + "sameAs", OWL + "differentFrom"):
+            raise CannotSay("an individual has a frame")
+        else:
+            expression, used = self._expressions.about(subject, triple)
+            first = self._words.text(expression)
+            self._graph.write(*used)
+        item = self._plain(triple)
+        notes = self._notes(triple) or [""]
+        return "\n".join(f"{_PAIRS[triple.predicate]}: {note}{first}, {item}\n" for note in notes)
 
     def _negative(self, node: BNode) -> None:
         graph = self._graph
@@ -424,10 +458,9 @@ class _Writer:
                 raise CannotSay("a negative fact that is not whole")
             core = (TYPE, OWL + "sourceIndividual", prop.predicate, targets[0].predicate)
             notes = [t for t in said if t.predicate not in core]
-            annotations = ", ".join(self._annotation(note, ANNOTATION) for note in notes)
             graph.write(*said)
             words = f"not {self._words.name(prop.object)} {self._words.term(targets[0].object)}"
-            return [f"Annotations: {annotations} {words}" if notes else words]
+            return [self._noted(notes) + words]
 
         sources = graph.about(node, OWL + "sourceIndividual")
         if len(sources) == 1 and not isinstance(sources[0].object, Literal):
