@@ -50,9 +50,7 @@ def names(pairs: list[list[str]]) -> set[tuple[str, str]]:
 
 def recipes(corpus: Path, file: str) -> list[tuple[Recipe, dict[str, Any]]]:
     _, actions = opened(corpus / file)
-    return [
-        (read_recipe_of(actions, canonical(task["task"])), task) for task in truth(corpus, file)
-    ]
+    return [(read_recipe_of(actions, canonical(task["task"])), task) for task in truth(corpus, file)]
 
 
 @pytest.mark.parametrize("file", FILES)
