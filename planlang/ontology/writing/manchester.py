@@ -3,131 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 
-from planlang.ontology.expressions import DATATYPE
-from planlang.ontology.terms import (
-    CLASS,
-    EQUIVALENT_CLASS,
-    IMPORTS,
-    INVERSE_OF,
-    NAMED_INDIVIDUAL,
-    ONTOLOGY,
-    OWL,
-    RDF,
-    RDFS,
-    SUBCLASS_OF,
-    SUBPROPERTY_OF,
-    TYPE,
-    XSD,
-    BNode,
-    Literal,
-    Term,
-    Triple,
-)
-from planlang.ontology.terms import DOMAIN as RDFS_DOMAIN
-from planlang.ontology.terms import RANGE as RDFS_RANGE
+from planlang.ontology.terms import IMPORTS, ONTOLOGY, OWL, RDF, TYPE, BNode, Literal, Term, Triple
 from planlang.ontology.writing.expressions import FORMS, Expressions, Words
+from planlang.ontology.writing.frames import (
+    ANNOTATING,
+    CHARACTERISTICS,
+    FRAMES,
+    LANGUAGES,
+    LISTS,
+    PAIRS,
+    PROPERTIES,
+    SECTIONS,
+    SEVERAL,
+    Frame,
+    section,
+)
 from planlang.ontology.writing.graph import ANNOTATION, AXIOM, CannotSay, Graph
 from planlang.ontology.writing.names import Names
-
-WIDTH = 120
-"""Characters of a line that holds more than one item."""
-
-FRAMES = {
-    OWL + "AnnotationProperty": "AnnotationProperty",
-    DATATYPE: "Datatype",
-    OWL + "ObjectProperty": "ObjectProperty",
-    OWL + "DatatypeProperty": "DataProperty",
-    CLASS: "Class",
-    NAMED_INDIVIDUAL: "Individual",
-}
-"""Kind of thing -> the word that begins its frame, in the order of the file."""
-
-_PROPERTIES = ("ObjectProperty", "DataProperty", "AnnotationProperty")
-SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
-    EQUIVALENT_CLASS: ("EquivalentTo", ("Class", "Datatype")),
-    SUBCLASS_OF: ("SubClassOf", ("Class",)),
-    OWL + "disjointWith": ("DisjointWith", ("Class",)),
-    SUBPROPERTY_OF: ("SubPropertyOf", _PROPERTIES),
-    OWL + "equivalentProperty": ("EquivalentTo", ("ObjectProperty", "DataProperty")),
-    OWL + "propertyDisjointWith": ("DisjointWith", ("ObjectProperty", "DataProperty")),
-    INVERSE_OF: ("InverseOf", ("ObjectProperty",)),
-    RDFS_DOMAIN: ("Domain", _PROPERTIES),
-    RDFS_RANGE: ("Range", _PROPERTIES),
-    OWL + "sameAs": ("SameAs", ("Individual",)),
-    OWL + "differentFrom": ("DifferentFrom", ("Individual",)),
-}
-"""Property -> the section that states it, and the frames that have it; the value is an expression or a name."""
-
-LISTS: dict[str, tuple[str, str, str]] = {
-    OWL + "disjointUnionOf": ("DisjointUnionOf", "Class", ", "),
-    OWL + "hasKey": ("HasKey", "Class", " "),
-    OWL + "propertyChainAxiom": ("SubPropertyChain", "ObjectProperty", " o "),
-}
-"""Property -> its section, its frame, and what stands between the items of its list."""
-
-CHARACTERISTICS = {
-    f"{OWL}{name}Property": name
-    for name in ("Functional", "InverseFunctional", "Reflexive", "Irreflexive", "Symmetric", "Asymmetric", "Transitive")
-}
-ORDER = ("Annotations", "Types", "Facts", "Characteristics", "SubClassOf", "EquivalentTo", "DisjointWith",
-         "DisjointUnionOf", "HasKey", "SubPropertyOf", "SubPropertyChain", "InverseOf", "Domain", "Range", "SameAs",
-         "DifferentFrom")  # fmt: skip
-"""Sections in the order of a frame."""
-
-SINGLE = ("DisjointUnionOf", "HasKey", "SubPropertyChain")
-"""Sections of one item each; a datatype's EquivalentTo is another."""
-
-_SEVERAL = {
-    "AllDisjointClasses": "DisjointClasses",
-    "AllDisjointProperties": "DisjointProperties",
-    "AllDifferent": "DifferentIndividuals",
-}
-_PAIRS = {
-    OWL + "sameAs": "SameIndividual",
-    OWL + "differentFrom": "DifferentIndividuals",
-    EQUIVALENT_CLASS: "EquivalentClasses",
-    OWL + "disjointWith": "DisjointClasses",
-    OWL + "equivalentProperty": "EquivalentProperties",
-    OWL + "propertyDisjointWith": "DisjointProperties",
-}
-_ANNOTATING = frozenset(
-    (*(RDFS + name for name in ("label", "comment", "seeAlso", "isDefinedBy")),
-     *(OWL + name for name in ("versionInfo", "deprecated", "priorVersion", "backwardCompatibleWith",
-                               "incompatibleWith")))
-)  # fmt: skip
-_LANGUAGES = (OWL, RDF, RDFS, XSD)
-
-
-@dataclass(slots=True)
-class _Frame:
-    """One frame: its heading, and the items of its sections; an annotated item has a section of its own.
-
-    The Note lets it stand in the middle of others; not every reader does.
-    """
-
-    word: str
-    heads: list[str]
-    sections: dict[str, list[str]] = field(default_factory=dict)
-
-    def text(self) -> str:
-        lines = [f"{self.word}: {head}" for head in self.heads]
-        for name in ORDER:
-            if items := sorted(self.sections.get(name, ()), key=lambda item: (" " in item, item)):
-                single = name in SINGLE or (self.word, name) == ("Datatype", "EquivalentTo")
-                alone = [item for item in items if single or item.startswith("Annotations: ")]
-                together = [item for item in items if item not in alone]
-                lines += [_section(name, group) for group in (together, *([item] for item in alone)) if group]
-        return "\n".join(lines) + "\n"
-
-
-def _section(name: str, items: list[str]) -> str:
-    line = f"    {name}: {', '.join(items)}"
-    if not items[1:] or (len(line) <= WIDTH and "\n" not in line):
-        return line
-    return f"    {name}:\n        " + ",\n        ".join(items)
 
 
 def manchester(triples: Iterable[Triple], prefixes: Mapping[str, str]) -> tuple[str, list[Triple]]:
@@ -150,7 +44,7 @@ class _Writer:
         self._names = Names(prefixes, own if isinstance(own, str) else None)
         self._words = Words(self._names)
         self._expressions = Expressions(graph)
-        self._frames: dict[tuple[str, str | BNode], _Frame] = {}
+        self._frames: dict[tuple[str, str | BNode], Frame] = {}
         self._pairs: list[str] = []
 
     def text(self) -> str:
@@ -201,7 +95,7 @@ class _Writer:
             for note in text.split("\0")
         ]
         if notes:
-            lines.append(_section("Annotations", notes))
+            lines.append(section("Annotations", notes))
         return "\n".join(lines) + "\n"
 
     def _said(self, triples: list[Triple], write: Callable[[], str]) -> Iterator[str]:
@@ -246,10 +140,10 @@ class _Writer:
 
     # things that have names
 
-    def _frame(self, word: str, subject: str | BNode) -> _Frame:
+    def _frame(self, word: str, subject: str | BNode) -> Frame:
         key = (word, subject)
         if key not in self._frames:
-            self._frames[key] = _Frame(word, [self._words.term(subject)])
+            self._frames[key] = Frame(word, [self._words.term(subject)])
         return self._frames[key]
 
     def _entity(self, subject: str) -> None:
@@ -260,7 +154,7 @@ class _Writer:
         said = self._graph.about(subject)
         if not any(t.predicate == TYPE and t.object in FRAMES for t in said):  # a frame would declare it
             for triple in said:
-                if triple.predicate in _PAIRS:
+                if triple.predicate in PAIRS:
                     self._pairs += self._said([triple], partial(self._pair, subject, triple))
             said = [triple for triple in said if triple not in self._graph.written]
             if not said:
@@ -290,7 +184,7 @@ class _Writer:
         for triple in said:
             if triple.predicate == TYPE:
                 if triple.object in CHARACTERISTICS:
-                    places: tuple[str, ...] = _PROPERTIES
+                    places: tuple[str, ...] = PROPERTIES
                 else:
                     places = () if triple.object in FRAMES or self._is_language(triple.object) else ("Individual",)
             elif triple.predicate in SECTIONS:
@@ -305,7 +199,7 @@ class _Writer:
 
     @staticmethod
     def _is_language(term: Term) -> bool:
-        return isinstance(term, str) and term.startswith(_LANGUAGES) and term not in (OWL + "Thing", OWL + "Nothing")
+        return isinstance(term, str) and term.startswith(LANGUAGES) and term not in (OWL + "Thing", OWL + "Nothing")
 
     def _statement(self, triple: Triple, words: tuple[str, ...]) -> None:
         """Put what a triple states into a section of one of the subject's frames."""
@@ -313,7 +207,7 @@ class _Writer:
         if predicate == TYPE:
             if triple.object in CHARACTERISTICS:
                 name = CHARACTERISTICS[str(triple.object)]
-                self._put(triple, words, _PROPERTIES, "Characteristics", lambda: self._annotated(triple, name))
+                self._put(triple, words, PROPERTIES, "Characteristics", lambda: self._annotated(triple, name))
             elif not self._is_language(triple.object):
                 self._put(triple, words, ("Individual",), "Types", lambda: self._expression(triple))
         elif predicate in SECTIONS:
@@ -324,12 +218,12 @@ class _Writer:
             self._put(triple, words, (place,), name, lambda: self._list(triple, between))
         elif predicate in FORMS:
             self._put(triple, words, ("Class",), "EquivalentTo", lambda: self._direct(triple))
-        elif not predicate.startswith(_LANGUAGES) or predicate in _ANNOTATING:
+        elif not predicate.startswith(LANGUAGES) or predicate in ANNOTATING:
             self._value(triple, words)
 
     def _value(self, triple: Triple, words: tuple[str, ...]) -> None:
         """A fact of an individual, or an annotation; both state the same triple."""
-        is_fact = "Individual" in words and triple.predicate not in _ANNOTATING
+        is_fact = "Individual" in words and triple.predicate not in ANNOTATING
         if is_fact and not self._is_annotation_property(triple.predicate):
             self._put(triple, words, ("Individual",), "Facts", lambda: self._fact(triple))
         else:
@@ -405,11 +299,11 @@ class _Writer:
         if graph.has(node, TYPE, OWL + "NegativePropertyAssertion"):
             self._negative(node)
             return None
-        for kind, word in _SEVERAL.items():
+        for kind, word in SEVERAL.items():
             for typed in graph.about(node, TYPE):
                 if typed.object == OWL + kind:
                     return next(self._said([typed], partial(self._several, typed, word)), None)
-        said = [triple for triple in graph.about(node) if triple.predicate in _PAIRS]
+        said = [triple for triple in graph.about(node) if triple.predicate in PAIRS]
         if not said or graph.uses(node):
             return None
         return next(self._said(said[:1], partial(self._pair, node, said[0])), None)
@@ -445,7 +339,7 @@ class _Writer:
             self._graph.write(*used)
         item = self._plain(triple)
         notes = self._notes(triple) or [""]
-        return "\n".join(f"{_PAIRS[triple.predicate]}: {note}{first}, {item}\n" for note in notes)
+        return "\n".join(f"{PAIRS[triple.predicate]}: {note}{first}, {item}\n" for note in notes)
 
     def _negative(self, node: BNode) -> None:
         graph = self._graph
