@@ -1,7 +1,6 @@
-"""Takes files through everything that reads them; one JSON line in (kind, path), one JSON line out, in a process of
-its own with little memory.
+"""Takes files through everything that reads or writes them, in a process of its own with little memory.
 
-Whatever is no diagnostic is an answer with a "problem": the exception with its traceback, or what does not hold.
+One JSON line in (kind, path), one JSON line out. Whatever is no diagnostic is an answer with a "problem": the exception with its traceback, or what does not hold.
 """
 
 from __future__ import annotations
@@ -84,8 +83,27 @@ def robot(path: Path, lines: int) -> None:
     read_self_model(ontology)
 
 
-WAYS = {"recipes": (recipe,), "environments": (environment,), "objects": (environment,), "robots": (robot,),
-        "ontologies": (recipe, environment)}  # fmt: skip
+def conversion(path: Path, lines: int) -> None:
+    """Write what was read in one of the syntaxes; what those of RDF say is what was read."""
+    from planlang.ontology.syntaxes import read_syntax
+    from planlang.ontology.writing import Target, convert
+    from planlang.ontology.writing.nodes import differences
+
+    target = list(Target)[path.stat().st_size % len(Target)]
+    converted = convert(path, target)
+    checked(converted.diagnostics, path, lines)
+    if target in (Target.TURTLE, Target.NTRIPLES) and converted.triples:
+        again = read_syntax(converted.text.encode(), "the text", base=f"file:///{path.name}", label="z").triples
+        assert differences(converted.triples, again) == ([], []), f"{target.value} says something else"
+
+
+WAYS = {
+    "recipes": (recipe, conversion),
+    "environments": (environment, conversion),
+    "objects": (environment,),
+    "robots": (robot,),
+    "ontologies": (recipe, environment, conversion),
+}
 
 
 def problem_of(kind: str, path: Path) -> str | None:
