@@ -1,6 +1,7 @@
 """Takes files through everything that reads or writes them, in a process of its own with little memory.
 
-One JSON line in (kind, path), one JSON line out. Whatever is no diagnostic is an answer with a "problem": the exception with its traceback, or what does not hold.
+One JSON line in (kind, path), one JSON line out. Whatever is no diagnostic is an answer with a "problem": the
+exception with its traceback, or what does not hold.
 """
 
 from __future__ import annotations
