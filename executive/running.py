@@ -95,6 +95,7 @@ def run_plan_file(options: RunOptions) -> RunResult:
         robot = with_carrying(bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies))
         found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
         scene = scene_of(semantic_map, found)
+        bound = bound_parameters(plan, options.bindings or {}, semantic_map, found)
         able = judged(needs_of(module, plan), partial(missing_capabilities, semantic_map.ontology, robot=robot))
         found.extend(able.notes(options.plan))
         options.announce(found)
@@ -113,7 +114,6 @@ def run_plan_file(options: RunOptions) -> RunResult:
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         stack.callback(truth.close)
         executive = RobotExecutive(platform_of(robot, semantic_map, truth, believed, options.seed))
-        bound = bound_parameters(plan, options.bindings or {}, semantic_map)
         header = _header(path, semantic_map, robot)
         if able.infeasible:
             header["infeasible"] = [alternative.name for alternative, _ in able.infeasible]
