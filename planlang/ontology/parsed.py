@@ -7,6 +7,9 @@ from dataclasses import dataclass, field, replace
 from planlang.diagnostics import Diagnostic
 from planlang.ontology.terms import Triple
 
+MOST_TRIPLES = 1_000_000
+"""Triples of one file."""
+
 
 @dataclass
 class Parsed:

@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape, quoteattr
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.entities import EntityTable
 from planlang.ontology.iris import resolve
-from planlang.ontology.parsed import Parsed, counted
+from planlang.ontology.parsed import MOST_TRIPLES, Parsed, counted
 from planlang.ontology.terms import FIRST, NIL, ONTOLOGY, RDF, REST, TYPE, BNode, Literal, Term, Triple
 from planlang.ontology.xml_repairs import repair
 from planlang.ontology.xml_text import decode, explain
@@ -24,9 +24,6 @@ DEEPEST = 100
 
 MOST_WARNINGS = 100
 """Warnings about one file that are shown; further ones are counted."""
-
-MOST_TRIPLES = 1_000_000
-"""Triples of one file."""
 
 MOST_PREFIXES = 1000
 """Prefixes of a file that are remembered."""

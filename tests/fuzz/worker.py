@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import json
 import resource
+import signal
 import sys
 import traceback
 import warnings
@@ -18,6 +19,9 @@ from pathlib import Path
 from planlang.diagnostics import CODES, BadInput, Diagnostic
 
 MEGABYTES = 1500
+SECONDS = 20.0
+"""Of computing for one way through one file; what others do on the machine does not count."""
+
 MOST_TASKS = 3
 
 
@@ -107,12 +111,21 @@ WAYS = {
 }
 
 
+class TooLong(BaseException):
+    """A file keeps the processor for too long."""
+
+
+def too_long(*_: object) -> None:
+    raise TooLong(f"more than {SECONDS:.0f} seconds of computing")
+
+
 def problem_of(kind: str, path: Path) -> str | None:
     """What went wrong other than by a diagnostic, as text; None if nothing did."""
 
     content = path.read_bytes()
     lines = max(content.count(b"\n"), content.count(b"\r"), content.count(b"\n\0")) + 1
     for way in WAYS[kind]:
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)
         try:
             way(path, lines)
         except BadInput as problem:
@@ -120,14 +133,17 @@ def problem_of(kind: str, path: Path) -> str | None:
                 refused(problem, path, lines)
             except Exception:
                 return traceback.format_exc(limit=-12)
-        except (Exception, MemoryError):
+        except (Exception, TooLong):
             return traceback.format_exc(limit=-12)
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0)
     return None
 
 
 def main() -> None:
     limit = MEGABYTES * 1_000_000
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    signal.signal(signal.SIGPROF, too_long)
     answers = sys.stdout
     sys.stdout = sys.stderr  # nothing that is run may speak in between
     for line in sys.stdin:
