@@ -27,4 +27,4 @@ def write_graph(path: Path, plan: CompiledPlan) -> None:
     """Draw what a plan was compiled from into a file, or leave the old file as it was."""
     from planlang.compiler.graphs import FORMATS, task_graph
 
-    write_text(path, FORMATS[path.suffix.lower()](task_graph(plan.recipes, plan.added)))
+    write_text(path, FORMATS[path.suffix.lower()](task_graph(plan.recipes, plan.added, plan.recoveries)))

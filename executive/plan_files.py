@@ -9,14 +9,15 @@ import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from difflib import get_close_matches
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from executive.knowledge import SemanticMap
+from executive.knowledge import MapObject, SemanticMap
 from planlang.designators import Object, local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
 
@@ -95,25 +96,63 @@ def bindable_parameters(plan: Plan[Any, Any]) -> dict[str, Object]:
     }
 
 
-def bound_parameters(plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap) -> dict[str, Object]:
-    """The plan's parameters: their defaults, or things of the map that the user named and whose class fits."""
+def bound_parameters(
+    plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap, found: list[Diagnostic]
+) -> dict[str, Object]:
+    """The plan's parameters: their defaults, or things of the map that the user named, by IRI or local name.
+
+    A thing has to be of the class of the default. Where the recipe names an individual, a thing of a class beside that
+    of the individual, below the same one, will do, too, with a warning among ``found``. Raises BadInput, telling what
+    would be valid, for a parameter or a thing that does not exist or does not fit.
+    """
     parameters = bindable_parameters(plan)
     problems = []
     for name, wanted in bindings.items():
-        thing = semantic_map.find(wanted)
         if name not in parameters:
             known = ", ".join(parameters) or "none"
-            problems.append(error("X004", f"the plan has no parameter {name!r}", help=f"its parameters: {known}"))
-        elif thing is None or thing.pose is None:
-            known = ", ".join(other.name for other in semantic_map.objects if other.pose is not None)
-            problems.append(error("X005", f"{wanted!r} is not in the map", help=f"things with a place: {known}"))
+            similar = get_close_matches(name, parameters, n=1)
+            guess = f"did you mean {similar[0]}? " if similar else ""
+            problems.append(
+                error("X004", f"the plan has no parameter {name!r}", help=f"{guess}its parameters: {known}")
+            )
+            continue
+        default = parameters[name]
+        thing = semantic_map.find(wanted)
+        if thing is None or thing.pose is None:
+            advice = _fitting(name, default, semantic_map)
+            problems.append(error("X005", f"{wanted!r} is not in the map", help=advice))
+            continue
+        classes = ", ".join(shorten(cls) for cls in thing.types)
+        if _is(semantic_map, thing, expand(default.type)):
+            parameters[name] = replace(default, iri=thing.iri)
+        elif _is_alike(semantic_map, thing, default):
+            message = f"{wanted} is a {classes}, where the recipe speaks of a {default.type}"
+            found.append(warning("X006", message, help="the plan treats it as what it is"))
+            parameters[name] = replace(default, iri=thing.iri, type=shorten(thing.types[0]))
         else:
-            default = parameters[name]
-            if not any(semantic_map.ontology.is_a(cls, expand(default.type)) for cls in thing.types):
-                classes = ", ".join(shorten(cls) for cls in thing.types)
-                problems.append(error("X006", f"{wanted} is a {classes}, but {name} must be a {default.type}"))
-            else:
-                parameters[name] = replace(default, iri=thing.iri)
+            message = f"{wanted} is a {classes}, but {name} must be a {default.type}"
+            problems.append(error("X006", message, help=_fitting(name, default, semantic_map)))
     if problems:
         raise BadInput(problems)
     return parameters
+
+
+def _is(semantic_map: SemanticMap, thing: MapObject, cls: str) -> bool:
+    return any(semantic_map.ontology.is_a(own, cls) for own in thing.types)
+
+
+def _is_alike(semantic_map: SemanticMap, thing: MapObject, default: Object) -> bool:
+    """True if a class directly above that of the recipe's individual is also above that of the thing."""
+    if default.iri is None:
+        return False
+    return any(_is(semantic_map, thing, cls) for cls in semantic_map.ontology.parents(expand(default.type)))
+
+
+def _fitting(name: str, default: Object, semantic_map: SemanticMap) -> str:
+    """What would be valid: the things with a place that a parameter may be bound to."""
+    placed = [thing for thing in semantic_map.objects if thing.pose is not None]
+    cls = expand(default.type)
+    fitting = [t.name for t in placed if _is(semantic_map, t, cls) or _is_alike(semantic_map, t, default)]
+    if not fitting:
+        return f"nothing in the map is a {default.type}; things with a place: {', '.join(t.name for t in placed)}"
+    return f"{name} may be {', '.join(fitting)}"

@@ -104,6 +104,7 @@ def run_plan_file(options: RunOptions) -> RunResult:
         robot = with_carrying(bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies))
         found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
         scene = scene_of(semantic_map, found)
+        bound = bound_parameters(plan, options.bindings or {}, semantic_map, found)
         able = judged(needs_of(module, plan), partial(missing_capabilities, semantic_map.ontology, robot=robot))
         found.extend(able.notes(options.plan))
         options.announce(found)
@@ -127,7 +128,6 @@ def run_plan_file(options: RunOptions) -> RunResult:
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         stack.callback(truth.close)
         executive = RobotExecutive(platform_of(robot, semantic_map, truth, believed, options.seed))
-        bound = bound_parameters(plan, options.bindings or {}, semantic_map)
         if options.resume is not None and not options.bindings:
             bound = told_parameters(options.resume, bound)
         header = _header(path, semantic_map, robot, options, scene.start, bound)

@@ -136,7 +136,7 @@ class Posture(Location):
     name: str | None = None
 
 
-Value = Object | Location | str | int | float | bool | tuple[Object | Location, ...]
+Value = Object | Location | str | int | float | bool | tuple[Object | Location | str | int | float | bool, ...]
 """What may fill a property of an action; a tuple where several things do."""
 
 

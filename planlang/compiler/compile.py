@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -23,7 +23,8 @@ class CompiledPlan:
     """A plan's source and what there is to say about its recipe: warnings and notes, no errors.
 
     ``functions`` are the names of the plan functions in the source, that of the task last. ``recipes`` is what the
-    plan was made from, ``added`` for a recipe (IRI) the orders of steps (IRIs) that its location scopes add.
+    plan was made from, ``added`` for a recipe (IRI) the orders of steps (IRIs) that its location scopes add,
+    ``recoveries`` for a step of a recipe (both IRIs) what is done when it fails, in words.
     """
 
     source: str
@@ -32,6 +33,7 @@ class CompiledPlan:
     recipes: RecipeSet
     added: Mapping[str, tuple[tuple[str, str], ...]]
     diagnostics: tuple[Diagnostic, ...] = ()
+    recoveries: Mapping[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
 
 
 def compile_recipe(
@@ -75,7 +77,8 @@ def compile_ontology(
     options = tuple(option for option, is_left_out in left_out if is_left_out)
     source, functions = emit(tree, recipes, installed_version(), options)
     found = (*diagnostics, *lowering.diagnostics)
-    return CompiledPlan(source, recipes.main.name, functions, recipes, lowering.added, found)
+    name = recipes.main.name
+    return CompiledPlan(source, name, functions, recipes, lowering.added, found, lowering.recoveries)
 
 
 def installed_version() -> str:

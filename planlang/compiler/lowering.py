@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import networkx as nx
 
 from planlang.compiler.machines import machine
@@ -40,6 +42,11 @@ class Lowering:
         """The plan tree of the whole set."""
         functions = [self._function(recipe) for recipe in callees_first(self._recipes)]
         return PlanTree(tuple(functions), self._terms.devices_of_places(self._bases))
+
+    @property
+    def recoveries(self) -> Mapping[tuple[str, str], tuple[str, ...]]:
+        """Of a step of a recipe (both IRIs) what is done when it fails, in words; known when there is a tree."""
+        return self._steps.said
 
     def _function(self, recipe: Recipe) -> Function:
         body = self._machine(recipe) if recipe.machine is not None else self._ordered(recipe)

@@ -106,8 +106,9 @@ class Statements:
         lines = []
         for key, _, steps in giving:
             place = str([name for name, _ in node.branches].index(key)) if isinstance(node, Parallel) else quoted(key)
-            target = ", ".join(map(self._variable, steps))
-            lines.append(f"{INDENT * depth}{target} = {results}[{place}]")
+            targets = [self._variable(step) if step in leaving else "_" for step in steps]
+            if any(step in leaving for step in steps):
+                lines.append(f"{INDENT * depth}{', '.join(targets)} = {results}[{place}]")
         return f"{results} = ", lines
 
     def _is_giving(self, node: Node) -> bool:
@@ -263,6 +264,8 @@ class Statements:
                 name = self._local_name(key)
                 kept = dict(self._variables)
                 before += self._local_function(name, branch, depth, wanted)
+                for step in (step for k in wanted for step in self._given[k]):
+                    del self._variables[step]  # known by the parameter's name inside of the branch only
                 self._variables.update(kept)
                 named[key] = Text(name)
             else:

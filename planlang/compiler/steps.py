@@ -36,6 +36,9 @@ class Steps:
         self._around: dict[str, tuple[Recover, ...]] = {}
         """Of a recipe that stays where it is the recoveries of its steps that leave the place, one for each failure."""
 
+        self.said: dict[tuple[str, str], tuple[str, ...]] = {}
+        """Of a step of a recipe (both IRIs) what is done when it fails, in words."""
+
     def node(self, recipe: Recipe, step: Step, holding: AbstractSet[str]) -> Node:
         """A step; it holds its resources if it is one of ``holding`` (IRIs)."""
         node: Node
@@ -52,6 +55,8 @@ class Steps:
         recoveries = self.recoveries.around_step(step.action_class, self._about(recipe, step), written)
         if recoveries:
             node = Handle(node, recoveries)
+        leaving = self.recoveries.around_scope(step, self.recoveries.looked_at(step))
+        self.said[recipe.iri, step.iri] = tuple(map(_in_words, (*recoveries, *leaving)))
         if step.iri in holding:
             node = Hold(step.name, self._roles.of(recipe, step), node)
         return node
@@ -105,6 +110,14 @@ class Steps:
         objects = [thing for thing in self._terms.parameters(recipe) if thing.kind is Kind.OBJECT]
         known = [thing for thing in acted_on if thing in objects] or objects
         return known[0] if len(known) == 1 else None
+
+
+def _in_words(recovery: Recover) -> str:
+    about = f" ({recovery.about.name})" if recovery.about is not None else ""
+    what = f"{recovery.strategy.replace('_', ' ')}{about}"
+    times = "once" if recovery.attempts == 1 else f"up to {recovery.attempts} times"
+    tried = f"{what}, {times}" if recovery.attempts else what
+    return f"on {recovery.failure}: {tried}" + (f", else {recovery.otherwise}" if recovery.otherwise else "")
 
 
 def _renamed(recovery: Recover, renaming: Renaming) -> Recover:

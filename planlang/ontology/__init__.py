@@ -1,8 +1,9 @@
 """OWL files -> one consistent in-memory ontology with positions.
 
-General layout: ``documents`` finds and reads files (``rdfxml``, ``manchester``, ``imports``, ``cache``), ``canonical``
-and ``repairs`` make their triples alike, ``ontology`` answers questions about them (``classes``, ``taxonomy``),
-``checks`` says what is wrong. ``terms`` holds names and values. Nothing is ever fetched from the network.
+General layout: ``documents`` finds and reads files (``syntaxes`` tells ``rdfxml``, ``turtle`` and ``manchester`` apart;
+``imports``, ``cache``); ``canonical``, ``repairs`` and ``structure`` make their triples alike or say what is wrong with
+them; ``ontology`` answers questions about them (``classes``, ``taxonomy``); ``checks`` says what only shows when all
+are read. ``terms`` holds names and values, ``writing`` writes them again. Nothing is ever fetched from the network.
 """
 
 from planlang.ontology.classes import Restriction

@@ -13,6 +13,7 @@ from planlang.ontology import cache as kept
 from planlang.ontology.canonical import canonical, canonical_triples
 from planlang.ontology.imports import ImportMap
 from planlang.ontology.repairs import repair
+from planlang.ontology.structure import malformed
 from planlang.ontology.syntaxes import read_syntax
 from planlang.ontology.terms import IMPORTS, ONTOLOGY, TYPE, BNode, Triple
 from planlang.ontology.xml_text import LARGEST_FILE
@@ -72,7 +73,7 @@ def _read(path: Path, content: bytes) -> Reading:
         triples = list(canonical_triples(parsed.triples))
         diagnostics += _renamed(parsed.triples, triples)
         triples, repairs = repair(triples)
-        diagnostics += repairs
+        diagnostics += (*repairs, *malformed(triples))
         if ours and not diagnostics:
             kept.keep(content, triples)
     document = Document(path, _own_iri(triples), digest)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from planlang.diagnostics import Span
+from planlang.diagnostics import BadInput, Span, error
+from planlang.ontology.parsed import MOST_TRIPLES
 from planlang.ontology.terms import (
     CLASS,
     COMPLEMENT_OF,
@@ -87,7 +88,9 @@ class Statements:
         return BNode(f"{self._label}.{name}")
 
     def state(self, subject: str | BNode, predicate: str, value: Term, span: Span) -> Term:
-        """Add one triple; returns its object."""
+        """Add one triple; returns its object. Raises BadInput when there are too many."""
+        if len(self.triples) >= MOST_TRIPLES:
+            raise BadInput([error("O003", f"the file has more than {MOST_TRIPLES:,} triples", span)])
         self.triples.append(Triple(subject, predicate, value, span))
         return value
 

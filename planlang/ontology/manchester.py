@@ -93,6 +93,8 @@ def _parse(text: str, file: str, frames: Frames, problems: list[Diagnostic]) -> 
             return None
         except BadInput as problem:
             problems.extend(problem.diagnostics)
+            if any(found.code == "O003" for found in problem.diagnostics):
+                return None
             span = problem.diagnostics[0].span
             offset = len(text) if span is None else offset_of(text, span)
         except UnexpectedInput as problem:

@@ -60,6 +60,7 @@ class Ontology:
     def __init__(self, readings: Sequence[Reading]) -> None:
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
         self._triples: tuple[Triple, ...] = tuple(triple for reading in readings for triple in reading.triples)
+        self._restrictions: dict[str | BNode, tuple[Restriction, ...]] = {}
         self._main_subjects = frozenset(triple.subject for triple in readings[0].triples)
         found = [diagnostic for reading in readings for diagnostic in reading.diagnostics]
         self.diagnostics: tuple[Diagnostic, ...] = (*found, *checked(self, readings))
@@ -248,7 +249,10 @@ class Ontology:
         """The restrictions that a class states itself, in source order; of a nameless one those that it consists of."""
         name = _name(cls)
         assert name is not None
-        return tuple(restrictions_of(self, name))
+        found = self._restrictions.get(name)
+        if found is None:
+            found = self._restrictions[name] = tuple(restrictions_of(self, name))
+        return found
 
     def members(self, expression: Term) -> tuple[Term, ...]:
         """The members of an intersection, nested ones opened; of anything else the expression itself."""

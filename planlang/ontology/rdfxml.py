@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape, quoteattr
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.entities import EntityTable
 from planlang.ontology.iris import resolve
-from planlang.ontology.parsed import Parsed
+from planlang.ontology.parsed import MOST_TRIPLES, Parsed, counted
 from planlang.ontology.terms import FIRST, NIL, ONTOLOGY, RDF, REST, TYPE, BNode, Literal, Term, Triple
 from planlang.ontology.xml_repairs import repair
 from planlang.ontology.xml_text import decode, explain
@@ -23,7 +23,7 @@ DEEPEST = 100
 """Elements inside each other."""
 
 MOST_WARNINGS = 100
-"""Warnings about one file; a file with more is not RDF/XML in earnest."""
+"""Warnings about one file that are shown; further ones are counted."""
 
 MOST_PREFIXES = 1000
 """Prefixes of a file that are remembered."""
@@ -90,7 +90,7 @@ def _parse(text: str, file: str, base: str, label: str) -> Parsed:
     except expat.ExpatError as problem:
         open_lines = [frame.span.line for frame in handler.frames[1:]]
         raise BadInput([explain(problem, text, file, open_lines, handler.entities.names)]) from None
-    return Parsed(handler.triples, handler.diagnostics, handler.prefixes)
+    return Parsed(handler.triples, counted(handler.diagnostics, handler.unsaid), handler.prefixes)
 
 
 class _Handler:
@@ -101,6 +101,7 @@ class _Handler:
         self.label = label
         self.triples: list[Triple] = []
         self.diagnostics: list[Diagnostic] = []
+        self.unsaid = 0
         self.frames = [_Frame("document", base, None, Span(file))]
         self.nodes: dict[str, BNode] = {}
         self.fresh = 0
@@ -126,6 +127,8 @@ class _Handler:
     def warn(self, code: str, message: str, span: Span, help: str | None = None) -> None:
         if len(self.diagnostics) < MOST_WARNINGS:
             self.diagnostics.append(warning(code, message, span, help))
+        else:
+            self.unsaid += 1
 
     # document type
 
@@ -165,6 +168,8 @@ class _Handler:
         span = self.here()
         if len(self.frames) > DEEPEST:
             raise BadInput([error("O008", f"more than {DEEPEST} elements inside each other", span)])
+        if len(self.triples) > MOST_TRIPLES:
+            raise BadInput([error("O003", f"the file has more than {MOST_TRIPLES:,} triples", span)])
         name = tag.replace(" ", "", 1)
         if parent.kind == "literal":
             self._literal_start(parent, tag, attributes)

@@ -34,7 +34,11 @@ _TURTLE = re.compile(
 
 def syntax_of(content: bytes, file: str) -> Syntax:
     """The syntax of a file's content. Raises BadInput if it is none of those that are read."""
-    text = decode(content, file)
+    return syntax_of_text(decode(content, file), file)
+
+
+def syntax_of_text(text: str, file: str) -> Syntax:
+    """The syntax of a text; see :func:`syntax_of`."""
     position = 0
     for line in text.splitlines(keepends=True):
         stripped = line.strip()

@@ -15,7 +15,7 @@ from lark import Lark, Token, Transformer, UnexpectedInput
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.iris import resolve
-from planlang.ontology.parsed import Parsed
+from planlang.ontology.parsed import MOST_TRIPLES, Parsed
 from planlang.ontology.syntax_errors import explain, where
 from planlang.ontology.terms import FIRST, NIL, PREFIXES, REST, TYPE, XSD, BNode, Literal, Term, Triple
 from planlang.ontology.xml_text import decode, offset_of
@@ -25,9 +25,6 @@ DEEPEST = 100
 
 MOST_ERRORS = 20
 """Syntax errors reported of one file."""
-
-MOST_TRIPLES = 1_000_000
-"""Triples of one file."""
 
 _STATEMENT_END = re.compile(r"\.[ \t]*(?:#[^\r\n]*)?(?:\r?\n|\r)")
 _ESCAPE = re.compile(r"\\(?:u([0-9A-Fa-f]{4})|U([0-9A-Fa-f]{8})|(.))", re.DOTALL)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from planlang.diagnostics import Diagnostic, warning
+from planlang.ontology.parsed import counted
 from planlang.ontology.terms import PREFIXES
 from planlang.ontology.xml_text import position_of
 
@@ -22,7 +23,7 @@ _DOCTYPE = re.compile(r"<!DOCTYPE\s[^\[<>]*(\[?)")
 
 
 MOST_WARNINGS = 100
-"""Warnings about one file; further mistakes are undone silently."""
+"""Warnings about one file that are shown; further ones are counted."""
 
 
 @dataclass
@@ -31,6 +32,8 @@ class Repaired:
 
     text: str
     diagnostics: list[Diagnostic] = field(default_factory=list)
+    unsaid: int = 0
+    """Mistakes beyond those that are shown."""
 
 
 def repair(text: str, file: str) -> Repaired:
@@ -53,11 +56,13 @@ def repair(text: str, file: str) -> Repaired:
     if entities:
         result.text = _declare(result.text, visible, entities)
     result.diagnostics.sort(key=lambda found: found.span or position_of(text, 0, file))
+    result.diagnostics = counted(result.diagnostics, result.unsaid)
     return result
 
 
 def _note(result: Repaired, file: str, offset: int, code: str, message: str, advice: str) -> None:
     if len(result.diagnostics) >= MOST_WARNINGS:
+        result.unsaid += 1
         return
     result.diagnostics.append(warning(code, message, position_of(result.text, offset, file), advice))
 

@@ -9,8 +9,10 @@ from difflib import get_close_matches
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, note
 from planlang.ontology import Ontology
-from planlang.recipe.graph import closed, recipe_graph, reduced, shortest_cycle
-from planlang.recipe.model import Ordering, Reason, Recipe
+from planlang.recipe.graph import recipe_graph, shortest_cycle
+from planlang.recipe.intervals import Intervals
+from planlang.recipe.model import Ordering, Overlap, Reason, Recipe
+from planlang.recipe.precedence import Precedence
 from planlang.recipe.statements import LooseEnd, Statements
 
 
@@ -25,6 +27,23 @@ def check_orderings(ontology: Ontology, statements: Statements, recipe: Recipe) 
     yield from _repeated(recipe)
     if not cycle:
         yield from _redundant(recipe)
+        yield from _contradiction(recipe)
+
+
+def _contradiction(recipe: Recipe) -> Iterator[Diagnostic]:
+    """Orders and overlaps that cannot hold together."""
+    found = Intervals(recipe).contradiction() if recipe.overlaps else ()
+    if found:
+        said = ", ".join(_said(one) for one in found)
+        spans = [one.span for one in found if one.span is not None]
+        message = f"these cannot all be true of `{recipe.name}`: {said}"
+        yield error("R015", message, max(spans, default=recipe.span), "remove one of them")
+
+
+def _said(one: Ordering | Overlap) -> str:
+    if isinstance(one, Ordering):
+        return f"`{local_name(one.before)}` before `{local_name(one.after)}`"
+    return f"`{local_name(one.first)}` {one.relation.value} `{local_name(one.second)}`"
 
 
 def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> Diagnostic:
@@ -45,13 +64,17 @@ def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> 
 
 def _strangers(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
     """Names that are ordered but no sub-actions, each once, at its first mention."""
-    stated = list(statements.names)
+    stated = dict.fromkeys(statements.names)
     undefined = [iri for iri in stated if not ontology.defined(iri)]
-    mentions: dict[str, list[Ordering]] = {}
+    mentions: dict[str, list[Ordering | Overlap]] = {}
     for ordering in recipe.orderings:
         for name in (ordering.before, ordering.after):
             if name not in stated:
                 mentions.setdefault(name, []).append(ordering)
+    for overlap in recipe.overlaps:
+        for name in (overlap.first, overlap.second):
+            if name not in stated and name != recipe.iri:
+                mentions.setdefault(name, []).append(overlap)
     for name, orderings in mentions.items():
         short = local_name(name)
         if undefined:
@@ -62,16 +85,22 @@ def _strangers(ontology: Ontology, statements: Statements, recipe: Recipe) -> It
         else:
             guess = f"add `subAction some {short}` to `{recipe.name}`, or remove these constraints"
         spans = [span for ordering in orderings for span in [_mention(ontology, ordering, name)] if span is not None]
-        constraints = ", ".join(local_name(ordering.iri or "") for ordering in orderings)
-        message = f"`{short}` is ordered (by {constraints}) but is not a sub-action of `{recipe.name}`"
+        constraints = dict.fromkeys(_constraint(ordering) for ordering in orderings)
+        message = f"`{short}` is ordered (by {', '.join(constraints)}) but is not a sub-action of `{recipe.name}`"
         yield error("R010", message, min(spans, default=recipe.span), guess)
 
 
-def _mention(ontology: Ontology, ordering: Ordering, name: str) -> Span | None:
-    for triple in ontology.triples(s=ordering.iri):
-        if triple.object == name:
-            return triple.span
-    return ordering.span
+def _constraint(one: Ordering | Overlap) -> str:
+    """The constraint that says it, or in words what is said."""
+    return local_name(one.iri) if isinstance(one, Ordering) and one.iri is not None else _said(one)
+
+
+def _mention(ontology: Ontology, one: Ordering | Overlap, name: str) -> Span | None:
+    if isinstance(one, Ordering) and one.iri is not None:
+        for triple in ontology.triples(s=one.iri):
+            if triple.object == name:
+                return triple.span
+    return one.span
 
 
 def _cycle(recipe: Recipe, cycle: tuple[str, ...]) -> Diagnostic:
@@ -80,7 +109,7 @@ def _cycle(recipe: Recipe, cycle: tuple[str, ...]) -> Diagnostic:
         next(ordering for ordering in recipe.orderings if (ordering.before, ordering.after) == pair) for pair in pairs
     ]
     names = " < ".join(f"`{local_name(step)}`" for step in (*cycle, cycle[0]))
-    where = [f"{local_name(edge.iri or '')} (line {edge.span.line})" for edge in edges if edge.span is not None]
+    where = [f"{_constraint(edge)} (line {edge.span.line})" for edge in edges if edge.span is not None]
     advice = f"remove one of these constraints: {', '.join(where)}" if where else "remove one of these constraints"
     spans = [edge.span for edge in edges if edge.span is not None]
     return error("R012", f"cycle in ordering constraints: {names}", min(spans, default=recipe.span), advice)
@@ -105,8 +134,9 @@ def _constraints(recipe: Recipe) -> Iterator[Ordering]:
 
 def _redundant(recipe: Recipe) -> Iterator[Diagnostic]:
     graph = recipe_graph(replace(recipe, orderings=tuple(_constraints(recipe))))
-    extra = graph.number_of_edges() - reduced(graph).number_of_edges()
-    if extra and closed(graph).number_of_edges() != graph.number_of_edges():
+    order: Precedence[str] = Precedence(graph)
+    extra = graph.number_of_edges() - sum(1 for _ in order.reduction())
+    if extra and order.number_of_pairs() != graph.number_of_edges():
         message = f"{extra} of the {graph.number_of_edges()} orderings of `{recipe.name}` follow from the others"
         yield note("R014", message, recipe.span)
 

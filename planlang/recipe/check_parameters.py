@@ -6,18 +6,22 @@ from collections.abc import Iterator
 from difflib import get_close_matches
 
 from planlang.designators import RELATIONS, local_name
-from planlang.diagnostics import Diagnostic, Severity, error, warning
-from planlang.ontology import BNode, Ontology, shorten
-from planlang.ontology.terms import is_vocabulary
+from planlang.diagnostics import Diagnostic, Severity, Span, error, warning
+from planlang.ontology import BNode, Literal, Ontology, shorten
+from planlang.ontology.terms import OWL, TYPE, is_vocabulary
 from planlang.recipe.actions import Actions
 from planlang.recipe.fillings import action_class, fillings
 from planlang.recipe.model import Place, Recipe, Step, Thing
 from planlang.recipe.readers.data_flow import made
 from planlang.recipe.repairs import violates_range
 from planlang.recipe.statements import Filling, Statements
-from planlang.recipe.terms import read_filler, unread_references
+from planlang.recipe.terms import NUMERIC, read_filler, read_literal, unread_references
+from planlang.recipe.units import dimension_of, si_unit, unit, unit_of
 
-_TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
+OBJECT_PROPERTY = OWL + "ObjectProperty"
+DATA_PROPERTY = OWL + "DatatypeProperty"
+AGENTS = frozenset({"performedBy", "doneBy"})
+"""Properties whose filler is not looked up to perform the action: the robot is known without it."""
 
 
 def check_parameters(actions: Actions, owner: Step | Recipe) -> Iterator[Diagnostic]:
@@ -66,22 +70,58 @@ def _property(owner: str, listed: frozenset[str], filling: Filling) -> Iterator[
 
 def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagnostic]:
     short, term, span = local_name(shorten(filling.property)), filling.term, filling.span
+    kinds = ontology.values(filling.property, TYPE)
+    if isinstance(term, Literal):
+        yield from _literal(owner, short, term, span)
+        if OBJECT_PROPERTY in kinds and DATA_PROPERTY not in kinds:
+            message = f"{short} of `{local_name(owner)}` is the value {term.value!r}, but takes a thing or a place"
+            yield warning("R032", message, span, "name a class or an individual")
+        return
     if isinstance(term, BNode):
         message = f"{short} of `{local_name(owner)}` is an anonymous expression, which is left out"
         yield warning("R035", message, span, "name a class or an individual")
-    elif isinstance(term, str):
-        if read_filler(ontology, term) is None:
-            message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, which nothing defines"
-            yield error("R033", message, span, _guess(ontology, term))
-        for missing in unread_references(ontology, term):
-            message = f"`{local_name(term)}` relates to `{local_name(missing)}`, which nothing defines"
-            yield error("R033", message, ontology.span(term) or span, _guess(ontology, missing))
+        return
+    if DATA_PROPERTY in kinds and OBJECT_PROPERTY not in kinds:
+        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but takes a value"
+        yield warning("R032", message, span, 'write a value, such as 0.5 or "text"')
+        return
+    if read_filler(ontology, term) is None:
+        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, which nothing defines"
+        severity = Severity.WARNING if short in AGENTS else Severity.ERROR
+        yield Diagnostic(severity, "R033", message, span, _guess(ontology, term))
+    for missing in unread_references(ontology, term):
+        message = f"`{local_name(term)}` relates to `{local_name(missing)}`, which nothing defines"
+        yield error("R033", message, ontology.span(term) or span, _guess(ontology, missing))
+
+
+def _literal(owner: str, short: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
+    """Judge a value: a number where its type says so, in a unit that fits the property."""
+    name = unit_of(literal)
+    datatype = local_name(literal.datatype or "")
+    if (name is not None or datatype in NUMERIC) and isinstance(read_literal(literal), str):
+        message = f"{short} of `{local_name(owner)}` is {literal.value!r}, which is no number"
+        yield error("R037", message, span, f"write a number, such as 0.5, for its type {datatype}")
+        return
+    if name is None:
+        return
+    known, wanted = unit(name), dimension_of(short)
+    if known is None:
+        message = (
+            f"{short} of `{local_name(owner)}` is in {name}, a unit that is not known: the number is taken as it is"
+        )
+        yield warning("R037", message, span, "use a unit of QUDT, such as Meter, SecondTime or MeterPerSecond")
+    elif wanted is not None and known.dimension != wanted:
+        message = (
+            f"{short} of `{local_name(owner)}` is in {name} ({si_unit(known.dimension)}),"
+            f" but is measured in {si_unit(wanted)}"
+        )
+        yield error("R037", message, span, "give it in a unit of that kind")
 
 
 def _guess(ontology: Ontology, undefined: str) -> str:
     names = {
         local_name(triple.subject): None
-        for triple in ontology.triples(p=_TYPE)
+        for triple in ontology.triples(p=TYPE)
         if isinstance(triple.subject, str) and not isinstance(triple.subject, BNode) and ontology.main(triple.subject)
     }
     similar = get_close_matches(local_name(undefined), names, n=1)

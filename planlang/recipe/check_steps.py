@@ -7,13 +7,17 @@ from difflib import get_close_matches
 from itertools import pairwise
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, Severity, error, note
+from planlang.diagnostics import Diagnostic, Severity, error, note, warning
 from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
-from planlang.recipe.graph import closed, recipe_graph, sorted_nodes
-from planlang.recipe.model import Recipe, RecipeSet
+from planlang.recipe.graph import recipe_graph
+from planlang.recipe.model import Recipe, RecipeSet, Step
+from planlang.recipe.precedence import Precedence
 from planlang.recipe.statements import Statements
+
+DEEPEST = 50
+"""Recipes that may be nested in each other."""
 
 
 def check_sub_actions(
@@ -35,6 +39,14 @@ def check_sub_actions(
         if not ontology.defined(iri):
             message = f"sub-action `{local_name(iri)}` of `{recipe.name}` is not defined"
             yield error("R020", message, sub_action.span, _instead(ontology, statements, iri))
+        if sub_action.times > 1:
+            message = f"`{local_name(iri)}` is stated {sub_action.times} times in `{recipe.name}`: it is performed once"
+            yield warning("R024", message, sub_action.span, "state a class of its own for each time")
+    for filling in statements.foreign:
+        word = local_name(filling.property)
+        message = f"{word} stands in a namespace of its own ({filling.property}): it is read as KnowRob's"
+        yield note("R005", message, filling.span, f"write knowrob:{word}")
+    yield from _same_names(recipe)
     for step in recipe.steps:
         if step.is_abstract:
             message = f"nothing performs `{step.name}`: it is no primitive and has no recipe"
@@ -43,36 +55,58 @@ def check_sub_actions(
 
 
 def check_recursion(recipes: RecipeSet) -> list[Diagnostic]:
-    """An error for each step through which a recipe calls itself, with the whole way round."""
+    """An error for each step through which a recipe calls itself, with the whole way round, or nests too deeply."""
     found: list[Diagnostic] = []
     done: set[str] = set()
-
-    def visit(iri: str, path: tuple[str, ...]) -> None:
-        for step in recipes.recipes[iri].steps:
-            for callee in step.recipes:
-                if callee in path:
-                    circle = (*path[path.index(callee) :], callee)
-                    through = f" (`{step.name}` takes the recipe of its superclass)" if step.iri != callee else ""
-                    message = "the recipe performs itself: " + " > ".join(f"`{local_name(name)}`" for name in circle)
-                    advice = f"give `{step.name}` a recipe of its own, or make it a primitive"
-                    found.append(error("R022", message + through, step.span, advice))
-                elif callee not in done:
-                    visit(callee, (*path, callee))
-        done.add(iri)
-
-    visit(recipes.task, (recipes.task,))
+    path = [recipes.task]
+    waiting = [_calls(recipes, recipes.task)]
+    while waiting:
+        call = next(waiting[-1], None)
+        if call is None:
+            waiting.pop()
+            done.add(path.pop())
+            continue
+        step, callee = call
+        if callee in path:
+            circle = (*path[path.index(callee) :], callee)
+            through = f" (`{step.name}` takes the recipe of its superclass)" if step.iri != callee else ""
+            message = "the recipe performs itself: " + " > ".join(f"`{local_name(name)}`" for name in circle)
+            advice = f"give `{step.name}` a recipe of its own, or make it a primitive"
+            found.append(error("R022", message + through, step.span, advice))
+        elif len(path) > DEEPEST:
+            message = f"`{step.name}` is nested in more than {DEEPEST} recipes"
+            return [*found, error("R023", message, step.span, "make the recipes between flatter")]
+        elif callee not in done:
+            path.append(callee)
+            waiting.append(_calls(recipes, callee))
     return found
+
+
+def _calls(recipes: RecipeSet, iri: str) -> Iterator[tuple[Step, str]]:
+    for step in recipes.recipes[iri].steps:
+        for callee in step.recipes:
+            yield step, callee
+
+
+def _same_names(recipe: Recipe) -> Iterator[Diagnostic]:
+    """Steps that cannot be told apart by what a person reads."""
+    first: dict[str, Step] = {}
+    for step in recipe.steps:
+        for name in dict.fromkeys((step.name, step.label or step.name)):
+            earlier = first.setdefault(name.lower(), step)
+            if earlier is not step:
+                message = f"two steps of `{recipe.name}` are called {name!r}: `{earlier.name}` and `{step.name}`"
+                yield warning("R048", message, step.span, "give one of them another name or label")
+                break
 
 
 def check_base_motions(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> Iterator[Diagnostic]:
     """An error for each two consecutive base motions that nothing orders; the orders of the recipe are acyclic."""
-    graph = recipe_graph(recipe)
-    closure = closed(graph)
+    order: Precedence[str] = Precedence(recipe_graph(recipe))
     movers = actions.movers(recipe, recipes)
-    ordered: list[str] = sorted_nodes(graph)
-    moving = [step for step in ordered if step in movers.opening | movers.ending]
+    moving = [step for step in order.extension if step in movers.opening | movers.ending]
     for first, second in pairwise(moving):
-        if not closure.has_edge(first, second):
+        if not order.before(first, second):
             both = f"`{local_name(first)}` and `{local_name(second)}`"
             message = f"{both} both move the base, and nothing says which comes first"
             yield error("R040", message, recipe.step(second).span, ordering_to_write(recipe, first, second))

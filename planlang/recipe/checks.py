@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span
 from planlang.recipe.actions import Actions
+from planlang.recipe.check_designators import check_designators
 from planlang.recipe.check_orderings import check_orderings
 from planlang.recipe.check_parameters import check_fillers, check_parameters
+from planlang.recipe.check_requirements import check_requirements
+from planlang.recipe.check_states import check_states
 from planlang.recipe.check_steps import check_base_motions, check_recursion, check_sub_actions
+from planlang.recipe.check_unordered import check_free, check_unordered
 from planlang.recipe.graph import recipe_graph, shortest_cycle
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.reading import recipes_for
 from planlang.recipe.repairs import repaired
+from planlang.recipe.statements import Statements
 from planlang.recipe.tasks import choose_task, read_recipes
 from planlang.recipe.wise import check_wisdom
+
+ORDERS_UNKNOWN = frozenset({"R010", "R011", "R020"})
+"""Codes of mistakes by which it is not known what the file orders."""
+
+ABOUT_ORDER = ORDERS_UNKNOWN | {"R040", "R042", "R045"}
+"""Codes that tell already that a recipe's orders are not as they should be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,25 +49,39 @@ def read_recipe(
         chosen = choose_task(actions, task)
     except BadInput as problem:
         return Reading(None, problem.diagnostics)
-    found = read_recipes(actions, chosen)
-    diagnostics: list[Diagnostic] = list(check_recursion(found))
+    recipes = read_recipes(actions, chosen)
+    diagnostics: list[Diagnostic] = list(check_recursion(recipes))
     is_finite = not diagnostics
-    recipes, notes = repaired(ontology, found)
-    diagnostics += notes
+    if is_finite:
+        recipes, notes = repaired(ontology, recipes)
+        diagnostics += notes
+    diagnostics += check_designators(ontology)
+    diagnostics += check_requirements(ontology, recipes)
     for recipe in recipes.recipes.values():
         statements = actions.statements(recipes_for(actions, recipe.iri)[0][0])
         assert statements is not None
-        diagnostics += check_sub_actions(actions, statements, recipe, allow_abstract=allow_abstract)
-        diagnostics += check_orderings(ontology, statements, recipe)
-        diagnostics += check_fillers(actions, statements)
-        owners: tuple[Recipe | Step, ...] = (recipe, *recipe.steps)
-        for owner in owners:
-            diagnostics += check_parameters(actions, owner)
-        if is_finite and shortest_cycle(recipe_graph(recipe)) is None:
-            diagnostics += check_wisdom(actions, recipe)
+        found = list(_stated(actions, statements, recipe, allow_abstract=allow_abstract))
+        if is_finite and not statements.is_finite_state and shortest_cycle(recipe_graph(recipe)) is None:
+            found += check_wisdom(actions, recipe)
             if scopes:
-                diagnostics += check_base_motions(actions, recipe, recipes)
+                found += check_base_motions(actions, recipe, recipes)
+            if ORDERS_UNKNOWN.isdisjoint(one.code for one in found):
+                found += check_unordered(actions, recipe, recipes)
+            if ABOUT_ORDER.isdisjoint(one.code for one in found):
+                found += check_free(recipe)
+        diagnostics += found
     return Reading(recipes, _sorted(diagnostics))
+
+
+def _stated(actions: Actions, statements: Statements, recipe: Recipe, *, allow_abstract: bool) -> Iterator[Diagnostic]:
+    """Judge what the file states for one recipe."""
+    yield from check_sub_actions(actions, statements, recipe, allow_abstract=allow_abstract)
+    yield from check_orderings(actions.ontology, statements, recipe)
+    yield from check_states(actions, statements, recipe)
+    yield from check_fillers(actions, statements)
+    owners: tuple[Recipe | Step, ...] = (recipe, *recipe.steps)
+    for owner in owners:
+        yield from check_parameters(actions, owner)
 
 
 def _sorted(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

@@ -25,7 +25,6 @@ NO_PARAMETERS = (
     "taskEndState",
     "nextAction",
     "previousAction",
-    "constrainedBy",
     "conditionEvaluated",
     "isTaskOf",
     "hasStep",

@@ -108,14 +108,17 @@ def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Reci
     return replace(recipe, steps=steps, parameters=tuple(map(bind, recipe.parameters))), notes
 
 
-def _things_below(recipe: Recipe, recipes: RecipeSet, seen: frozenset[str] = frozenset()) -> Iterator[Thing]:
-    for parameters in (recipe.parameters, *(step.parameters for step in recipe.steps)):
-        for parameter in parameters:
-            if isinstance(parameter.filler, Thing):
-                yield parameter.filler
-            elif isinstance(parameter.filler, Place):
-                yield from parameter.filler.things()
-    for step in recipe.steps:
-        for callee in step.recipes:
-            if callee not in seen and callee in recipes.recipes:
-                yield from _things_below(recipes.recipes[callee], recipes, seen | {recipe.iri, callee})
+def _things_below(recipe: Recipe, recipes: RecipeSet) -> Iterator[Thing]:
+    reached = {recipe.iri: recipe}
+    waiting = [recipe]
+    for one in waiting:
+        for parameters in (one.parameters, *(step.parameters for step in one.steps)):
+            for parameter in parameters:
+                if isinstance(parameter.filler, Thing):
+                    yield parameter.filler
+                elif isinstance(parameter.filler, Place):
+                    yield from parameter.filler.things()
+        for callee in (callee for step in one.steps for callee in step.recipes):
+            if callee not in reached and callee in recipes.recipes:
+                reached[callee] = recipes.recipes[callee]
+                waiting.append(reached[callee])

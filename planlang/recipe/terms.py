@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from planlang.designators import RELATIONS, local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.recipe.model import Filler, Kind, Name, Place, Thing
+from planlang.recipe.units import unit, unit_of
 
 PLACES = ("Point2D", "Point3D")
 """Classes of location designators: of the base, of the hand or an object."""
@@ -14,6 +15,8 @@ PLACES = ("Point2D", "Point3D")
 _RELATION_OF = {expand(owl_name): name for name, owl_name in RELATIONS.items()}
 _NUMBERS = {"integer": int, "int": int, "long": int, "short": int, "nonNegativeInteger": int}
 _REALS = ("float", "double", "decimal")
+NUMERIC = (*_NUMBERS, *_REALS)
+"""Local names of the datatypes of numbers."""
 
 
 def nearest_in_vocabulary(ontology: Ontology, cls: str) -> str:
@@ -45,7 +48,7 @@ def is_place(ontology: Ontology, iri: str) -> bool:
 def read_filler(ontology: Ontology, term: Term) -> Filler | None:
     """What a term denotes; None if it is an IRI that nothing defines, or an anonymous expression."""
     if isinstance(term, Literal):
-        return _number_or_text(term)
+        return read_literal(term)
     if isinstance(term, BNode) or not ontology.defined(term):
         return None
     if is_place(ontology, term):
@@ -106,11 +109,22 @@ def _references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
             yield _RELATION_OF[restriction.property], restriction.filler
 
 
-def _number_or_text(literal: Literal) -> str | int | float | bool:
+def read_literal(literal: Literal) -> str | int | float | bool:
+    """A value of Python's; one with a unit that is known in SI units, text that is no number as it is."""
+    name = unit_of(literal)
+    if name is not None:
+        known = unit(name)
+        try:
+            return known.to_si(literal.number()) if known is not None else literal.number()
+        except ValueError:
+            return literal.value
     datatype = local_name(literal.datatype or "")
     if datatype == "boolean":
         return literal.value.strip() in ("true", "1")
-    if datatype in _NUMBERS or datatype in _REALS:
-        number = literal.number()
+    if datatype in NUMERIC:
+        try:
+            number = literal.number()
+        except ValueError:
+            return literal.value
         return int(number) if datatype in _NUMBERS and number.is_integer() else number
     return literal.value

@@ -1,7 +1,7 @@
-"""Takes files through everything that reads them; one JSON line in (kind, path), one JSON line out, in a process of
-its own with little memory.
+"""Takes files through everything that reads or writes them, in a process of its own with little memory.
 
-Whatever is no diagnostic is an answer with a "problem": the exception with its traceback, or what does not hold.
+One JSON line in (kind, path), one JSON line out. Whatever is no diagnostic is an answer with a "problem": the
+exception with its traceback, or what does not hold.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import json
 import resource
+import signal
 import sys
 import traceback
 import warnings
@@ -18,6 +19,9 @@ from pathlib import Path
 from planlang.diagnostics import CODES, BadInput, Diagnostic
 
 MEGABYTES = 1500
+SECONDS = 20.0
+"""Of computing for one way through one file; what others do on the machine does not count."""
+
 MOST_TASKS = 3
 
 
@@ -84,8 +88,35 @@ def robot(path: Path, lines: int) -> None:
     read_self_model(ontology)
 
 
-WAYS = {"recipes": (recipe,), "environments": (environment,), "objects": (environment,), "robots": (robot,),
-        "ontologies": (recipe, environment)}  # fmt: skip
+def conversion(path: Path, lines: int) -> None:
+    """Write what was read in one of the syntaxes; what those of RDF say is what was read."""
+    from planlang.ontology.syntaxes import read_syntax
+    from planlang.ontology.writing import Target, convert
+    from planlang.ontology.writing.nodes import differences
+
+    target = list(Target)[path.stat().st_size % len(Target)]
+    converted = convert(path, target)
+    checked(converted.diagnostics, path, lines)
+    if target in (Target.TURTLE, Target.NTRIPLES) and converted.triples:
+        again = read_syntax(converted.text.encode(), "the text", base=f"file:///{path.name}", label="z").triples
+        assert differences(converted.triples, again) == ([], []), f"{target.value} says something else"
+
+
+WAYS = {
+    "recipes": (recipe, conversion),
+    "environments": (environment, conversion),
+    "objects": (environment,),
+    "robots": (robot,),
+    "ontologies": (recipe, environment, conversion),
+}
+
+
+class TooLong(BaseException):
+    """A file keeps the processor for too long."""
+
+
+def too_long(*_: object) -> None:
+    raise TooLong(f"more than {SECONDS:.0f} seconds of computing")
 
 
 def problem_of(kind: str, path: Path) -> str | None:
@@ -94,6 +125,7 @@ def problem_of(kind: str, path: Path) -> str | None:
     content = path.read_bytes()
     lines = max(content.count(b"\n"), content.count(b"\r"), content.count(b"\n\0")) + 1
     for way in WAYS[kind]:
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)
         try:
             way(path, lines)
         except BadInput as problem:
@@ -101,14 +133,17 @@ def problem_of(kind: str, path: Path) -> str | None:
                 refused(problem, path, lines)
             except Exception:
                 return traceback.format_exc(limit=-12)
-        except (Exception, MemoryError):
+        except (Exception, TooLong):
             return traceback.format_exc(limit=-12)
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0)
     return None
 
 
 def main() -> None:
     limit = MEGABYTES * 1_000_000
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    signal.signal(signal.SIGPROF, too_long)
     answers = sys.stdout
     sys.stdout = sys.stderr  # nothing that is run may speak in between
     for line in sys.stdin:

@@ -37,10 +37,14 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """An arrow in the drawing; its points as :class:`planlang.compiler.graphs.layers.Layers` tells."""
+    """An arrow in the drawing; its points as :class:`planlang.compiler.graphs.layers.Layers` tells.
+
+    With ``is_upward`` they lead from its end to its beginning: it goes back to where others come from.
+    """
 
     arrow: Arrow
     points: tuple[Point, ...]
+    is_upward: bool = False
 
 
 @dataclass(slots=True)
@@ -89,8 +93,12 @@ class _Sized:
 def _plan(group: Group) -> _Plan:
     boxes = tuple(_sized(box) for box in group.boxes)
     index = {box.key: number for number, box in enumerate(group.boxes)}
-    arrows = group.of(Order.STATED, Order.ADDED)
+    arrows = tuple(
+        arrow for arrow in group.of(Order.STATED, Order.ADDED, Order.TRANSITION) if arrow.before != arrow.after
+    )
     edges = [(index[arrow.before], index[arrow.after]) for arrow in arrows]
+    if group.of(Order.TRANSITION):  # which may lead in circles: boxes stand in the order in which they are reached
+        edges = [(min(edge), max(edge)) for edge in edges]
     return _Plan(group, boxes, arrows, layered([(box.width, box.height) for box in boxes], edges))
 
 
@@ -116,8 +124,10 @@ def _put(plan: _Plan, x: float, y: float, found: Arrangement) -> None:
         corner = (x + left, y + top)
         found.boxes.append(Placed(sized.box, *corner, sized.width, sized.height, sized.lines))
         _put_inside(sized, *corner, found)
+    index = {sized.box.key: number for number, sized in enumerate(plan.boxes)}
     for arrow, route in zip(plan.arrows, plan.layers.routes, strict=True):
-        found.routes.append(Route(arrow, tuple((x + a, y + b) for a, b in route)))
+        is_upward = arrow.order is Order.TRANSITION and index[arrow.before] > index[arrow.after]
+        found.routes.append(Route(arrow, tuple((x + a, y + b) for a, b in route), is_upward))
 
 
 def _put_inside(sized: _Sized, x: float, y: float, found: Arrangement) -> None:

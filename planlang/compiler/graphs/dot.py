@@ -27,7 +27,7 @@ def _group(group: Group, indent: str) -> Iterator[str]:
     for box in group.boxes:
         yield from _box(box, indent)
     boxes = {box.key: box for box in group.boxes}
-    for arrow in group.of(Order.STATED, Order.ADDED):
+    for arrow in group.of(Order.STATED, Order.ADDED, Order.TRANSITION, Order.OVERLAP):
         yield _arrow(arrow, boxes, indent)
 
 
@@ -65,6 +65,12 @@ def _arrow(arrow: Arrow, boxes: dict[str, Box], indent: str) -> str:
         attributes.append(f"ltail=cluster_{tail.key}")
     if head.groups:
         attributes.append(f"lhead=cluster_{head.key}")
+    if arrow.label:
+        attributes.append(f'label="{for_dot(arrow.label)}", fontsize=9, fontname="Helvetica"')
+    if arrow.order is Order.TRANSITION:
+        attributes.append('color="#3f6b4f"')
+    if arrow.order is Order.OVERLAP:
+        attributes.append('dir=none, style=dotted, constraint=false, color="#8a4f8f"')
     if arrow.order is Order.ADDED:
         attributes.append('style=dashed, color="#b0741a"')
     return f"{indent}{_end(tail, last=True)} -> {_end(head, last=False)} [{', '.join(attributes)}];"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from planlang.compiler.graphs.model import Box, Group, Order, TaskGraph
 from planlang.compiler.graphs.text import LONGEST_LINE, for_mermaid, shown
 
-_LINKS = {Order.STATED: "-->", Order.ADDED: "-.->"}
+_LINKS = {Order.STATED: "-->", Order.ADDED: "-.->", Order.TRANSITION: "-->", Order.OVERLAP: "-.-"}
 
 
 def mermaid(graph: TaskGraph) -> str:
@@ -29,7 +29,8 @@ def _group(group: Group, indent: str) -> Iterator[str]:
     for box in group.boxes:
         yield from _box(box, indent)
     for arrow in group.of(*_LINKS):
-        yield f"{indent}{arrow.before} {_LINKS[arrow.order]} {arrow.after}"
+        label = f'|"{for_mermaid(arrow.label)}"|' if arrow.label else ""
+        yield f"{indent}{arrow.before} {_LINKS[arrow.order]}{label} {arrow.after}"
 
 
 def _box(box: Box, indent: str) -> Iterator[str]:

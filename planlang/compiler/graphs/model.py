@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import count
@@ -10,8 +10,22 @@ from itertools import count
 from planlang.compiler.graphs.text import LONGEST_LINE, broken, shown
 from planlang.designators import RELATIONS, local_name
 from planlang.diagnostics import Span
-from planlang.recipe.graph import closed, order_graph, recipe_graph, reduced, shortest_cycle
-from planlang.recipe.model import Filler, Name, Ordering, Parameter, Place, Reason, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.graph import order_graph, recipe_graph, reduced, shortest_cycle
+from planlang.recipe.model import (
+    Filler,
+    Name,
+    Ordering,
+    Parameter,
+    Place,
+    Reason,
+    Recipe,
+    RecipeSet,
+    StateMachine,
+    Step,
+    Thing,
+    Transition,
+)
+from planlang.recipe.precedence import Precedence
 
 MOST_IMPLIED = 5000
 """Implied orders of one recipe; of a recipe with more only those that the file states are kept."""
@@ -26,16 +40,24 @@ class Order(Enum):
     """The compiler adds it: what is done from one place is done together."""
     IMPLIED = "implied"
     """It follows from others."""
+    TRANSITION = "transition"
+    """No order: the one state is left for the other."""
+    OVERLAP = "overlap"
+    """No order: the two run side by side, and the one begins or ends in relation to the other."""
 
 
 @dataclass(frozen=True, slots=True)
 class Arrow:
-    """One box comes before another; both are told by their keys. ``hover`` says why."""
+    """One box comes before another; both are told by their keys. ``hover`` says why.
+
+    ``label`` is written beside it: the outcomes of a transition, the relation of an overlap.
+    """
 
     before: str
     after: str
     order: Order
     hover: str
+    label: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,21 +110,31 @@ class TaskGraph:
             waiting = [inner for box in group.boxes for inner in box.groups] + waiting
 
 
-def task_graph(recipes: RecipeSet, added: Mapping[str, Iterable[tuple[str, str]]] | None = None) -> TaskGraph:
+def task_graph(
+    recipes: RecipeSet,
+    added: Mapping[str, Iterable[tuple[str, str]]] | None = None,
+    recoveries: Mapping[tuple[str, str], Sequence[str]] | None = None,
+) -> TaskGraph:
     """The graph of a task and all recipes below it; nothing recurses.
 
-    ``added`` gives for a recipe (IRI) the orders of steps (IRIs) that the compiler adds. A recipe that several steps
-    call is drawn in the first of them.
+    ``added`` gives for a recipe (IRI) the orders of steps (IRIs) that the compiler adds, ``recoveries`` for a step of a
+    recipe (both IRIs) what is done when it fails. A recipe that several steps call is drawn in the first of them.
     """
     main = recipes.main
     subtitle = f"{main.label}, {recipes.source.file}" if main.label else recipes.source.file
-    return TaskGraph(shown(main.name), shown(subtitle), _Builder(recipes, added or {}).group(main))
+    return TaskGraph(shown(main.name), shown(subtitle), _Builder(recipes, added or {}, recoveries or {}).group(main))
 
 
 class _Builder:
-    def __init__(self, recipes: RecipeSet, added: Mapping[str, Iterable[tuple[str, str]]]) -> None:
+    def __init__(
+        self,
+        recipes: RecipeSet,
+        added: Mapping[str, Iterable[tuple[str, str]]],
+        recoveries: Mapping[tuple[str, str], Sequence[str]],
+    ) -> None:
         self._recipes = recipes
         self._added = added
+        self._recoveries = recoveries
         self._numbers = count(1)
         self._drawn: dict[str, str] = {}
 
@@ -112,12 +144,13 @@ class _Builder:
         keys: dict[str, str] = {}
         boxes = []
         for step in recipe.steps:
-            box = self._box(step)
+            box = self._box(recipe, step)
             keys[step.iri] = box.key
             boxes.append(box)
-        return Group(key, shown(recipe.name), tuple(boxes), tuple(self._arrows(recipe, keys)))
+        arrows = _transitions(recipe, keys) if recipe.machine is not None else self._arrows(recipe, keys)
+        return Group(key, shown(recipe.name), tuple(boxes), (*arrows, *_overlaps(recipe, keys)))
 
-    def _box(self, step: Step) -> Box:
+    def _box(self, recipe: Recipe, step: Step) -> Box:
         key = f"s{next(self._numbers)}"
         lines = [_parameter(parameter) for parameter in step.parameters]
         again = [local_name(callee) for callee in step.recipes if callee in self._drawn]
@@ -129,7 +162,15 @@ class _Builder:
         action = local_name(step.action)
         if step.is_abstract:
             action += " (nothing performs it)"
-        hover = [step.name, *([step.label] if step.label else []), action, *lines, *_where(step.span)]
+        if recipe.machine is not None and (role := _role(recipe.machine, step)):
+            lines.insert(0, role)
+        lines += [
+            f"{o.relation.value} the whole task"
+            for o in recipe.overlaps
+            if (o.first, o.second) == (step.iri, recipe.iri)
+        ]
+        recoveries = self._recoveries.get((recipe.iri, step.iri), ())
+        hover = [step.name, *([step.label] if step.label else []), action, *lines, *recoveries, *_where(step.span)]
         return Box(
             key,
             shown(step.name),
@@ -153,19 +194,53 @@ class _Builder:
         else:
             solid = list(reduced(graph).edges)
             more = list(self._added.get(recipe.iri, ()))
-            everything = list(closed(order_graph(graph.nodes, [*graph.edges, *more])).edges)
+            order: Precedence[str] = Precedence(order_graph(graph.nodes, [*graph.edges, *more]))
+            is_small = order.number_of_pairs() <= MOST_IMPLIED + len(solid) + len(more)
+            everything = (
+                [(a, b) for a in graph.nodes for b in order.members(order.later(a))] if is_small else list(stated)
+            )
         for before, after in solid:
             yield _arrow(keys, before, after, Order.STATED, _why(stated[before, after]))
         for before, after in more:
             why = "added by the compiler: what is done from one place is done together"
             yield _arrow(keys, before, after, Order.ADDED, why)
         known = {*solid, *more}
-        implied = [edge for edge in everything if edge not in known]
-        if len(implied) > MOST_IMPLIED:
-            implied = [edge for edge in implied if edge in stated]
-        for before, after in implied:
+        rank = {step: number for number, step in enumerate(graph.nodes)}
+        implied = [edge for edge in everything if edge not in known and rank.keys() >= set(edge)]
+        for before, after in sorted(implied, key=lambda edge: (rank[edge[0]], rank[edge[1]])):
             why = f"{_why(stated[before, after])}; " if (before, after) in stated else ""
             yield _arrow(keys, before, after, Order.IMPLIED, f"{why}follows from the others")
+
+
+def _role(machine: StateMachine, step: Step) -> str:
+    """What a state is besides being one."""
+    roles = [*(["start"] if step.iri == machine.start else []), *(["end"] if step.iri in machine.ends else [])]
+    return f"{' and '.join(roles)} state" if roles else ""
+
+
+def _transitions(recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
+    """One arrow for each two states, with all the outcomes that lead from the one to the other."""
+    assert recipe.machine is not None
+    between: dict[tuple[str, str], list[Transition]] = {}
+    for transition in recipe.machine.transitions:
+        if transition.source in keys and transition.target in keys:
+            between.setdefault((transition.source, transition.target), []).append(transition)
+    for (source, target), found in between.items():
+        outcomes = dict.fromkeys(local_name(one.outcome) if one.outcome else one.ending.value for one in found)
+        said = dict.fromkeys(where for one in found for where in _where(one.span))
+        hover = (
+            f"{local_name(source)} to {local_name(target)}: {', '.join(outcomes)} {' '.join(f'({w})' for w in said)}"
+        )
+        yield Arrow(keys[source], keys[target], Order.TRANSITION, shown(hover), shown(", ".join(outcomes), 60))
+
+
+def _overlaps(recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
+    for overlap in recipe.overlaps:
+        if overlap.first in keys and overlap.second in keys:
+            word = overlap.relation.value
+            hover = f"{local_name(overlap.first)} {word} {local_name(overlap.second)}"
+            where = " ".join(f"({place})" for place in _where(overlap.span))
+            yield Arrow(keys[overlap.first], keys[overlap.second], Order.OVERLAP, shown(f"{hover} {where}"), word)
 
 
 def _arrow(keys: Mapping[str, str], before: str, after: str, order: Order, why: str) -> Arrow:

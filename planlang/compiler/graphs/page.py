@@ -75,7 +75,7 @@ def page(graph: TaskGraph) -> str:
 </head>
 <body>
 {svg_element(graph, implied=True)}\
-<div id="bar"><label><input type="checkbox" id="all"> all {implied} implied orderings</label>\
+<div id="bar"><label{"" if implied else " hidden"}><input type="checkbox" id="all"> all {implied} implied orderings</label>\
 <button type="button" id="fit">whole graph</button></div>
 <script>{_SCRIPT}</script>
 </body>

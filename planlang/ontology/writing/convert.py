@@ -11,6 +11,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.ontology.documents import read_bytes
 from planlang.ontology.repairs import repair
+from planlang.ontology.structure import malformed
 from planlang.ontology.syntaxes import read_syntax
 from planlang.ontology.terms import ONTOLOGY, TYPE, BNode, Term, Triple
 from planlang.ontology.writing.manchester import manchester
@@ -67,7 +68,7 @@ def convert(path: Path, target: Target) -> Converted:
     text, lost = write(triples, target, parsed.prefixes)
     again = read_syntax(text.encode(), "the text", base=base, label="b").triples if text.strip() else []
     compared = _compared(triples, lost, again, target, Span(file))
-    return Converted(text, tuple(triples), (*parsed.diagnostics, *repairs, *compared))
+    return Converted(text, tuple(triples), (*parsed.diagnostics, *repairs, *malformed(triples), *compared))
 
 
 def _compared(

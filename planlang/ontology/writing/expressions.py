@@ -112,7 +112,8 @@ class Words:
             case "and" | "or":
                 written = f" {kind} ".join(self.text(part, inside=True) for part in parts)
             case "not":
-                written = f"not {self.text(parts[0], inside=True)}"
+                negated = self.text(parts[0], inside=True)
+                return f"not ({negated})" if parts[0].kind == "not" else f"not {negated}"
             case "Self":
                 written = f"{self.text(parts[0])} Self"
             case "some" | "only" | "value":

@@ -3,121 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 
-from planlang.ontology.expressions import DATATYPE
-from planlang.ontology.terms import (
-    CLASS,
-    EQUIVALENT_CLASS,
-    IMPORTS,
-    INVERSE_OF,
-    NAMED_INDIVIDUAL,
-    ONTOLOGY,
-    OWL,
-    RDF,
-    RDFS,
-    SUBCLASS_OF,
-    SUBPROPERTY_OF,
-    TYPE,
-    BNode,
-    Literal,
-    Term,
-    Triple,
-)
-from planlang.ontology.terms import DOMAIN as RDFS_DOMAIN
-from planlang.ontology.terms import RANGE as RDFS_RANGE
+from planlang.ontology.terms import IMPORTS, ONTOLOGY, OWL, RDF, TYPE, BNode, Literal, Term, Triple
 from planlang.ontology.writing.expressions import FORMS, Expressions, Words
+from planlang.ontology.writing.frames import (
+    ANNOTATING,
+    CHARACTERISTICS,
+    FRAMES,
+    LANGUAGES,
+    LISTS,
+    PAIRS,
+    PROPERTIES,
+    SECTIONS,
+    SEVERAL,
+    Frame,
+    section,
+)
 from planlang.ontology.writing.graph import ANNOTATION, AXIOM, CannotSay, Graph
 from planlang.ontology.writing.names import Names
-
-WIDTH = 120
-"""Characters of a line that holds more than one item."""
-
-FRAMES = {
-    OWL + "AnnotationProperty": "AnnotationProperty",
-    DATATYPE: "Datatype",
-    OWL + "ObjectProperty": "ObjectProperty",
-    OWL + "DatatypeProperty": "DataProperty",
-    CLASS: "Class",
-    NAMED_INDIVIDUAL: "Individual",
-}
-"""Kind of thing -> the word that begins its frame, in the order of the file."""
-
-_PROPERTIES = ("ObjectProperty", "DataProperty", "AnnotationProperty")
-SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
-    EQUIVALENT_CLASS: ("EquivalentTo", ("Class", "Datatype")),
-    SUBCLASS_OF: ("SubClassOf", ("Class",)),
-    OWL + "disjointWith": ("DisjointWith", ("Class",)),
-    SUBPROPERTY_OF: ("SubPropertyOf", _PROPERTIES),
-    OWL + "equivalentProperty": ("EquivalentTo", ("ObjectProperty", "DataProperty")),
-    OWL + "propertyDisjointWith": ("DisjointWith", ("ObjectProperty", "DataProperty")),
-    INVERSE_OF: ("InverseOf", ("ObjectProperty",)),
-    RDFS_DOMAIN: ("Domain", _PROPERTIES),
-    RDFS_RANGE: ("Range", _PROPERTIES),
-    OWL + "sameAs": ("SameAs", ("Individual",)),
-    OWL + "differentFrom": ("DifferentFrom", ("Individual",)),
-}
-"""Property -> the section that states it, and the frames that have it; the value is an expression or a name."""
-
-LISTS: dict[str, tuple[str, str, str]] = {
-    OWL + "disjointUnionOf": ("DisjointUnionOf", "Class", ", "),
-    OWL + "hasKey": ("HasKey", "Class", " "),
-    OWL + "propertyChainAxiom": ("SubPropertyChain", "ObjectProperty", " o "),
-}
-"""Property -> its section, its frame, and what stands between the items of its list."""
-
-CHARACTERISTICS = {
-    f"{OWL}{name}Property": name
-    for name in ("Functional", "InverseFunctional", "Reflexive", "Irreflexive", "Symmetric", "Asymmetric", "Transitive")
-}
-ORDER = ("Annotations", "Types", "Facts", "Characteristics", "SubClassOf", "EquivalentTo", "DisjointWith",
-         "DisjointUnionOf", "HasKey", "SubPropertyOf", "SubPropertyChain", "InverseOf", "Domain", "Range", "SameAs",
-         "DifferentFrom")  # fmt: skip
-"""Sections in the order of a frame."""
-
-_SEVERAL = {
-    "AllDisjointClasses": "DisjointClasses",
-    "AllDisjointProperties": "DisjointProperties",
-    "AllDifferent": "DifferentIndividuals",
-}
-_PAIRS = {
-    EQUIVALENT_CLASS: "EquivalentClasses",
-    OWL + "disjointWith": "DisjointClasses",
-    OWL + "equivalentProperty": "EquivalentProperties",
-    OWL + "propertyDisjointWith": "DisjointProperties",
-}
-_ANNOTATING = frozenset(
-    (*(RDFS + name for name in ("label", "comment", "seeAlso", "isDefinedBy")),
-     *(OWL + name for name in ("versionInfo", "deprecated", "priorVersion", "backwardCompatibleWith",
-                               "incompatibleWith")))
-)  # fmt: skip
-_LANGUAGES = (OWL, RDF, RDFS)
-
-
-@dataclass(slots=True)
-class _Frame:
-    """One frame: its heading, and the items of its sections."""
-
-    word: str
-    heads: list[str]
-    sections: dict[str, list[str]] = field(default_factory=dict)
-
-    def text(self) -> str:
-        lines = [f"{self.word}: {head}" for head in self.heads]
-        for name in ORDER:
-            if items := sorted(self.sections.get(name, ()), key=lambda item: (" " in item, item)):
-                single = name in ("DisjointUnionOf", "HasKey", "SubPropertyChain")  # one axiom each
-                for group in ([item] for item in items) if single else (items,):
-                    lines.append(_section(name, group))
-        return "\n".join(lines) + "\n"
-
-
-def _section(name: str, items: list[str]) -> str:
-    line = f"    {name}: {', '.join(items)}"
-    if not items[1:] or (len(line) <= WIDTH and "\n" not in line):
-        return line
-    return f"    {name}:\n        " + ",\n        ".join(items)
 
 
 def manchester(triples: Iterable[Triple], prefixes: Mapping[str, str]) -> tuple[str, list[Triple]]:
@@ -140,8 +44,8 @@ class _Writer:
         self._names = Names(prefixes, own if isinstance(own, str) else None)
         self._words = Words(self._names)
         self._expressions = Expressions(graph)
-        self._frames: dict[tuple[str, str | BNode], _Frame] = {}
-        self._kinds: dict[str | BNode, tuple[str, ...]] = {}
+        self._frames: dict[tuple[str, str | BNode], Frame] = {}
+        self._pairs: list[str] = []
 
     def text(self) -> str:
         header = self._header()
@@ -149,11 +53,12 @@ class _Writer:
         for subject in subjects:
             if isinstance(subject, str) and (self._ontology is None or subject != self._ontology.subject):
                 self._entity(subject)
-        several = sorted(filter(None, (self._axiom(node) for node in subjects if isinstance(node, BNode))))
+        found = [self._axiom(node) for node in subjects if isinstance(node, BNode)]
         for subject in subjects:
             if isinstance(subject, BNode) and (self._ontology is None or subject != self._ontology.subject):
                 self._nameless(subject)
         frames = [self._frames[key].text() for key in sorted(self._frames, key=self._place)]
+        several = sorted(text for text in (*found, *self._pairs) if text)
         parts = [self._prefixes(), header, *frames, *several]
         return "\n".join(part for part in parts if part)
 
@@ -186,10 +91,11 @@ class _Writer:
             note
             for triple in self._graph.about(subject)
             if triple.predicate not in (TYPE, IMPORTS, OWL + "versionIRI")
-            for note in self._said([triple], partial(self._annotation, triple, ANNOTATION))
+            for text in self._said([triple], partial(self._joined, triple))
+            for note in text.split("\0")
         ]
         if notes:
-            lines.append(_section("Annotations", notes))
+            lines.append(section("Annotations", notes))
         return "\n".join(lines) + "\n"
 
     def _said(self, triples: list[Triple], write: Callable[[], str]) -> Iterator[str]:
@@ -205,21 +111,28 @@ class _Writer:
 
     # annotations
 
-    def _annotation(self, triple: Triple, kind: str) -> str:
-        """``property value``, with what is said about that in front."""
+    def _annotation(self, triple: Triple, kind: str = ANNOTATION) -> list[str]:
+        """``property value``, once for each annotation that it has in turn, or once without."""
         words = f"{self._words.name(triple.predicate)} {self._words.term(triple.object)}"
-        return "".join(self._notes(triple, kind, first=True)) + words
+        return [note + words for note in self._notes(triple, kind)] or [words]
 
-    def _notes(self, triple: Triple, kind: str = AXIOM, *, first: bool = False) -> list[str]:
+    def _joined(self, triple: Triple) -> str:
+        return "\0".join(self._annotation(triple))
+
+    def _notes(self, triple: Triple, kind: str = AXIOM) -> list[str]:
         """``Annotations: ...`` for each node that annotates a triple."""
         found = []
         for node in self._graph.annotations(triple):
             said, frame = self._graph.notes(node)
             if said and self._graph.has(node, TYPE, kind):
-                inner = ", ".join(self._annotation(note, ANNOTATION) for note in said)
+                found.append(self._noted(said))
                 self._graph.write(*said, *frame)
-                found.append(f"Annotations: {inner} ")
-        return found[:1] if first else found
+        return found
+
+    def _noted(self, notes: list[Triple]) -> str:
+        """``Annotations: ...`` and a blank; nothing if there are none."""
+        texts = [text for note in notes for text in self._annotation(note)]
+        return f"Annotations: {', '.join(texts)} " if texts else ""
 
     def _annotated(self, triple: Triple, item: str) -> list[str]:
         """An item once for each annotation that it has, or once without."""
@@ -227,10 +140,10 @@ class _Writer:
 
     # things that have names
 
-    def _frame(self, word: str, subject: str | BNode) -> _Frame:
+    def _frame(self, word: str, subject: str | BNode) -> Frame:
         key = (word, subject)
         if key not in self._frames:
-            self._frames[key] = _Frame(word, [self._words.term(subject)])
+            self._frames[key] = Frame(word, [self._words.term(subject)])
         return self._frames[key]
 
     def _entity(self, subject: str) -> None:
@@ -239,6 +152,13 @@ class _Writer:
         except CannotSay:
             return
         said = self._graph.about(subject)
+        if not any(t.predicate == TYPE and t.object in FRAMES for t in said):  # a frame would declare it
+            for triple in said:
+                if triple.predicate in PAIRS:
+                    self._pairs += self._said([triple], partial(self._pair, subject, triple))
+            said = [triple for triple in said if triple not in self._graph.written]
+            if not said:
+                return
         words = self._words_of(subject, said)
         for triple in said:
             word = FRAMES.get(triple.object) if triple.predicate == TYPE and isinstance(triple.object, str) else None
@@ -264,7 +184,7 @@ class _Writer:
         for triple in said:
             if triple.predicate == TYPE:
                 if triple.object in CHARACTERISTICS:
-                    places: tuple[str, ...] = _PROPERTIES
+                    places: tuple[str, ...] = PROPERTIES
                 else:
                     places = () if triple.object in FRAMES or self._is_language(triple.object) else ("Individual",)
             elif triple.predicate in SECTIONS:
@@ -279,7 +199,7 @@ class _Writer:
 
     @staticmethod
     def _is_language(term: Term) -> bool:
-        return isinstance(term, str) and term.startswith(_LANGUAGES) and term not in (OWL + "Thing", OWL + "Nothing")
+        return isinstance(term, str) and term.startswith(LANGUAGES) and term not in (OWL + "Thing", OWL + "Nothing")
 
     def _statement(self, triple: Triple, words: tuple[str, ...]) -> None:
         """Put what a triple states into a section of one of the subject's frames."""
@@ -287,7 +207,7 @@ class _Writer:
         if predicate == TYPE:
             if triple.object in CHARACTERISTICS:
                 name = CHARACTERISTICS[str(triple.object)]
-                self._put(triple, words, _PROPERTIES, "Characteristics", lambda: self._annotated(triple, name))
+                self._put(triple, words, PROPERTIES, "Characteristics", lambda: self._annotated(triple, name))
             elif not self._is_language(triple.object):
                 self._put(triple, words, ("Individual",), "Types", lambda: self._expression(triple))
         elif predicate in SECTIONS:
@@ -298,16 +218,16 @@ class _Writer:
             self._put(triple, words, (place,), name, lambda: self._list(triple, between))
         elif predicate in FORMS:
             self._put(triple, words, ("Class",), "EquivalentTo", lambda: self._direct(triple))
-        elif not predicate.startswith(_LANGUAGES) or predicate in _ANNOTATING:
+        elif not predicate.startswith(LANGUAGES) or predicate in ANNOTATING:
             self._value(triple, words)
 
     def _value(self, triple: Triple, words: tuple[str, ...]) -> None:
         """A fact of an individual, or an annotation; both state the same triple."""
-        is_fact = "Individual" in words and triple.predicate not in _ANNOTATING
+        is_fact = "Individual" in words and triple.predicate not in ANNOTATING
         if is_fact and not self._is_annotation_property(triple.predicate):
             self._put(triple, words, ("Individual",), "Facts", lambda: self._fact(triple))
         else:
-            self._put(triple, words, words, "Annotations", lambda: [self._annotation(triple, AXIOM)])
+            self._put(triple, words, words, "Annotations", lambda: self._annotation(triple, AXIOM))
 
     def _is_annotation_property(self, prop: str) -> bool:
         return self._graph.has(prop, TYPE, OWL + "AnnotationProperty")
@@ -327,14 +247,19 @@ class _Writer:
             self._frame(word, triple.subject).sections.setdefault(section, []).extend(text.split("\0"))
 
     def _expression(self, triple: Triple) -> list[str]:
+        text = self._plain(triple)
+        return self._annotated(triple, text)
+
+    def _plain(self, triple: Triple) -> str:
+        """The name or expression that is a triple's object."""
         if isinstance(triple.object, BNode) and triple.predicate in (OWL + "sameAs", OWL + "differentFrom"):
-            return self._annotated(triple, self._words.term(triple.object))
+            return self._words.term(triple.object)
         if isinstance(triple.object, Literal):
             raise CannotSay("a value where a name belongs")
         expression, used = self._expressions.of(triple)
         text = self._words.text(expression)
         self._graph.write(*used)
-        return self._annotated(triple, text)
+        return text
 
     def _direct(self, triple: Triple) -> list[str]:
         """``owl:intersectionOf`` and the like, said of a class itself as in OWL 1."""
@@ -374,11 +299,11 @@ class _Writer:
         if graph.has(node, TYPE, OWL + "NegativePropertyAssertion"):
             self._negative(node)
             return None
-        for kind, word in _SEVERAL.items():
+        for kind, word in SEVERAL.items():
             for typed in graph.about(node, TYPE):
                 if typed.object == OWL + kind:
                     return next(self._said([typed], partial(self._several, typed, word)), None)
-        said = [triple for triple in graph.about(node) if triple.predicate in _PAIRS]
+        said = [triple for triple in graph.about(node) if triple.predicate in PAIRS]
         if not said or graph.uses(node):
             return None
         return next(self._said(said[:1], partial(self._pair, node, said[0])), None)
@@ -392,9 +317,8 @@ class _Writer:
         names = self._individuals if word == "DifferentIndividuals" else self._members
         items = names(members[0], ", ", at_least=2)
         notes = [t for t in self._graph.about(typed.subject) if t not in (typed, members[0])]
-        annotations = ", ".join(self._annotation(note, ANNOTATION) for note in notes)
         self._graph.write(members[0], *notes)
-        return f"{word}: {f'Annotations: {annotations} ' if notes else ''}{items}\n"
+        return f"{word}: {self._noted(notes)}{items}\n"
 
     def _individuals(self, triple: Triple, between: str, *, at_least: int) -> str:
         items, cells = self._graph.items(triple)
@@ -403,15 +327,19 @@ class _Writer:
         self._graph.write(*cells)
         return between.join(map(self._words.term, items))
 
-    def _pair(self, node: BNode, triple: Triple) -> str:
-        first, used = self._expressions.about(node, triple)
-        second = self._expression(triple)
-        self._graph.write(*used)
-        word = _PAIRS[triple.predicate]
-        notes, _, item = second[0].rpartition(" ") if second[0].startswith("Annotations: ") else ("", "", second[0])
-        if notes:
-            raise CannotSay("an annotated pair of expressions")
-        return f"{word}: {self._words.text(first)}, {item}\n"
+    def _pair(self, subject: str | BNode, triple: Triple) -> str:
+        """Two things that are alike or different; the first is a name or an expression."""
+        if isinstance(subject, str):
+            first = self._words.name(subject)
+        elif triple.predicate in (OWL + "sameAs", OWL + "differentFrom"):
+            raise CannotSay("an individual has a frame")
+        else:
+            expression, used = self._expressions.about(subject, triple)
+            first = self._words.text(expression)
+            self._graph.write(*used)
+        item = self._plain(triple)
+        notes = self._notes(triple) or [""]
+        return "\n".join(f"{PAIRS[triple.predicate]}: {note}{first}, {item}\n" for note in notes)
 
     def _negative(self, node: BNode) -> None:
         graph = self._graph
@@ -424,10 +352,9 @@ class _Writer:
                 raise CannotSay("a negative fact that is not whole")
             core = (TYPE, OWL + "sourceIndividual", prop.predicate, targets[0].predicate)
             notes = [t for t in said if t.predicate not in core]
-            annotations = ", ".join(self._annotation(note, ANNOTATION) for note in notes)
             graph.write(*said)
             words = f"not {self._words.name(prop.object)} {self._words.term(targets[0].object)}"
-            return [f"Annotations: {annotations} {words}" if notes else words]
+            return [self._noted(notes) + words]
 
         sources = graph.about(node, OWL + "sourceIndividual")
         if len(sources) == 1 and not isinstance(sources[0].object, Literal):

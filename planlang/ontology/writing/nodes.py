@@ -43,9 +43,8 @@ class Order:
 
 def labelled(triples: Iterable[Triple]) -> list[Triple]:
     """The triples sorted, each once, with labels b1, b2, ... for the nameless nodes in the order of their use."""
-    given = list(triples)
-    order = Order(given)
-    unique = {(t.subject, t.predicate, t.object): t for t in reversed(given)}
+    unique = {(t.subject, t.predicate, t.object): t for t in reversed(list(triples))}
+    order = Order(unique.values())
     found = sorted(unique.values(), key=order.triple_key)
     labels: dict[BNode, BNode] = {}
 
@@ -62,21 +61,20 @@ def labelled(triples: Iterable[Triple]) -> list[Triple]:
 
 def differences(before: Iterable[Triple], after: Iterable[Triple]) -> tuple[list[Triple], list[Triple]]:
     """What only the first and what only the second graph states, nameless nodes being alike if all is that they say."""
-    one, two = _told(before), _told(after)
-    return [one[key] for key in one if key not in two], [two[key] for key in two if key not in one]
+    one, two = statements(before), statements(after)
+    gone = [triple for key, found in one.items() for triple in found[len(two.get(key, ())) :]]
+    new = [triple for key, found in two.items() for triple in found[len(one.get(key, ())) :]]
+    return gone, new
 
 
-def _told(triples: Iterable[Triple]) -> dict[object, Triple]:
-    """Each triple under a key that equal graphs share."""
+def statements(triples: Iterable[Triple]) -> dict[tuple[object, str, object], list[Triple]]:
+    """What a graph states, each under a key that equal ones share, in whatever graph and whatever its labels."""
     given = list({(t.subject, t.predicate, t.object): t for t in triples}.values())
     colours = _content(given)
-    found: dict[object, Triple] = {}
-    counts: dict[object, int] = {}
+    found: dict[tuple[object, str, object], list[Triple]] = {}
     for triple in given:
-        parts = tuple(colours[t] if isinstance(t, BNode) else t for t in (triple.subject, triple.object))
-        key = (parts[0], triple.predicate, parts[1])
-        counts[key] = counts.get(key, 0) + 1
-        found[(*key, counts[key])] = triple
+        subject, value = (("node", colours[t]) if isinstance(t, BNode) else t for t in (triple.subject, triple.object))
+        found.setdefault((subject, triple.predicate, value), []).append(triple)
     return found
 
 

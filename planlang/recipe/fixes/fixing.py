@@ -11,6 +11,7 @@ from pathlib import Path
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.ontology import load
 from planlang.ontology.documents import read_bytes
+from planlang.ontology.syntaxes import Syntax, syntax_of_text
 from planlang.ontology.xml_text import decode
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import Reading, read_recipe
@@ -165,10 +166,14 @@ class _Fixer:
 
 
 def editable(text: str) -> Editable:
-    """The text as RDF/XML or as Manchester syntax. Raises CannotEdit if it is XML with mistakes."""
-    lines = [line.strip() for line in text.splitlines()]
-    first = next((line for line in lines if line and not line.startswith("#")), "")
-    return XmlText(text) if first.startswith("<") else ManchesterText(text)
+    """The text as RDF/XML or as Manchester syntax. Raises CannotEdit if it is XML with mistakes, or Turtle."""
+    match syntax_of_text(text, "the recipe"):
+        case Syntax.RDFXML:
+            return XmlText(text)
+        case Syntax.MANCHESTER:
+            return ManchesterText(text)
+        case Syntax.TURTLE:
+            raise CannotEdit("Turtle is not edited; planlang convert writes it in another syntax")
 
 
 def _encoding(content: bytes, text: str) -> str:

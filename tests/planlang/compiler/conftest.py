@@ -22,9 +22,13 @@ class Happening:
 
 
 class PlanReader:
-    """Interprets the constructs that compiled plans are made of."""
+    """Interprets the constructs that compiled plans are made of.
 
-    def __init__(self, source: str) -> None:
+    With ``calls_are_steps`` what a called recipe does is not looked into.
+    """
+
+    def __init__(self, source: str, *, calls_are_steps: bool = False) -> None:
+        self.calls_are_steps = calls_are_steps
         self.functions = {node.name: node for node in ast.parse(source).body if isinstance(node, ast.AsyncFunctionDef)}
 
     def orders(self, name: str) -> Happening:
@@ -61,6 +65,9 @@ class PlanReader:
         name: str | None = None,
     ) -> Happening:
         assert isinstance(function, ast.Name)
+        is_call = function.id in (*self.functions, "perform_or", "try_in_order")
+        if self.calls_are_steps and is_call and function.id not in scope:
+            return Happening([ast.unparse(arguments[-1] if arguments else function)])
         match function.id:
             case "perform":
                 given = [k.value.value for k in keywords if k.arg == "name" and isinstance(k.value, ast.Constant)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 from xml.etree import ElementTree
@@ -14,7 +15,22 @@ from planlang.compiler.graphs import FORMATS, Order, TaskGraph, dot, mermaid, pa
 from planlang.compiler.graphs.arrangement import arranged
 from planlang.compiler.graphs.model import MOST_IMPLIED
 from planlang.diagnostics import Span
-from planlang.recipe import Kind, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
+from planlang.recipe import (
+    Allen,
+    Ending,
+    Kind,
+    Ordering,
+    Overlap,
+    Parameter,
+    Place,
+    Recipe,
+    RecipeSet,
+    Source,
+    StateMachine,
+    Step,
+    Thing,
+    Transition,
+)
 from planlang.resources import bundled
 
 BASE = "http://planlang.org/test#"
@@ -217,3 +233,69 @@ def test_alternatives_of_a_step_stand_side_by_side_in_frames() -> None:
     assert svg(drawn).count('class="frame"') == 2
     assert "one way: P" in dot(drawn)
     assert "one way: Q" in mermaid(drawn)
+
+
+def search() -> Recipe:
+    """Look until something is found, going on in between: a loop, a state that follows itself, a way out."""
+    transitions = (
+        Transition(BASE + "a", BASE + "b", Ending.FALSE, BASE + "CONDITION_FALSE"),
+        Transition(BASE + "b", BASE + "a", Ending.DONE),
+        Transition(BASE + "b", BASE + "b", Ending.OTHER, BASE + "AGAIN"),
+        Transition(BASE + "a", BASE + "c", Ending.TRUE, BASE + "CONDITION_TRUE"),
+        Transition(BASE + "a", BASE + "c", Ending.FAILED, BASE + "FAILED"),
+    )
+    return replace(recipe("abc"), machine=StateMachine(BASE + "a", (BASE + "c",), transitions))
+
+
+def test_states_are_drawn_with_their_outcomes_even_in_circles() -> None:
+    drawn = graph(search())
+    labels = {(arrow.before, arrow.after): arrow.label for arrow in drawn.group.of(Order.TRANSITION)}
+    a, b, c = (box.key for box in drawn.group.boxes)
+    assert labels == {
+        (a, b): "CONDITION_FALSE",
+        (b, a): "completed",
+        (b, b): "AGAIN",
+        (a, c): "CONDITION_TRUE, FAILED",
+    }
+    assert [box.lines[0] for box in drawn.group.boxes if box.lines] == ["start state", "end state"]
+    for written in (svg(drawn), page(drawn), dot(drawn), mermaid(drawn).replace("#95;", "_")):
+        assert all(written.count(label) for label in labels.values())
+
+
+def test_an_arrow_that_goes_back_up_ends_below_the_box_it_leads_to() -> None:
+    found = arranged(graph(search()).group)
+    (upward,) = (route for route in found.routes if route.is_upward)
+    top, bottom = found.boxes[0], found.boxes[1]
+    assert upward.points[0][1] == top.y + top.height
+    assert upward.points[-1][1] == bottom.y
+
+
+def test_overlaps_are_drawn_without_heads_and_order_nothing() -> None:
+    overlaps = (Overlap(BASE + "a", Allen.DURING, BASE + "b"), Overlap(BASE + "a", Allen.STARTS, BASE + "Task"))
+    drawn = graph(replace(recipe("abc", "bc"), overlaps=overlaps))
+    assert pairs(drawn, Order.OVERLAP) == {"ab"}
+    assert pairs(drawn, Order.STATED) == {"bc"}
+    assert drawn.group.boxes[0].lines == ("starts the whole task",)
+    paths = [path for path in ElementTree.fromstring(svg(drawn)).iter(f"{SVG}path") if path.get("class") == "overlap"]
+    assert [path.get("marker-end") for path in paths] == [None]
+    assert "dir=none" in dot(drawn)
+    assert '-.-|"during"|' in mermaid(drawn)
+
+
+def test_hovering_over_a_step_shows_its_recoveries_and_where_it_is_stated() -> None:
+    plan = compile_recipe(bundled("recipes") / "serve_a_drink.omn")
+    drawn = task_graph(plan.recipes, plan.added, plan.recoveries)
+    (grasp,) = (box for box in drawn.group.boxes if box.name == "GraspBottle")
+    assert "on GraspMissed: look and repeat (bottle1), up to 2 times, else ObjectUnfetchable" in grasp.hover
+    assert grasp.hover[-1].startswith("serve_a_drink.omn line ")
+    assert "on GraspMissed" in page(drawn)
+
+
+def test_a_task_of_ten_thousand_steps_is_made_into_a_graph_without_its_closure() -> None:
+    names = [f"s{number}" for number in range(10_000)]
+    steps = tuple(Step(BASE + name, "Reaching", (), (), "primitive") for name in names)
+    orderings = tuple(Ordering(BASE + a, BASE + b) for a, b in pairwise(names))
+    found = Recipe(BASE + "Task", "PurposefulAction", steps, orderings)
+    drawn = task_graph(RecipeSet(found.iri, {found.iri: found}, Source("x.omn", "0" * 64)))
+    assert len(drawn.group.of(Order.STATED)) == 9_999
+    assert drawn.group.of(Order.IMPLIED) == ()

@@ -2,13 +2,14 @@
 
 import socket
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planlang.diagnostics import BadInput, Diagnostic
-from planlang.ontology import load
+from planlang.ontology import expressions, load, rdfxml, turtle
 from planlang.ontology.rdfxml import read_rdfxml
 
 RDF = (
@@ -195,6 +196,22 @@ def test_lists_and_intersections_that_contain_themselves_are_walked_once(tmp_pat
     ontology = load(file(tmp_path, text), builtin=False)
     assert ontology.ancestors("http://example.org/t#A") == ("http://example.org/t#A", "http://example.org/t#B")
     assert ontology.restrictions("http://example.org/t#A") == ()
+
+
+@pytest.mark.parametrize(
+    ("module", "text"),
+    [
+        (rdfxml, RDF + "<e:A/>" * 12 + "</rdf:RDF>"),
+        (turtle, "<#a> a <#B> .\n" * 12),
+        (expressions, "".join(f"Class: <http://x.org/{n}>\n" for n in range(12))),
+    ],
+    ids=["rdf/xml", "turtle", "manchester"],
+)
+def test_a_file_has_only_so_many_triples(
+    tmp_path: Path, module: ModuleType, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "MOST_TRIPLES", 10)
+    assert [d.code for d in problems(file(tmp_path, text))] == ["O003"]
 
 
 def test_very_many_entities_and_mistakes_take_no_long_time(tmp_path: Path) -> None:

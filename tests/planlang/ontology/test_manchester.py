@@ -1,7 +1,6 @@
 """Manchester syntax: triples, positions, names, and agreement with py-horned-owl."""
 
 import re
-from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 import pyhornedowl
@@ -11,7 +10,6 @@ from planlang.diagnostics import BadInput
 from planlang.ontology import BNode, Literal, Triple
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD
-from planlang.resources import bundled
 
 HEAD = """Prefix: : <http://example.org/t#>
 Prefix: xsd: <http://www.w3.org/2001/XMLSchema#>
@@ -51,16 +49,6 @@ def as_rdfxml(triples: list[Triple]) -> str:
 
 def axioms(text: str, serialization: str) -> set[str]:
     return {str(a.component) for a in pyhornedowl.open_ontology_from_string(text, serialization).get_axioms()}
-
-
-OURS = sorted([*bundled("ontologies").rglob("*.omn"), *bundled("recipes").rglob("*.omn")])
-
-
-@pytest.mark.parametrize("path", OURS, ids=lambda path: path.name)
-def test_our_files_have_the_axioms_that_horned_owl_finds(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    triples = read_manchester(text.encode(), path.name, base="http://example.org/base").triples
-    assert axioms(as_rdfxml(triples), "rdf") == axioms(text, "omn")
 
 
 EVERYTHING = """

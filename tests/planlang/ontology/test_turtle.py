@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rdflib.compare import isomorphic
 
 from planlang.diagnostics import BadInput, Diagnostic
-from planlang.ontology import Literal, Triple, load, turtle
+from planlang.ontology import Literal, Triple, load
 from planlang.ontology.rdfxml import read_rdfxml
 from planlang.ontology.terms import RDF, TYPE, XSD
 from planlang.ontology.turtle import read_turtle
@@ -254,8 +254,3 @@ def test_any_words_of_the_language_are_read_or_refused_with_positions(tokens: li
 @pytest.mark.parametrize("opening", ["(", "[ :p ", "( [ :p "])
 def test_nameless_things_are_nested_only_so_deep(opening: str) -> None:
     assert [d.code for d in problems(":a :p " + opening * 500_000)] == ["O008"]
-
-
-def test_a_file_has_only_so_many_triples(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(turtle, "MOST_TRIPLES", 10)
-    assert [d.code for d in problems(":a :p :b .\n" * 11)] == ["O003"]

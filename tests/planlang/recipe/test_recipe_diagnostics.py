@@ -9,7 +9,7 @@ from planlang.compiler import compile_recipe
 from planlang.diagnostics import CODES, BadInput, Diagnostic
 
 FILES = sorted((Path(__file__).parents[2] / "diagnostics").glob("R*"))
-EXPECTED = re.compile(r"# (R\d+) (error|warning|note) at line (\d+): ")
+EXPECTED = re.compile(r"# ([A-Z]\d+) (error|warning|note) at line (\d+): ")
 
 
 def diagnostics_of(path: Path, text: str) -> tuple[Diagnostic, ...]:

@@ -1,0 +1,51 @@
+"""Checks of designators: places and things of a file that nothing uses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, Severity
+from planlang.ontology import Ontology
+from planlang.ontology.terms import TYPE
+from planlang.recipe.terms import is_place, read_thing
+
+MOST_NAMES = 5
+"""Names that one message lists."""
+
+
+def check_designators(ontology: Ontology) -> Iterator[Diagnostic]:
+    """A warning for the location designators of the main document that nothing refers to, a note for its things.
+
+    A file in which things have places of their own is a map as well: there things need no use.
+    """
+    places: list[str] = []
+    things: list[str] = []
+    for triple in ontology.triples(p=TYPE):
+        name = triple.subject
+        if (
+            not isinstance(name, str)
+            or not ontology.main(name)
+            or ontology.is_class(name)
+            or name in (*places, *things)
+        ):
+            continue
+        if any(other.subject != name for other in ontology.triples(o=name)):
+            continue
+        if is_place(ontology, name):
+            places.append(name)
+        elif read_thing(ontology, name) is not None:
+            things.append(name)
+    if places:
+        yield _unused(ontology, Severity.WARNING, "location designator", places)
+    if things and not any(True for _ in ontology.triples(p="eventOccursAt")):
+        yield _unused(ontology, Severity.NOTE, "thing", things)
+
+
+def _unused(ontology: Ontology, severity: Severity, what: str, names: list[str]) -> Diagnostic:
+    names.sort(key=lambda name: (str(ontology.span(name)), name))
+    listed = ", ".join(f"`{local_name(name)}`" for name in names[:MOST_NAMES])
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    message = f"nothing uses the {what}{'s' if len(names) > 1 else ''} {listed}{more}"
+    spans = [span for span in map(ontology.span, names) if span is not None]
+    return Diagnostic(severity, "R039", message, min(spans, default=None), "remove it, or refer to it in a parameter")

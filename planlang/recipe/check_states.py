@@ -1,0 +1,167 @@
+"""Checks of finite-state recipes: states that exist, are reached, and are left however they end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from difflib import get_close_matches
+
+import networkx as nx
+
+from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, Span, error, warning
+from planlang.recipe.actions import Actions
+from planlang.recipe.model import Ending, Recipe, StateMachine, Transition
+from planlang.recipe.statements import Statements
+
+MOST_NAMES = 5
+"""States that one message names; of more it says how many there are."""
+
+
+def check_states(actions: Actions, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
+    """Judge what the file states about the states of a recipe; nothing if it is none of states."""
+    if not statements.is_finite_state:
+        return
+    yield from _dangling(actions, statements, recipe)
+    yield from _unlisted(actions, statements, recipe)
+    yield from _ends(statements, recipe)
+    if statements.orderings:
+        message = f"`{recipe.name}` has states and ordering constraints: only the transitions count"
+        yield warning("R057", message, statements.orderings[0].span, "remove the constraints, or write transitions")
+    machine = recipe.machine
+    if machine is not None:
+        yield from _ambiguous(machine, recipe)
+        if machine.ends:
+            yield from _unreachable(machine, recipe)
+            yield from _uncovered(actions, machine, recipe)
+            yield from _failures(machine, recipe)
+
+
+def _dangling(actions: Actions, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
+    """Names of states that nothing defines."""
+    known = {local_name(name): name for name in statements.names if actions.ontology.defined(name)}
+    for name in statements.mentioned():
+        if name not in statements.names and not actions.ontology.defined(name):
+            similar = get_close_matches(local_name(name), known, n=1)
+            advice = (
+                f"did you mean `{similar[0]}`?"
+                if similar
+                else f"define it, and add `subAction some {local_name(name)}`"
+            )
+            message = f"the state `{local_name(name)}` of `{recipe.name}` is not defined"
+            yield error("R050", message, _where(actions, statements, name) or recipe.span, advice)
+
+
+def _unlisted(actions: Actions, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
+    """States that are no sub-actions though others are: they are taken as such."""
+    for name in statements.mentioned():
+        if name not in statements.names and actions.ontology.defined(name):
+            message = f"`{local_name(name)}` is a state of `{recipe.name}`, but not a sub-action: it is taken as one"
+            advice = f"add `subAction some {local_name(name)}` to `{recipe.name}`"
+            yield warning("R051", message, _where(actions, statements, name) or recipe.span, advice)
+
+
+def _ends(statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
+    """Where the recipe begins and is done: one start, and an end."""
+    if not statements.starts:
+        advice = "add `taskStartState value S` with the state in which it begins"
+        yield error("R052", f"`{recipe.name}` does not say in which state it begins", recipe.span, advice)
+    elif len(statements.starts) > 1:
+        names = ", ".join(f"`{local_name(name)}`" for name in statements.starts)
+        advice = "leave one; what may begin side by side is a recipe of its own"
+        yield error("R052", f"`{recipe.name}` begins in several states: {names}", recipe.span, advice)
+    if not statements.ends:
+        advice = "add `taskEndState value S` with the state after which it is done"
+        yield error("R052", f"`{recipe.name}` does not say in which state it is done", recipe.span, advice)
+
+
+def _ambiguous(machine: StateMachine, recipe: Recipe) -> Iterator[Diagnostic]:
+    """Transitions that leave a state in the same case for different ones."""
+    first: dict[tuple[str, str | Ending], Transition] = {}
+    for one in machine.transitions:
+        earlier = first.setdefault((one.source, _case(one)), one)
+        if earlier.target != one.target:
+            message = (
+                f"after `{local_name(one.source)}` with {_word(one)} two states come next:"
+                f" `{local_name(earlier.target)}` and `{local_name(one.target)}`"
+            )
+            advice = "give them different outcomes (causedBy), or leave one"
+            yield error("R053", message, _later(earlier, one) or recipe.span, advice)
+
+
+def _unreachable(machine: StateMachine, recipe: Recipe) -> Iterator[Diagnostic]:
+    """States to which no transitions lead from the start."""
+    graph = nx.DiGraph((one.source, one.target) for one in machine.transitions)
+    graph.add_node(machine.start)
+    reached = {machine.start, *nx.descendants(graph, machine.start)}
+    lost = [step for step in recipe.steps if step.iri not in reached]
+    for step in lost:
+        if step.iri in machine.ends and not reached & set(machine.ends):
+            continue
+        message = f"no transitions lead from `{local_name(machine.start)}` to the state `{step.name}`"
+        advice = f"add a transition with `toState {step.name}`, or remove the state"
+        yield warning("R054", message, step.span, advice)
+    if not reached & set(machine.ends):
+        names = ", ".join(f"`{local_name(end)}`" for end in machine.ends)
+        message = f"no transitions lead from `{local_name(machine.start)}` to an end of `{recipe.name}` ({names})"
+        yield error("R054", message, recipe.span, "add the transitions that are missing on the way")
+
+
+def _uncovered(actions: Actions, machine: StateMachine, recipe: Recipe) -> Iterator[Diagnostic]:
+    """Ways in which a state may end that no transition takes up; and transitions out of ends, which are never taken."""
+    for step in recipe.steps:
+        own = [one for one in machine.transitions if one.source == step.iri]
+        endings = {one.ending for one in own}
+        if step.iri in machine.ends:
+            regular = [one for one in own if one.ending is not Ending.FAILED]
+            if regular:
+                message = f"`{step.name}` is an end of `{recipe.name}`: the transition out of it is never taken"
+                yield warning("R055", message, regular[0].span, "remove the transition, or the taskEndState")
+            continue
+        checks = endings & {Ending.TRUE, Ending.FALSE}
+        missing: list[str] = []
+        if len(checks) == 1:
+            missing = ["CONDITION_FALSE" if Ending.TRUE in checks else "CONDITION_TRUE"]
+        elif not checks and not endings & {Ending.DONE, Ending.OTHER}:
+            is_check = actions.is_a(step, "CheckingWhetherConditionObtains")
+            missing = ["CONDITION_TRUE", "CONDITION_FALSE"] if is_check else ["COMPLETED_OK"]
+        if missing:
+            names = " and ".join(missing)
+            message = f"nothing comes after `{step.name}` if it ends with {names}, and it is no end of `{recipe.name}`"
+            advice = f"add a transition with `fromState {step.name}, causedBy {missing[0]}`"
+            yield warning("R055", message, step.span, advice)
+
+
+def _failures(machine: StateMachine, recipe: Recipe) -> Iterator[Diagnostic]:
+    """No state has a transition for its failure: whatever fails ends the recipe, and what loops may loop for ever."""
+    if any(one.ending is Ending.FAILED for one in machine.transitions):
+        return
+    graph = nx.DiGraph((one.source, one.target) for one in machine.transitions)
+    looping = sorted({state for part in nx.strongly_connected_components(graph) if len(part) > 1 for state in part})
+    message = f"no state of `{recipe.name}` has a transition for its failure: any failure ends the recipe"
+    if looping:
+        names = [f"`{local_name(state)}`" for state in looping]
+        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+        message += f", and {', '.join(names[:MOST_NAMES])}{more} may follow each other for ever"
+    advice = "add transitions with `causedBy` a failed ActionResult, such as COMPLETED_FAILED, to a state that gives up"
+    yield warning("R056", message, recipe.span, advice)
+
+
+def _case(transition: Transition) -> str | Ending:
+    is_named = transition.ending in (Ending.OTHER, Ending.FAILED) and transition.outcome is not None
+    return transition.outcome if is_named and transition.outcome else transition.ending
+
+
+def _word(transition: Transition) -> str:
+    return local_name(transition.outcome) if transition.outcome else "any outcome"
+
+
+def _later(first: Transition, second: Transition) -> Span | None:
+    spans = [one.span for one in (first, second) if one.span is not None]
+    return max(spans, default=None)
+
+
+def _where(actions: Actions, statements: Statements, name: str) -> Span | None:
+    """Where a state is mentioned first: in a transition, else as start or end."""
+    events = {one.iri for one in statements.machine.transitions} if statements.machine is not None else set()
+    spans = [t.span for t in actions.ontology.triples(o=name) if str(t.subject) in events]
+    return min(spans, default=None) or min((t.span for t in actions.ontology.triples(o=name)), default=None)

@@ -1,0 +1,86 @@
+"""Checks of what a recipe leaves open: steps that nothing orders, and those among them that need the same resource."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+from planlang.diagnostics import Diagnostic, note, warning
+from planlang.recipe.actions import Actions
+from planlang.recipe.check_orderings import ordering_to_write
+from planlang.recipe.graph import recipe_graph
+from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
+from planlang.recipe.precedence import Precedence
+from planlang.recipe.wise import wise_orderings
+
+BASE = "base"
+"""The role of base motions, whose order is judged for itself."""
+
+MOST_STEPS = 200
+"""Steps with resources of a recipe that are compared pair by pair."""
+
+
+def check_free(recipe: Recipe) -> Iterator[Diagnostic]:
+    """Steps about whose order nothing is said, where nothing else is to say about orders."""
+    if len(recipe.steps) < 2:
+        return
+    related = {name for one in recipe.orderings for name in (one.before, one.after)}
+    related |= {name for one in recipe.overlaps for name in (one.first, one.second)}
+    free = [step for step in recipe.steps if step.iri not in related]
+    if len(free) == len(recipe.steps):
+        message = f"nothing orders the {len(free)} steps of `{recipe.name}`: they may come in any order"
+        yield note("R047", message, recipe.span, "add ordering constraints if that is not meant")
+    elif free:
+        names = ", ".join(f"`{step.name}`" for step in free)
+        message = f"nothing orders {names} of `{recipe.name}`, while other steps are ordered"
+        yield note("R047", message, free[0].span, "add ordering constraints if that is not meant")
+
+
+def check_unordered(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> Iterator[Diagnostic]:
+    """Steps that need the same resource of the robot and are unordered: one after the other, but which first?
+
+    The recipe's orders are acyclic, and nothing recurses.
+    """
+    known: dict[str, frozenset[str]] = {}
+    needs = {step.iri: _resources(actions, step, recipes, known) for step in recipe.steps}
+    using = [step for step in recipe.steps if needs[step.iri]][:MOST_STEPS]
+    if len(using) < 2:
+        return
+    order: Precedence[str] = Precedence(recipe_graph(recipe))
+    wished = {frozenset((before, after)) for before, after, _ in wise_orderings(actions, recipe)}
+    pairs = [
+        (first, second)
+        for first, second in combinations(using, 2)
+        if not needs[first.iri].isdisjoint(needs[second.iri])
+        and not order.ordered(first.iri, second.iri)
+        and frozenset((first.iri, second.iri)) not in wished
+    ]
+    if pairs:
+        first, second = pairs[0]
+        shared = " and the ".join(sorted(needs[first.iri] & needs[second.iri]))
+        more = f" (and {len(pairs) - 1} more such pairs)" if len(pairs) > 1 else ""
+        message = (
+            f"`{first.name}` and `{second.name}` both need the {shared}, and nothing orders them: they come one after"
+            f" the other, either first{more}"
+        )
+        yield warning("R045", message, second.span, ordering_to_write(recipe, first.iri, second.iri))
+
+
+def _resources(actions: Actions, step: Step, recipes: RecipeSet, known: dict[str, frozenset[str]]) -> frozenset[str]:
+    """Roles that a step needs, those of steps below it included; a role of the hand with the device if that is told.
+
+    ``known`` are those of recipes (IRIs) that were asked for before.
+    """
+    primitive = actions.primitive(step)
+    if primitive is not None:
+        devices = sorted(thing.name for thing in step.fillers("deviceUsed") if isinstance(thing, Thing))
+        return frozenset(
+            f"{role} of {devices[0]}" if devices and role in ("arm", "gripper") else role
+            for role in primitive.resources
+            if role != BASE
+        )
+    for callee in step.recipes:
+        if callee not in known:
+            below = recipes.recipes[callee].steps
+            known[callee] = frozenset(role for one in below for role in _resources(actions, one, recipes, known))
+    return frozenset(role for callee in step.recipes for role in known[callee])
