@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from executive.locations.surroundings import Base
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Contact
+from planlang.protocols import Array, Contact
 
 MOST_PLACES = 5000
 """Places that are remembered, for a picture."""
@@ -33,6 +33,8 @@ class Rejections:
     blocking: Counter[str] = field(default_factory=Counter)
     places: list[Judged] = field(default_factory=list)
     """Places that were looked at, in that order; the first thousands."""
+    scored: list[tuple[Array, Array]] = field(default_factory=list)
+    """Candidates (m, 3) before they were looked at, and their scores (m,)."""
 
     def add(self, reason: str, number: int = 1) -> None:
         """Count ``number`` candidates rejected for a reason."""

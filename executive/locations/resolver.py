@@ -64,6 +64,7 @@ class Effort:
 
 EFFORTS = (
     Effort(fine=False, least=0.1, rows=400, each=16, most=384, block=48, exact=60),
+    Effort(fine=True, least=0.05, rows=400, each=16, most=1024, block=96, exact=100),
     Effort(fine=True, least=0.0, rows=4000, each=48, most=4096, block=256, exact=200),
 )
 ANOTHER_PLACE = 0.4
@@ -224,6 +225,7 @@ class Resolver:
             rows=effort.rows,
             each=effort.each,
         )
+        log.scored.append((found.bases, found.scores))
         log.add("no room for the base", found.without_room)
         log.add("not where the other conjuncts say", found.unwanted)
         self._name_crowding(found, log)
@@ -300,7 +302,17 @@ class Resolver:
                 forward = self.inverse(arm, CLASSES[int(grasp)]).forward
                 seeds = forward.seeds(found.rows[chosen], found.torsos[chosen])
                 slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
-                solved = solve(ways, found.ways[chosen], bases[chosen], arm, seeds[:, None], solids, log, slack=slack)
+                solved = solve(
+                    ways,
+                    found.ways[chosen],
+                    bases[chosen],
+                    arm,
+                    seeds[:, None],
+                    solids,
+                    log,
+                    own=self.around.own_body(arm),
+                    slack=slack,
+                )
                 ok[mine] = solved.ok
                 joints.update(
                     (int(row), values)
@@ -490,6 +502,7 @@ class Resolver:
             found.crowded = [(float(score[index]), bases[index]) for index in promising]
             self._name_crowding(found, log)
         good = np.flatnonzero(roomy & (score > 0))
+        log.scored.append((bases[good], total[good]))
         order = good[np.argsort(-total[good].round(9), kind="stable")]
         for row in islice(_spread(squares[order], order), MOST_AREAS):
             place = bases[row].round(4)
