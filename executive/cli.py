@@ -420,6 +420,10 @@ def locate_command(
     start: Annotated[
         str | None, typer.Option(metavar="X,Y,YAW", help="Where the robot is [m, m, rad]; default: the middle.")
     ] = None,
+    of: Annotated[
+        str | None,
+        typer.Option("--of", metavar="THING", help='What is to be put there, e.g. "the bottle"; default: the base.'),
+    ] = None,
     count: Annotated[int, typer.Option(min=1, max=1000, metavar="N", help="How many places, best first.")] = 3,
     explain: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw what was looked at and what became of it, as PNG.")
@@ -427,7 +431,7 @@ def locate_command(
     ontologies: Ontologies = None,
     json: AsJson = False,
 ) -> None:
-    """Find places for the robot's base that a phrase tells."""
+    """Find places for the robot's base, or for a thing, that a phrase tells."""
     base = _planar(start)
 
     def work() -> Answer:
@@ -444,7 +448,7 @@ def locate_command(
         from executive.locating import LocateOptions, locate
 
         folders = tuple(ontologies or ())
-        return locate(LocateOptions(phrase, self_model, semantic_map, urdf, folders, base, count, explain))
+        return locate(LocateOptions(phrase, self_model, semantic_map, urdf, folders, of, base, count, explain))
 
     answer("locate", work, as_json=json)
 

@@ -68,7 +68,15 @@ class RobotExecutive:
         match condition:
             case Condition("holding", (Object() as what,)):
                 return self.platform.around.bind(what) in self.platform.belief.held
-        raise ValueError(f"nothing decides {condition}; what can be asked: holding(object)")
+            case Condition("located", (Location() as where,)):
+                self.platform.sync()
+                return self.platform.resolver.holds(where)
+            case Condition("located", (Location() as where, Object() as what)):
+                self.platform.sync()
+                return self.platform.resolver.holds(where, what)
+        raise ValueError(
+            f"nothing decides {condition}; what can be asked: holding(object), located(location, object or device)"
+        )
 
     def before_retry(self) -> Iterable[Action]:
         """Arms go to the carrying posture with what they hold; first the base backs off if there is no room for it."""

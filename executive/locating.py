@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import islice
@@ -14,15 +14,14 @@ from executive.capabilities import bind_robot
 from executive.carrying import with_carrying
 from executive.console import DONE, FAILED, MISSING_CAPABILITY, Answer
 from executive.knowledge import SemanticMap, read_map, scene_of
-from executive.locations import Base
+from executive.locations import Base, Rejections
 from executive.outputs import replace as write_complete
 from executive.platform import Platform
 from planlang.designators import Location, Object, Person
 from planlang.diagnostics import BadInput, Diagnostic, error, note
-from planlang.failures import LocationUnresolvable, ObjectUnresolvable, PlanFailure
+from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.ontology import expand, load, shorten
-from planlang.phrases import Lexicon, read_location, write_location
-from planlang.protocols import Solution
+from planlang.phrases import Lexicon, read_location, read_thing, write_location
 from sim import PyBulletWorld
 from sim.geometry import corners, hull
 
@@ -39,6 +38,8 @@ class LocateOptions:
     environment: Path
     urdf: Path | None = None
     ontologies: tuple[Path, ...] = ()
+    of: str | None = None
+    """A thing that is to be put somewhere; None: the robot's base."""
     start: Base | None = None
     count: int = 3
     explain: Path | None = None
@@ -59,13 +60,14 @@ def locate(options: LocateOptions) -> Answer:
         stack.callback(world.close)
         check_start(world)
         platform = platform_of(robot, semantic_map, world, world, 0)
-        meant = _meant(location, platform)
+        what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
+        meant = _meant([*references(location), *([] if what is None else [what])], platform)
         found.extend(_choices(meant, platform))
         if location.device is not None and not platform.around.arms_of(location.device):
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
             text = f"MissingCapability: {robot.name} has no {location.device}; its arms: {arms}"
             return Answer(MISSING_CAPABILITY, tuple(found), text, {"failure": ["MissingCapability"]})
-        return _resolved(location, lexicon, platform, meant, found, options)
+        return _resolved(location, what, lexicon, platform, meant, found, options)
 
 
 def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
@@ -90,11 +92,11 @@ def references(location: Location) -> Iterator[Object]:
                 yield what
 
 
-def _meant(location: Location, platform: Platform) -> dict[Object, str]:
+def _meant(designators: Iterable[Object], platform: Platform) -> dict[Object, str]:
     """The body that each designator means; raises BadInput when the map has none."""
     meant: dict[Object, str] = {}
     problems = []
-    for what in dict.fromkeys(references(location)):
+    for what in dict.fromkeys(designators):
         try:
             meant[what] = platform.around.bind(what)
         except ObjectUnresolvable:
@@ -115,59 +117,72 @@ def _choices(meant: Mapping[Object, str], platform: Platform) -> Iterator[Diagno
             yield note("P009", f"the {what} is {name}, the nearest of {len(others) + 1}", help=help)
 
 
+def _bases(location: Location, platform: Platform, count: int, log: Rejections) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Places for the base: a line for people, what machines read."""
+    for number, solution in enumerate(islice(platform.resolver.bases(location, log), count), 1):
+        x, y, yaw = solution.base
+        detail = solution.detail
+        how = f"{detail['arm']} arm: {', '.join(detail['reaches'])}" if "arm" in detail else ""
+        line = f"{number}  x {x:.3f}  y {y:.3f}  yaw {yaw:.3f}  {how}".rstrip()
+        yield line, {"x": x, "y": y, "yaw": yaw, **detail}
+
+
+def _things(
+    location: Location, what: Object, platform: Platform, count: int, log: Rejections
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Places for a thing: the centre of its box."""
+    for number, pose in enumerate(islice(platform.resolver.things(location, what, log), count), 1):
+        x, y, z = pose.position
+        line = f"{number}  x {x:.3f}  y {y:.3f}  z {z:.3f}  yaw {pose.yaw:.3f}"
+        yield line, {"x": x, "y": y, "z": z, "yaw": pose.yaw}
+
+
 def _resolved(
     location: Location,
+    what: Object | None,
     lexicon: Lexicon,
     platform: Platform,
     meant: Mapping[Object, str],
     found: list[Diagnostic],
     options: LocateOptions,
 ) -> Answer:
-    solutions: list[Solution] = []
-    failure: PlanFailure | None = None
+    log, failure = Rejections(), None
+    places: list[tuple[str, dict[str, Any]]] = []
     try:
-        solutions.extend(islice(platform.resolver.bases(location), options.count))
+        if what is None:
+            places.extend(_bases(location, platform, options.count, log))
+        else:
+            places.extend(_things(location, what, platform, options.count, log))
     except LocationUnresolvable as problem:
         failure = problem
-    counts = dict(getattr(failure, "counts", {}))
-    blocking = dict(getattr(failure, "blocking", {}))
+    counts, blocking = dict(log.counts.most_common()), dict(log.blocking.most_common())
     phrase = write_location(location, lexicon)
     data: dict[str, Any] = {
         "location": phrase,
-        "meant": {str(what): name for what, name in meant.items()},
-        "solutions": [{"x": s.base[0], "y": s.base[1], "yaw": s.base[2], **s.detail} for s in solutions],
+        "meant": {str(reference): name for reference, name in meant.items()},
+        "solutions": [place for _, place in places],
         "counts": counts,
         "blocking": blocking,
     }
-    lines = [phrase, *(f"  {_line(number, s)}" for number, s in enumerate(solutions, 1))]
-    if not solutions:
+    lines = [phrase, *(f"  {line}" for line, _ in places)]
+    if not places:
         data["failure"] = [type(failure).__name__]
-        lines = [phrase, str(failure)]
+        lines = [phrase, str(failure).replace(f"{location}: ", "", 1)]  # the phrase says it already
+    elif counts:
+        lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in counts.items())}")
     if options.explain is not None:
-        _explain(options.explain, phrase, solutions, platform, meant)
+        from executive.locations.picture import Resolution, save_picture
+
+        bases = [(place["x"], place["y"], place["yaw"]) for _, place in places]
+        resolution = Resolution(options.phrase, bases, log.places, log.scored, counts, blocking)
+        scenery = scenery_of(platform, meant.values(), None if what is None else meant[what])
+        write_complete(options.explain, lambda temporary: save_picture(temporary, scenery, resolution))
         data["picture"] = str(options.explain)
-    return Answer(DONE if solutions else FAILED, tuple(found), "\n".join(lines), data)
+    return Answer(DONE if places else FAILED, tuple(found), "\n".join(lines), data)
 
 
-def _line(number: int, solution: Solution) -> str:
-    x, y, yaw = solution.base
-    detail = solution.detail
-    how = f"{detail['arm']} arm: {', '.join(detail['reaches'])}" if "arm" in detail else ""
-    return f"{number}  x {x:.3f}  y {y:.3f}  yaw {yaw:.3f}  {how}".rstrip()
-
-
-def _explain(
-    path: Path, phrase: str, solutions: list[Solution], platform: Platform, meant: Mapping[Object, str]
-) -> None:
-    """Draw a resolution."""
-    from executive.locations.picture import Resolution, save_picture
-
-    resolution = Resolution(phrase, [solution.base for solution in solutions], [])
-    write_complete(path, lambda temporary: save_picture(temporary, scenery_of(platform, meant.values()), resolution))
-
-
-def scenery_of(platform: Platform, meant: Collection[str]) -> Scenery:
-    """What a picture shows besides the resolution."""
+def scenery_of(platform: Platform, meant: Collection[str], placed_thing: str | None = None) -> Scenery:
+    """What a picture shows besides the resolution; places are as large as the base, or as a thing that is placed."""
     from executive.locations.picture import Outline, Scenery
 
     world = platform.around.world
@@ -180,5 +195,6 @@ def scenery_of(platform: Platform, meant: Collection[str]) -> Scenery:
         points = corners(world.pose(name), body.size)[:, :2]
         kind = "meant" if name in meant else body.shape if body.shape in ("person", "marker") else "solid"
         bodies.append(Outline(name, hull(points), kind))
-    robot = platform.robot
-    return Scenery(world.scene.bounds, bodies, robot.base.radius, platform.base())
+    robot = platform.robot.base.radius
+    size = robot if placed_thing is None else max(world.size(placed_thing)[:2]) / 2
+    return Scenery(world.scene.bounds, bodies, size, platform.base(), robot)

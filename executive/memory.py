@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import astuple
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from executive.locations import ArmModel, Base, Reach, ReachSolution
-from executive.locations.hand import HandPlan
+from executive.locations.ways import HandPlan
 from executive.platform import Platform
 from planlang.protocols import Array
 
@@ -71,13 +72,19 @@ def restore(platform: Platform, state: Mapping[str, Any], *, world: bool) -> Non
 def _way_json(way: ReachSolution) -> list[Any]:
     plan = way.plan
     hand = [plan.label, plan.poses.tolist(), plan.touches, plan.opened]
-    return [way.reach.kind, way.reach.body, way.arm.name, hand, way.joints.tolist()]
+    return [list(astuple(way.reach)), way.arm.name, hand, way.joints.tolist()]
 
 
 def _way(state: Any, arms: Mapping[str, ArmModel]) -> ReachSolution:
-    kind, body, arm, (label, poses, touches, opened), joints = state
+    reach, arm, (label, poses, touches, opened), joints = state
     plan = HandPlan(str(label), _array(poses, (-1, 4, 4)), touches, bool(opened))
-    return ReachSolution(Reach(str(kind), str(body)), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
+    return ReachSolution(_reach(*reach), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
+
+
+def _reach(kind: str, body: str, grasp: str | None, some: Any, heights: Any, inside: bool, also: Any) -> Reach:
+    low, high = heights
+    named = None if some is None else tuple(map(str, some))
+    return Reach(kind, body, grasp, named, (float(low), float(high)), inside, tuple(map(tuple, also)))
 
 
 def _ways(states: Any, arms: Mapping[str, ArmModel]) -> Iterator[ReachSolution]:

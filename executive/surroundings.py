@@ -9,11 +9,16 @@ import numpy as np
 
 from executive.capabilities import Robot
 from executive.knowledge import Belief
-from executive.locations import ArmModel, Base, Block, ComfortZone, Held
-from executive.motion import Boxes, Gaze, clearance_at
+from executive.locations import ArmModel, Base, Block, ComfortZone, Door, Held
+from executive.locations.field import Floor
+from executive.locations.reachability import GraspClass, ReachabilityMap
+from executive.locations.reachability_building import reachability_maps
+from executive.locations.solids import Solids
+from executive.motion import Boxes, Gaze
 from executive.motion.clearance import Band
 from planlang.designators import Device, Object
-from planlang.protocols import Array, Configuration, Contact
+from planlang.ontology import expand
+from planlang.protocols import Array, Configuration, Contact, Pose
 from sim import PyBulletWorld
 
 SEEN_SHARE = 0.3
@@ -35,6 +40,9 @@ class BelievedSurroundings:
     ) -> None:
         self.world, self.robot, self.belief, self.gaze = world, robot, belief, gaze
         self.arms: tuple[ArmModel, ...] = tuple(arms)
+        self._maps: dict[tuple[str, GraspClass], ReachabilityMap] = {}
+        self._solids: tuple[object, Solids] | None = None
+        self._floor: tuple[object, Floor] | None = None
 
     def arms_of(self, device: Device) -> Sequence[ArmModel]:
         """Arms that a device designator may mean: by the robot's part, else by type and side."""
@@ -86,12 +94,130 @@ class BelievedSurroundings:
         """Revision of the belief."""
         return self.belief.revision
 
-    def clearance(self, bases: Array) -> Array:
-        """Room (m,) [m] around all but the arms at bases (m, 3), inside the bounds of the map."""
-        joints = [name for arm in self.robot.arms for name in arm.joints]
-        x_min, y_min, x_max, y_max = self.world.scene.bounds
-        inside = (bases[:, 0] > x_min) & (bases[:, 0] < x_max) & (bases[:, 1] > y_min) & (bases[:, 1] < y_max)
-        return np.where(inside, clearance_at(bases[:, :2], self.obstacles(), self.world.silhouette(joints)), -np.inf)
+    def posture(self) -> object:
+        """The robot's configuration, as something that can be compared."""
+        now = self.world.configuration()
+        return now.base, tuple(now.joints.items())
+
+    def floor(self) -> Floor:
+        """What takes room from the base: with the robot's body, arms left out, as it is now."""
+        joints = tuple(self.world.configuration().joints.items())
+        state = (self._state(), joints)
+        if self._floor is None or self._floor[0] != state:
+            arms = [name for arm in self.robot.arms for name in arm.joints]
+            floor = Floor(self.obstacles(), self.world.silhouette(arms), self.world.scene.bounds)
+            self._floor = state, floor
+        return self._floor[1]
+
+    def solids(self) -> Solids:
+        """The pieces of all bodies that are not held."""
+        state = self._state()
+        if self._solids is None or self._solids[0] != state:
+            self._solids = state, Solids.of(self.world.solids())
+        return self._solids[1]
+
+    def _state(self) -> object:
+        """What the places of all bodies depend on."""
+        return self.belief.revision, tuple(self.belief.held), tuple(self.world.attached())
+
+    def reachability(self, arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
+        """The map of an arm and class of grasp, from the cache or built now."""
+        key = (arm.name, grasp)
+        if key not in self._maps:
+            self._maps[key] = reachability_maps(arm, self.robot.torso, (grasp,))[grasp]
+        return self._maps[key]
+
+    def boxes_but(self, without: Sequence[str]) -> tuple[Boxes, tuple[str, ...]]:
+        """Boxes around the pieces of all bodies that are not held, some left out; and whose they are."""
+        pieces = [piece for piece in self.world.solids() if piece.body not in without]
+        sizes = np.array([piece.size for piece in pieces]).reshape(-1, 3)
+        return Boxes.around([piece.pose for piece in pieces], sizes), tuple(piece.body for piece in pieces)
+
+    def is_round(self, name: str) -> bool:
+        """Whether a body is a cylinder."""
+        return self.world.scene.body(name).shape == "cylinder"
+
+    def names(self) -> Sequence[str]:
+        """All bodies."""
+        return self.world.names()
+
+    def radius(self) -> float:
+        """Of the base's outline [m]."""
+        return self.robot.base.radius
+
+    def support(self, name: str) -> str | None:
+        """What a body is believed to rest on."""
+        found = self.world.support(name)
+        return found if found in self.world.names() else None
+
+    def is_solid(self, name: str) -> bool:
+        """Whether a body can be touched: a marker cannot."""
+        return self.world.scene.body(name).shape != "marker"
+
+    def pose(self, name: str) -> Pose:
+        """Where a body is believed to be."""
+        return self.belief.reference_pose(name)
+
+    def size(self, name: str) -> tuple[float, float, float]:
+        """Extents of a body's box along its axes [m]."""
+        return self.world.size(name)
+
+    def front(self, name: str) -> float | None:
+        """The heading of a body's front: where a person faces, where a door is, else the x axis of furniture.
+
+        What a hand can take, round things, rooms and mere places have none.
+        """
+        body = self.world.scene.body(name)
+        if body.shape == "person":
+            return self.zone(name).facing
+        if body.graspable or body.shape in ("cylinder", "marker", "room"):
+            return None
+        block = self.block(name)
+        for door in self.doors(name):
+            if door.name != name:  # the side of the box that the door's middle is nearest to
+                middle = np.array([[door.x, door.y]]) + door.width / 2 * np.array(
+                    [[math.cos(door.heading), math.sin(door.heading)]]
+                )
+                x, y = block.to_local(middle)[0] / np.array([block.half_x, block.half_y])
+                turn = (0.0 if x > 0 else math.pi) if abs(x) >= abs(y) else math.copysign(math.pi / 2, y)
+                return block.yaw + turn
+        return block.yaw
+
+    def doors(self, name: str) -> Sequence[Door]:
+        """The doors that a body is or has: things of the class Door, and those hinged to it that stand upright."""
+        known = {thing.iri: thing for thing in self.belief.map.objects}
+        things = [thing for thing in known.values() if thing.name == name and self._is_door(thing.types)]
+        own = next((thing for thing in known.values() if thing.name == name), None)
+        if own is not None and not things:
+            hinged = (thing for thing in known.values() if own.iri in thing.hinged_to or thing.iri in own.parts)
+            things = [thing for thing in hinged if self._is_door(thing.types)]
+        return [self._door(thing.name, name) for thing in things if thing.name in self.belief.names()]
+
+    def _is_door(self, types: Sequence[str]) -> bool:
+        ontology = self.belief.map.ontology
+        return any(ontology.is_a(one, expand(cls)) for one in types for cls in ("Door", "DoorwayCovering"))
+
+    def _door(self, name: str, owner: str) -> Door:
+        """A closed leaf: hinged at the vertical edge that is nearer to a side of its owner, else at its left edge."""
+        leaf = self.block(name)
+        along = leaf.yaw if leaf.half_x >= leaf.half_y else leaf.yaw + math.pi / 2
+        half = max(leaf.half_x, leaf.half_y)
+        hinge = -1.0
+        if owner != name:
+            frame = self.block(owner)
+            ends = leaf.yaw, along
+            places = np.array(
+                [[leaf.x + s * half * math.cos(ends[1]), leaf.y + s * half * math.sin(ends[1])] for s in (-1, 1)]
+            )
+            spare = np.array([frame.half_x, frame.half_y]) - np.abs(frame.to_local(places))
+            axis = int(np.argmax(np.abs(np.diff(frame.to_local(places), axis=0))[0]))
+            hinge = -1.0 if spare[0, axis] <= spare[1, axis] else 1.0
+        x, y = leaf.x + hinge * half * math.cos(along), leaf.y + hinge * half * math.sin(along)
+        return Door(name, x, y, 2 * half, along if hinge < 0 else along + math.pi)
+
+    def tip(self, arm: ArmModel) -> Array:
+        """Pose (4, 4) of an arm's tip in the map."""
+        return self.world.link_pose(self.robot.arm(arm.name).tip).matrix()
 
     def obstacles(self) -> Boxes:
         """Boxes around the pieces of all bodies that are not held, the floor left out."""
@@ -130,10 +256,18 @@ class BelievedSurroundings:
         """Whether the robot has a camera."""
         return self.gaze is not None
 
-    def sees(self, base: Base, name: str) -> bool:
-        """Whether the camera could see the body from a base: the neck can turn there and nothing is in between."""
+    def camera_range(self) -> tuple[float, float]:
+        """Distances between which the camera recognises things [m]."""
+        camera = self.robot.camera
+        return (0.0, 0.0) if camera is None else (camera.near, camera.far)
+
+    def hidden(self, base: Base, name: str) -> str | None:
+        """None if the neck can turn the camera to a body from a base and nothing is in between.
+
+        Else what hides most of it, "" if it is beyond the limits of neck or camera.
+        """
         if self.gaze is None or self.robot.camera is None:
-            return False
+            return ""
         x, y, yaw = base
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -141,6 +275,10 @@ class BelievedSurroundings:
         neck, beyond, camera = self.gaze.at(turn.T @ (centre - np.array([x, y, 0.0])))
         away = float(np.linalg.norm(centre - (turn @ camera + np.array([x, y, 0.0]))))
         if beyond > BEYOND or not self.robot.camera.near <= away <= self.robot.camera.far:
-            return False
+            return ""
         joints = {**self.world.configuration().joints, **dict(zip(self.gaze.joints, map(float, neck), strict=True))}
-        return self.world.visible(name, configuration=Configuration(base, joints)) >= SEEN_SHARE
+        configuration = Configuration(base, joints)
+        if self.world.visible(name, configuration=configuration) >= SEEN_SHARE:
+            return None
+        hits = {hit: lines for hit, lines in self.world.hiding(name, configuration).items() if hit != name}
+        return max(hits, key=lambda hit: hits[hit]) if hits else ""

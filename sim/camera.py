@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -205,6 +206,7 @@ def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
     return np.asarray(pose.position), turn @ np.asarray(model.forward), turn @ np.asarray(model.up)
 
 
+@lru_cache(maxsize=256)
 def _surface(kind: str, size: tuple[float, float, float], per_side: int = 5) -> tuple[Array, Array, Array]:
     """Points, outward normals and areas of patches of a primitive's surface, in its frame."""
     grid = (np.arange(per_side) + 0.5) / per_side - 0.5

@@ -1,24 +1,32 @@
 """Locations: from relations such as "in reach of the patient" to places for the base and poses of the hand.
 
-General layout: ``relations`` is the table of what each relation means; ``hand`` makes hand poses, ``reach`` solves
-them from one base, ``resolver`` samples bases; ``surroundings`` is the view of the believed world that they need.
+General layout: ``relations`` is the table of what each relation means for base, hand and object. ``areas``, ``doors``
+and ``sight`` say where that is on the floor, ``ways`` and ``hand_ways`` what a hand does, ``resting`` where objects
+can be. ``reachability`` maps what arms reach, ``candidates`` inverts the maps over the free ``field``, ``reach`` judges
+with ``spheres`` against ``solids``, ``resolver`` puts it all together. ``surroundings`` is what they need of the
+believed world, ``rejections`` what they tell when nothing is found.
 """
 
 from executive.locations.block import Block
 from executive.locations.hand import ComfortZone, HandFrame, Held
 from executive.locations.reach import Reach, ReachSolution
+from executive.locations.rejections import Rejections
+from executive.locations.relations import TABLE
 from executive.locations.resolver import Resolver
-from executive.locations.surroundings import ArmModel, Base, Surroundings
+from executive.locations.surroundings import ArmModel, Base, Door, Surroundings
 
 __all__ = [
+    "TABLE",
     "ArmModel",
     "Base",
     "Block",
     "ComfortZone",
+    "Door",
     "HandFrame",
     "Held",
     "Reach",
     "ReachSolution",
+    "Rejections",
     "Resolver",
     "Surroundings",
 ]

@@ -57,14 +57,19 @@ class Block:
         return np.asarray((points - np.array([self.x, self.y])) @ np.array([[c, -s], [s, c]]))
 
     def distance(self, points: Array) -> Array:
-        """Horizontal distance of map points (n, 2) to the rectangle, 0 inside, (n,)."""
+        """Horizontal distance of map points (n, 2) to the outline, 0 inside, (n,)."""
+        if self.round:
+            away = np.hypot(points[:, 0] - self.x, points[:, 1] - self.y) - max(self.half_x, self.half_y)
+            return np.asarray(np.maximum(away, 0.0))
         outside = np.maximum(np.abs(self.to_local(points)) - np.array([self.half_x, self.half_y]), 0.0)
         return np.asarray(np.hypot(outside[:, 0], outside[:, 1]))
 
-    def nearest(self, points: Array, inset: float) -> Array:
-        """For each map point (n, 2) the nearest point of the rectangle shrunk by ``inset`` [m] on each side, (n, 2)."""
-        bound = np.maximum(np.array([self.half_x, self.half_y]) - inset, 0.0)
-        return self.to_map(np.clip(self.to_local(points), -bound, bound))
+    def support(self, direction: float) -> float:
+        """How far the prism extends from its middle towards a heading of the map [m]."""
+        if self.round:
+            return max(self.half_x, self.half_y)
+        turn = direction - self.yaw
+        return abs(math.cos(turn)) * self.half_x + abs(math.sin(turn)) * self.half_y
 
     def grid(self, spacing: float, inset: float) -> Array:
         """Points over the rectangle shrunk by ``inset``, about ``spacing`` apart, (n, 2); at least its centre."""

@@ -67,8 +67,9 @@ class Scenery:
     bounds: tuple[float, float, float, float]
     bodies: Sequence[Outline]
     radius: float
-    """Of the base's outline [m]."""
+    """Of the outline of what places are for [m]."""
     robot: Base
+    robot_radius: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +79,8 @@ class Resolution:
     title: str
     places: Sequence[Base]
     judged: Sequence[Judged]
+    scored: Sequence[tuple[Array, Array]] = ()
+    """Candidates (m, 3) before they were judged, and their scores (m,)."""
     counts: Mapping[str, int] = field(default_factory=dict)
     blocking: Mapping[str, int] = field(default_factory=dict)
 
@@ -130,6 +133,10 @@ class _Drawing:
         x_min, _, _, y_max = self.scenery.bounds
         return self.left + (x - x_min) * self.scale, self.top + (y_max - y) * self.scale
 
+    def _is_inside(self, x: float, y: float) -> bool:
+        x_min, y_min, x_max, y_max = self.scenery.bounds
+        return x_min <= x <= x_max and y_min <= y <= y_max
+
     def _disc(self, x: float, y: float, radius: float, **style: object) -> None:
         """A circle of so many pixels around a point of the map."""
         u, v = self._at(x, y)
@@ -154,9 +161,12 @@ class _Drawing:
 
     def _scores(self) -> None:
         best: dict[tuple[int, int], float] = {}
-        for one in self.resolution.judged:
-            cell = (math.floor(one.base[0] / SCORE_CELL), math.floor(one.base[1] / SCORE_CELL))
-            best[cell] = max(best.get(cell, 0.0), one.score)
+        for bases, scores in self.resolution.scored:
+            cells = np.floor(bases[:, :2] / SCORE_CELL).astype(int).tolist()
+            for (column, row), score in zip(cells, scores.tolist(), strict=True):
+                if not self._is_inside((column + 0.5) * SCORE_CELL, (row + 0.5) * SCORE_CELL):
+                    continue
+                best[column, row] = max(best.get((column, row), 0.0), score)
         top = max(best.values(), default=0.0)
         for (column, row), score in best.items():
             if top > 0 and score > 0:
@@ -197,6 +207,8 @@ class _Drawing:
     def _judged(self) -> None:
         for one in sorted(self.resolution.judged, key=lambda one: one.reason == ""):
             x, y, yaw = one.base
+            if not self._is_inside(x, y):
+                continue
             colour, size = self.colours[one.reason], 2.6 * FINE
             self._disc(x, y, size, fill=colour)
             u, v = self._at(x, y)
@@ -205,21 +217,21 @@ class _Drawing:
 
     def _robot(self) -> None:
         x, y, yaw = self.scenery.robot
-        self._disc(x, y, self.scenery.radius * self.scale, outline=_FAINT, width=FINE)
-        self._arrow((x, y, yaw), _FAINT)
-        self._text(self._at(x, y - self.scenery.radius - 0.02), "robot", 12, _FAINT, "ma")
+        radius = self.scenery.robot_radius
+        self._disc(x, y, radius * self.scale, outline=_FAINT, width=FINE)
+        self._arrow((x, y, yaw), radius, _FAINT)
+        self._text(self._at(x, y - radius - 0.02), "robot", 12, _FAINT, "ma")
 
     def _places(self) -> None:
         for number, (x, y, yaw) in reversed(list(enumerate(self.resolution.places, 1))):
             colour = REASONS[""]
             self._disc(x, y, self.scenery.radius * self.scale, outline=colour, width=(3 if number == 1 else 1) * FINE)
-            self._arrow((x, y, yaw), colour)
+            self._arrow((x, y, yaw), self.scenery.radius, colour)
             self._disc(x, y, 10 * FINE, fill=colour, outline=_PAPER)
             self._text(self._at(x, y), str(number), 13, _PAPER, "mm")
 
-    def _arrow(self, base: Base, colour: Colour) -> None:
+    def _arrow(self, base: Base, length: float, colour: Colour) -> None:
         x, y, yaw = base
-        length = self.scenery.radius
         tip = self._at(x + length * math.cos(yaw), y + length * math.sin(yaw))
         self.pen.line((*self._at(x, y), *tip), fill=colour, width=2 * FINE)
         sides = [
@@ -269,7 +281,7 @@ class _Drawing:
             u = left + step * 1.6 * FINE
             self.pen.rectangle((u, row, u + 2 * FINE, row + 12 * FINE), fill=colour)
         row += 16 * FINE
-        entry("low  ...  high; white: not looked at", _FAINT, size=12)
+        entry("low  ...  high; white: no candidate", _FAINT, size=12)
         entry("circle: outline of the base, arrow: heading; lines of the floor are 1 m apart", _FAINT, size=12)
 
 

@@ -1,29 +1,50 @@
-"""Whether, from one place of the base, an arm can do what a relation asks of the hand."""
+"""Whether, from places of the base, an arm can do what a relation asks of the hand."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import islice, pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from executive.locations.hand import HandPlan, above_plans, grasp_plans, offer_plans, retreat_plans
+from executive.locations.candidates import InverseMap, blocks
+from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections, first_body
+from executive.locations.solids import Solids
 from executive.locations.surroundings import ArmModel, Base, Surroundings
+from executive.locations.ways import CLASSES, HandPlan, Ways
 from planlang.protocols import Array
 
-CHUNK = 18
-"""Plans whose inverse kinematics is solved in one call."""
+CHUNK = 48
+"""Ways whose inverse kinematics is solved in one call."""
+FARTHEST = 1.2
+"""Largest move of a joint between neighbouring poses of a way [rad, m]."""
+INSIDE = 0.001
+"""How far a sphere of the arm must be inside something to count [m]."""
+ON_LATTICE, OFF_LATTICE = 0.005, 0.04
+"""The same for a posture of a map whose height is that of the target, or is not [m]."""
+
+Inverse = Callable[[ArmModel, GraspClass], InverseMap]
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What a hand has to be able to do: "grasp", "retreat", "above" or "offer", about one body."""
+    """What a hand has to be able to do: "grasp", "retreat", "above", "offer" or "place", about one body."""
 
     kind: str
     body: str
+    grasp: str | None = None
+    """The class of grasp that is asked for."""
+    arms: tuple[str, ...] | None = None
+    """Names of the arms that may do it; None: all."""
+    heights: tuple[float, float] = (0.02, 0.15)
+    """Of the lowest point over the body's top, for "above" [m]."""
+    inside: bool = False
+    """For "place": in the body, not on it."""
+    also: tuple[tuple[str, str, float | None, float | None, bool], ...] = ()
+    """What else holds of the hand: relation or kind of reach, body, two bounds, whether it is negated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,103 +57,212 @@ class ReachSolution:
     joints: Array
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Solved:
+    """Joint values (m, k, d) of m ways from m bases, and which of them are possible as far as spheres tell."""
+
+    joints: Array
+    ok: NDArray[np.bool_]
+
+
+def base_matrices(bases: Array) -> Array:
+    """Poses (m, 4, 4) of the base frame in the map for bases (m, 3)."""
+    matrices = np.zeros((len(bases), 4, 4))
+    matrices[:, 0, 0] = matrices[:, 1, 1] = np.cos(bases[:, 2])
+    matrices[:, 1, 0] = np.sin(bases[:, 2])
+    matrices[:, 0, 1] = -matrices[:, 1, 0]
+    matrices[:, 0, 3], matrices[:, 1, 3] = bases[:, 0], bases[:, 1]
+    matrices[:, 2, 2] = matrices[:, 3, 3] = 1.0
+    return matrices
+
+
 def base_matrix(base: Base) -> Array:
     """Pose (4, 4) of the base frame in the map."""
-    c, s = math.cos(base[2]), math.sin(base[2])
-    return np.array([[c, -s, 0.0, base[0]], [s, c, 0.0, base[1]], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    return np.asarray(base_matrices(np.array([base]))[0])
 
 
-def hand_plans(reach: Reach, base: Base, arm: ArmModel, around: Surroundings) -> Iterator[HandPlan]:
-    """Ways to satisfy a reach with an arm from a base, most natural first."""
-    shoulder = base_matrix(base) @ np.append((arm.shoulder_low + arm.shoulder_high) / 2, 1.0)
-    eye, block = shoulder[:3], around.block(reach.body)
-    held = around.held(arm.name)
-    match reach.kind:
-        case "grasp":
-            yield from grasp_plans(reach.body, block, eye, arm.frame, arm.max_opening)
-        case "retreat":
-            yield from retreat_plans(reach.body, around.grasped_at(reach.body), arm.frame)
-        case "above":
-            yield from above_plans(reach.body, block, eye, arm.frame, held, arm.hand_radius)
-        case "offer":
-            yield from offer_plans(reach.body, around.zone(reach.body), eye, arm.frame, held)
+def unblocked(ways: Ways, arm: ArmModel, solids: Solids, rejections: Rejections) -> Ways:
+    """Ways in which the hand itself, wherever the base stands, would be inside nothing; others are counted."""
+    if not len(ways) or not len(arm.spheres.in_tip):
+        return ways
+    poses = ways.poses(np.arange(len(ways)))
+    count, steps = poses.shape[:2]
+    points = poses[:, :, None, :3, 3] + np.einsum("nkij,hj->nkhi", poses[..., :3, :3], arm.spheres.in_tip)
+    radii = arm.spheres.radii[arm.spheres.hand]
+    points = points.reshape(count, -1, 3)
+    near = solids.near(points.reshape(-1, 3).mean(axis=0), float(np.ptp(points.reshape(-1, 3), axis=0).max()) + 0.1)
+    gap, piece = near.hits(points, np.tile(radii, steps), np.ones(points.shape[1], bool), ways.touches)
+    free = gap > -INSIDE
+    for index in np.flatnonzero(~free):
+        rejections.collision(near.bodies[int(piece[index])])
+    return ways.chosen(free)
 
 
-def reach_solutions(
+def solve(
+    ways: Ways,
+    index: NDArray[np.intp],
+    bases: Array,
+    arm: ArmModel,
+    seeds: Array,
+    solids: Solids,
+    rejections: Rejections,
+    *,
+    slack: float | None = None,
+) -> Solved:
+    """Joint values of ways (m,) from bases (m, 3), begun at seeds (m, s, d); spheres inside something rule out.
+
+    With ``slack`` the first seeds are within so many metres of solutions: where they are deeper inside something than
+    that, nothing is solved.
+    """
+    count, steps = len(index), ways.offsets.shape[1]
+    joints = np.zeros((count, steps, seeds.shape[2]))
+    to_base = np.linalg.inv(base_matrices(bases))
+    targets = to_base[:, None] @ ways.poses(index)
+    alive = np.arange(count)
+    if slack is not None:
+        alive = alive[_free(seeds[:, 0], bases, arm, solids, ways.touches, slack, rejections)]
+    q, solved = arm.solver.solve(targets[alive, ways.key], seeds[alive])
+    rejections.add("out of reach", int((~solved).sum()))
+    alive, q = alive[solved], q[solved]
+    joints[alive, ways.key] = q
+    others = [step for step in range(steps) if step != ways.key]
+    if others and len(alive):
+        goals = targets[alive][:, others].reshape(-1, 4, 4)
+        starts = np.repeat(q, len(others), axis=0)
+        found, good = arm.solver.solve(goals, starts[:, None])
+        good &= np.abs(found - starts).max(axis=1) <= FARTHEST
+        joints[alive[:, None], others] = found.reshape(len(alive), len(others), -1)
+        whole = good.reshape(len(alive), len(others)).all(axis=1)
+        rejections.add("out of reach", int((~whole).sum()))
+        alive = alive[whole]
+    for step in (ways.key, *others):
+        alive = alive[_free(joints[alive, step], bases[alive], arm, solids, ways.touches, INSIDE, rejections)]
+    ok = np.zeros(count, bool)
+    ok[alive] = True
+    return Solved(joints, ok)
+
+
+def _free(
+    q: Array, bases: Array, arm: ArmModel, solids: Solids, touches: str | None, slack: float, rejections: Rejections
+) -> NDArray[np.bool_]:
+    """For which rows no sphere of the arm is inside something by more than ``slack`` [m]."""
+    if not len(q) or not len(arm.spheres.radii):
+        return np.ones(len(q), bool)
+    matrices = base_matrices(bases)
+    points = np.einsum("nij,nkj->nki", matrices[:, :3, :3], arm.spheres.centres(q)) + matrices[:, None, :3, 3]
+    gap, piece = solids.hits(points, arm.spheres.radii, arm.spheres.hand, touches)
+    free = gap > -slack
+    for row in np.flatnonzero(~free):
+        rejections.collision(solids.bodies[int(piece[row])])
+    return np.asarray(free)
+
+
+def touched_by(solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
+    """The body that is in the way of a solution, judged exactly at its poses and between them; None if it is free."""
+    return touched_at(solution.joints, solution, base, around) or touched_at(
+        between(solution.joints), solution, base, around
+    )
+
+
+def touched_at(rows: Array, solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
+    """The body that is in the way at some joint values (m, d) of a solution; None if all are free."""
+    plan = solution.plan
+    for q in rows:
+        if contacts := around.contacts(base, solution.arm, q, plan.touches, plan.opened):
+            return first_body(contacts)
+    return None
+
+
+def between(joints: Array) -> Array:
+    """Points on the lines between neighbouring rows (k, d): the middles, then the quarters, (3 (k - 1), d)."""
+    first, step = joints[:-1], np.diff(joints, axis=0)
+    return np.concatenate([first + share * step for share in (0.5, 0.25, 0.75)])
+
+
+def from_base(
     reach: Reach,
     base: Base,
     arm: ArmModel,
+    ways: Ways,
     around: Surroundings,
+    inverse: Inverse,
     rejections: Rejections,
     *,
-    most_plans: int = 2 * CHUNK,
     seed: Array | None = None,
+    generous: bool = False,
 ) -> Iterator[ReachSolution]:
-    """Plans whose poses all have a collision-free solution from ``base``, lazily; without any, one reason is counted.
+    """Ways that have a collision-free solution from one base, lazily, best first; reasons of others are counted.
 
-    ``seed`` (d,) is tried first by inverse kinematics, so that solutions near it are preferred.
+    Where the maps have postures these are the seeds; if ``generous``, ways beyond them are tried from the arm's own
+    postures at last. ``seed`` (d,) is tried before: with it, solutions near it are preferred.
     """
-    plans = islice(hand_plans(reach, base, arm, around), most_plans)
-    to_base: Array = np.linalg.inv(base_matrix(base)).astype(np.float64)
-    seeds = arm.seeds if seed is None else np.vstack([seed, arm.seeds])
-    found = possible = False
-    touched: dict[str, int] = {}
-    while chunk := list(islice(plans, CHUNK)):
-        possible = True
-        near = [plan for plan in chunk if within_reach(to_base, plan.poses, arm)]
-        if not near:
-            continue
-        key = min(1, len(near[0].poses) - 1)
-        targets = np.stack([to_base @ plan.poses[key] for plan in near])
-        q_key, solved = arm.solver.solve(targets, np.broadcast_to(seeds, (len(near), *seeds.shape)))
-        for plan, q, ok in zip(near, q_key, solved, strict=True):
-            joints = _complete(plan, key, q, to_base, arm) if ok else None
-            if joints is None:
-                continue
-            contacts = next(
-                (
-                    hit
-                    for q_i in _between(joints)
-                    if (hit := around.contacts(base, arm, q_i, plan.touches, plan.opened))
-                ),
-                (),
-            )
-            if contacts:
-                touched[first_body(contacts)] = touched.get(first_body(contacts), 0) + 1
-                continue
-            found = True
-            yield ReachSolution(reach, arm, plan, joints)
-    if touched and not found:
-        rejections.collision(max(touched, key=lambda body: touched[body]))
-    elif not found:
-        rejections.add("out of reach" if possible or reach.kind != "grasp" else "too wide for the gripper")
+    there = np.array(base)
+    placed = base_matrices(there[None])[0]
+    shoulder = placed @ np.append((arm.shoulder_low + arm.shoulder_high) / 2, 1.0)
+    solids = around.solids().near(shoulder[:3], arm.reach + 0.5)
+    index, scores, seeds = _looked_up(ways, there, arm, inverse)
+    order = np.argsort(-(scores * ways.weights[index]).round(6), kind="stable")
+    index, seeds = index[order], seeds[order]
+    _, first = np.unique(index, return_index=True)
+    first = np.sort(first)  # of each way the best posture, then the others
+    later = np.setdiff1d(np.arange(len(index)), first, assume_unique=True)
+    passes = [(index[rows], seeds[rows][:, None]) for rows in (first, later) if len(rows)]
+    if seed is not None and passes:
+        chosen, known = passes[0]
+        own = np.broadcast_to(seed, (len(chosen), 1, len(seed)))
+        passes[0] = chosen, np.concatenate([own, known], axis=1)
+    if generous:
+        rest = np.setdiff1d(np.argsort(-ways.weights.round(6), kind="stable"), index, assume_unique=True)
+        own_seeds = arm.seeds if seed is None else np.vstack([seed, arm.seeds])
+        rest = rest[within_reach(ways, rest, placed, arm)]
+        passes.append((rest, np.broadcast_to(own_seeds, (len(rest), *own_seeds.shape))))
+    if not any(len(chosen) for chosen, _ in passes):
+        rejections.add("out of reach")
+    done: set[int] = set()
+    for chosen, begun in passes:
+        for part in blocks(len(chosen), CHUNK):
+            rows = [row for row in range(part.start, part.stop) if int(chosen[row]) not in done]
+            mine = chosen[rows]
+            solved = solve(ways, mine, np.repeat(there[None], len(mine), 0), arm, begun[rows], solids, rejections)
+            for row in np.flatnonzero(solved.ok):
+                number = int(mine[row])
+                if number in done:
+                    continue
+                solution = ReachSolution(reach, arm, ways.plan(number), solved.joints[row])
+                body = touched_by(solution, base, around)
+                if body is None:
+                    done.add(number)
+                    yield solution
+                else:
+                    rejections.collision(body)
 
 
-def within_reach(to_base: Array, poses: Array, arm: ArmModel) -> bool:
-    """A quick necessary condition: no pose is farther from the shoulder than the arm is long."""
-    points = (to_base @ poses[:, :, 3, None])[:, :3, 0]
-    heights = np.clip(points[:, 2], arm.shoulder_low[2], arm.shoulder_high[2])
+def _looked_up(ways: Ways, base: Array, arm: ArmModel, inverse: Inverse) -> tuple[NDArray[np.intp], Array, Array]:
+    """For one base the ways that the maps know a posture for, one entry for each torso position: way, score, seed."""
+    c, s = math.cos(base[2]), math.sin(base[2])
+    local = ways.points - np.array([base[0], base[1], 0.0])
+    local = np.stack([c * local[:, 0] + s * local[:, 1], c * local[:, 1] - s * local[:, 0], local[:, 2]], axis=1)
+    headings = ways.headings - base[2]
+    index, scores, seeds = [], [], [np.zeros((0, len(arm.joints)))]
+    for number in sorted(set(ways.grasps.tolist())):
+        forward = inverse(arm, CLASSES[number]).forward
+        mine = np.flatnonzero(ways.grasps == number)
+        for z in np.unique(ways.points[mine, 2].round(6)):
+            level = mine[ways.points[mine, 2].round(6) == z]
+            for torso in forward.heights(float(z)):
+                rows = forward.find(local[level], headings[level], ways.rolls[level], torso)
+                known = rows >= 0
+                index.append(level[known])
+                scores.append(forward.rows["score"][rows[known]].astype(float))
+                seeds.append(forward.seeds(rows[known], torso))
+    if not index:
+        return np.zeros(0, np.intp), np.zeros(0), seeds[0]
+    return np.concatenate(index), np.concatenate(scores), np.concatenate(seeds)
+
+
+def within_reach(ways: Ways, index: NDArray[np.intp], placed: Array, arm: ArmModel) -> NDArray[np.bool_]:
+    """A quick necessary condition from a base at ``placed`` (4, 4): no key pose is farther than the arm is long."""
+    points = (ways.points[index] - placed[:3, 3]) @ placed[:3, :3]
     shoulders = np.repeat(((arm.shoulder_low + arm.shoulder_high) / 2)[None], len(points), 0)
-    shoulders[:, 2] = heights
-    return bool((np.linalg.norm(points - shoulders, axis=1) <= arm.reach).all())
-
-
-def _between(joints: Array) -> Iterator[Array]:
-    """The rows (k, d) themselves, then points on the lines between neighbours."""
-    yield from joints
-    for first, second in pairwise(joints):
-        for share in (0.5, 0.25, 0.75):
-            yield first + share * (second - first)
-
-
-def _complete(plan: HandPlan, key: int, q: Array, to_base: Array, arm: ArmModel) -> Array | None:
-    """Joint values of all poses of a plan, warm-started from those of pose ``key``; None if one has no solution."""
-    others = [index for index in range(len(plan.poses)) if index != key]
-    joints = np.repeat(q[None], len(plan.poses), 0)
-    if others:
-        targets = np.stack([to_base @ plan.poses[index] for index in others])
-        solution, ok = arm.solver.solve(targets, np.broadcast_to(q, (len(others), 1, len(q))))
-        if not ok.all() or np.abs(solution - q).max() > 1.2:
-            return None
-        joints[others] = solution
-    return joints
+    shoulders[:, 2] = np.clip(points[:, 2], arm.shoulder_low[2], arm.shoulder_high[2])
+    return np.asarray(np.linalg.norm(points - shoulders, axis=1) <= arm.reach)

@@ -1,4 +1,4 @@
-"""Why candidates were rejected: counts per reason and per body in the way."""
+"""Why candidates were rejected: counts per reason and per body in the way, and the places themselves."""
 
 from __future__ import annotations
 
@@ -8,7 +8,21 @@ from dataclasses import dataclass, field
 
 from executive.locations.surroundings import Base
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Contact
+from planlang.protocols import Array, Contact
+
+MOST_PLACES = 5000
+"""Places that are remembered, for a picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One place that was looked at: what it was rejected for, "" if it was accepted."""
+
+    base: Base
+    score: float
+    reason: str
+    body: str | None = None
+    """What was in the way."""
 
 
 @dataclass(slots=True)
@@ -17,8 +31,10 @@ class Rejections:
 
     counts: Counter[str] = field(default_factory=Counter)
     blocking: Counter[str] = field(default_factory=Counter)
-    crowded: list[Base] = field(default_factory=list)
-    """The most promising places without room for the base, when hardly any place has room."""
+    places: list[Judged] = field(default_factory=list)
+    """Places that were looked at, in that order; the first thousands."""
+    scored: list[tuple[Array, Array]] = field(default_factory=list)
+    """Candidates (m, 3) before they were looked at, and their scores (m,)."""
 
     def add(self, reason: str, number: int = 1) -> None:
         """Count ``number`` candidates rejected for a reason."""
@@ -29,6 +45,11 @@ class Rejections:
         """Count one candidate rejected because of a body in its way."""
         self.add("in collision")
         self.blocking[body] += 1
+
+    def judge(self, base: Base, score: float, reason: str = "", body: str | None = None) -> None:
+        """Remember a place and what became of it."""
+        if len(self.places) < MOST_PLACES:
+            self.places.append(Judged(base, score, reason, body))
 
     def failure(self, designator: object) -> LocationUnresolvable:
         """The failure that tells all this, most frequent first."""

@@ -1,73 +1,186 @@
-"""The table of relations: what each means for a base and for a hand.
+"""The table of relations: what each means for a base, for a hand, and for an object.
 
-- ``in_reach_of``, for a base: a thing to grasp: pre-grasp, grasp and lift reachable; a person: a place in their
-  comfort zone reachable; a location: some pose of it; anything else: some pose above it. For a hand: a person: what
-  it holds is in their comfort zone.
-- ``visible_from``, for a base: the camera sees it within its limits, unoccluded.
-- ``above``, for a hand: level, lowest point 2 to 15 cm over the top, what it holds inside the footprint.
-- ``in_front_of``, for a base: on the side of its x axis, 0.4 to 1.5 m away. For a hand: 8 cm back along the approach;
-  with the thing in hand also raised, so that it clears what it stood on.
-- ``in_center_of``, for a hand: the grasp.
-
-Relations beside these are refused with a list of the valid ones.
+TABLE is that table in words; what designators ask for is bound here to what the believed world has of it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
+from executive.locations.areas import OF_A_BASE, OF_A_THING, SIDES, Area, Facing, area_of
+from executive.locations.block import Block
+from executive.locations.doors import Clear
 from executive.locations.reach import Reach
 from executive.locations.surroundings import Surroundings
 from planlang.designators import Location, Object, Relation
 from planlang.failures import LocationUnresolvable
 
-BASE_RELATIONS = ("in_reach_of", "visible_from", "in_front_of")
-HAND_RELATIONS = ("in_reach_of", "above", "in_front_of", "in_center_of")
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a relation to X denotes: a set of poses of the base, of a hand, of an object; None where nothing."""
+
+    base: str | None = None
+    hand: str | None = None
+    thing: str | None = None
+
+
+_SIDE = "within 45 degrees of that side of X: in X's frame if X has a front, else in the viewer's"
+TABLE: Mapping[str, Meaning] = {
+    "in_reach_of": Meaning(
+        "X to grasp: pre-grasp, grasp and lift can be reached; a person: a place in their comfort zone; a location of "
+        "the hand: some pose of it; anything else: some pose above X",
+        "X a person: what the hand holds, or the hand, is inside their comfort zone; else what the base would need",
+        "X a person: inside their comfort zone",
+    ),
+    "visible_from": Meaning("the camera sees X within its limits, by at least 30 % of its side that faces it"),
+    "above": Meaning(
+        None, "level, lowest point of hand and held object 2 to 15 cm over X's top, what is held over X's footprint"
+    ),
+    "on": Meaning(None, "puts what it holds on X, from above", "rests on X's top, the whole footprint supported"),
+    "in_": Meaning(None, "puts what it holds into X, from above", "inside X's volume, resting"),
+    "in_center_of": Meaning(None, "the grip point within 1 cm of X's centre: the grasp"),
+    "in_front_of": Meaning(
+        f"{_SIDE}, 0.1 to 1.1 m away",
+        "the pre-grasp: 8 cm back along the approach; with X in hand: raised and back as well",
+        f"on the same support, {_SIDE}",
+    ),
+    **{
+        name: Meaning(f"{_SIDE}, 0.1 to 1.1 m away", _SIDE, f"on the same support, {_SIDE}")
+        for name in ("behind", "left_of", "right_of", "next_to")
+    },
+    "near": Meaning("within 1 m", "within 0.3 m", "on the same support within 0.3 m"),
+    "far_from": Meaning("at least 2 m away", "at least 0.6 m away", "at least 0.6 m away"),
+    "facing": Meaning("the heading points at X within 30 degrees"),
+    "clear_of": Meaning("neither touches X nor stands in the sweep of X's doors"),
+}
+"""Distances are defaults; a designator may say others (within, beyond). A negated relation is the complement."""
+
+HEIGHTS = (0.02, 0.15)
+"""Of the lowest point over a top, for `above` [m]."""
+NEEDS_SIZE = ("visible_from", "on", "in_", "in_center_of", "clear_of")
+"""Relations to a thing that has a size."""
 
 
 @dataclass(frozen=True, slots=True)
-class Demand:
-    """What a base location asks for, each conjunct once."""
+class BaseDemand:
+    """What a location asks of the base, each conjunct once."""
 
-    reaches: tuple[Reach, ...]
-    seen: tuple[str, ...]
-    in_front_of: tuple[str, ...]
+    reaches: tuple[Reach, ...] = ()
+    seen: tuple[str, ...] = ()
+    areas: tuple[Area | Facing | Clear, ...] = ()
+    unreached: tuple[Reach, ...] = ()
+    """What must not be in reach."""
+    unseen: tuple[str, ...] = ()
 
 
-def base_demand(location: Location, around: Surroundings) -> Demand:
-    """What a location asks of the base; raises LocationUnresolvable for a relation that means nothing for a base."""
+@dataclass(frozen=True, slots=True)
+class ThingDemand:
+    """What a location asks of an object: one of where it rests, and areas."""
+
+    on: str | None
+    inside: str | None
+    areas: tuple[Area, ...]
+    people: tuple[tuple[str, bool], ...]
+    """Persons in whose comfort zone it is, or (False) is not."""
+
+
+def base_demand(location: Location, around: Surroundings) -> BaseDemand:
+    """What a location asks of the base; raises LocationUnresolvable for what means nothing, or contradicts itself."""
+    _consistent(location, OF_A_BASE, around)
     reaches: dict[Reach, None] = {}
+    unreached: dict[Reach, None] = {}
     seen: dict[str, None] = {}
-    front: dict[str, None] = {}
+    unseen: dict[str, None] = {}
+    areas: dict[Area | Facing | Clear, None] = {}
+    x, y, _ = around.base()
     for relation in location.relations:
-        match relation:
-            case Relation("in_reach_of", Location() as hand):
-                reaches.update(dict.fromkeys(hand_demand(hand, around)))
-            case Relation("in_reach_of", Object() as what):
-                reaches[_reach(around.bind(what), around)] = None
-            case Relation("visible_from", Object() as what):
-                seen[around.bind(what)] = None
-            case Relation("in_front_of", Object() as what):
-                front[around.bind(what)] = None
+        match relation.name, relation.reference:
+            case "in_reach_of", Location() as hand:
+                reach = hand_demand(replace(hand, device=hand.device or location.device), around)
+                (unreached if relation.negated else reaches)[reach] = None
+            case "in_reach_of", Object() as what:
+                reach = _for_body(what, location, around)
+                (unreached if relation.negated else reaches)[reach] = None
+            case "visible_from", Object() as what:
+                (unseen if relation.negated else seen)[_body(relation, what, around)] = None
+            case "facing", Object() as what:
+                body = _body(relation, what, around)
+                areas[Facing(_words(relation, body), block_of(body, around), relation.negated)] = None
+            case "clear_of", Object() as what:
+                areas[_clear(relation, _body(relation, what, around), around)] = None
+            case name, Object() as what if name in OF_A_BASE:
+                body = _body(relation, what, around)
+                areas[_area(relation, body, (x, y), around.radius(), OF_A_BASE[name], around)] = None
             case _:
-                raise _meaningless(relation, "base", BASE_RELATIONS)
-    return Demand(tuple(reaches), tuple(seen), tuple(front))
+                raise _meaningless(relation, "base")
+    return BaseDemand(tuple(reaches), tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
 
 
-def hand_demand(location: Location, around: Surroundings) -> tuple[Reach, ...]:
-    """What a location asks of a hand; empty for a posture."""
-    reaches: dict[Reach, None] = {}
+KINDS = ("retreat", "grasp", "offer", "place", "above")
+"""What a hand location is made from, first, and then filtered by its other conjuncts."""
+
+
+def hand_demand(location: Location, around: Surroundings) -> Reach:
+    """What a location asks of a hand; raises LocationUnresolvable for what means nothing, and for a posture."""
+    if not location.relations:
+        raise LocationUnresolvable(f"{location} is no place of a hand", designator=str(location))
+    _consistent(location, OF_A_THING, around)
+    made: list[Reach] = []
+    filters: list[tuple[str, str, float | None, float | None, bool]] = []
     for relation in location.relations:
-        if not isinstance(relation.reference, Object) or relation.name not in HAND_RELATIONS:
-            raise _meaningless(relation, "hand", HAND_RELATIONS)
-        body = around.bind(relation.reference)
-        if relation.name == "above":
-            reaches[Reach("above", body)] = None
-        elif relation.name == "in_reach_of":
-            reaches[_reach(body, around)] = None
+        if not isinstance(relation.reference, Object) or TABLE[relation.name].hand is None:
+            raise _meaningless(relation, "hand")
+        body = _body(relation, relation.reference, around)
+        if not relation.negated and (reach := _made(relation, body, location, around)) is not None:
+            made.append(reach)
         else:
-            reaches[Reach("retreat" if is_held(body, around) else "grasp", body)] = None
-    return tuple(reaches)
+            filters.append((relation.name, body, relation.within, relation.beyond, relation.negated))
+    if not made:
+        said = "above, on, in_, in_center_of, in_front_of, in_reach_of"
+        raise LocationUnresolvable(
+            f"{location} does not say what the hand is at: it needs one of {said}", designator=str(location)
+        )
+    first = min(made, key=lambda reach: KINDS.index(reach.kind))
+    others = [(reach.kind, reach.body, *reach.heights, False) for reach in made if reach != first]
+    arms = _arms(location, around)
+    return replace(first, grasp=location.grasp, arms=arms, also=(*others, *filters))
+
+
+def thing_demand(location: Location, around: Surroundings, radius: float, viewer: tuple[float, float]) -> ThingDemand:
+    """What a location asks of an object whose outline has a radius [m]; raises LocationUnresolvable as above."""
+    _consistent(location, OF_A_THING, around)
+    on: list[str] = []
+    inside: list[str] = []
+    areas: list[Area] = []
+    people: list[tuple[str, bool]] = []
+    for relation in location.relations:
+        if not isinstance(relation.reference, Object) or TABLE[relation.name].thing is None:
+            raise _meaningless(relation, "thing")
+        body = _body(relation, relation.reference, around)
+        match relation.name:
+            case "on" | "in_" if not relation.negated:
+                (on if relation.name == "on" else inside).append(body)
+            case "on" | "in_":
+                block = block_of(body, around)
+                areas.append(Area(_words(relation, body), body, block, radius, 0.0, math.inf))
+            case "in_reach_of":
+                if not around.is_person(body):
+                    raise _meaningless(relation, "thing")
+                people.append((body, not relation.negated))
+            case name:
+                areas.append(_area(relation, body, viewer, radius, OF_A_THING[name], around))
+    if len({*on, *inside}) > 1:
+        raise contradictory(location, f"a thing rests in one place, not in {' and '.join(dict.fromkeys(on + inside))}")
+    supports = [(r.name, r.reference) for r in location.relations if r.name in SIDES or r.name == "near"]
+    if not on and not inside and not people and supports:
+        for _, reference in supports:
+            if isinstance(reference, Object) and (found := around.support(around.bind(reference))) is not None:
+                on.append(found)
+                break
+    return ThingDemand(on[0] if on else None, inside[0] if inside else None, tuple(areas), tuple(people))
 
 
 def is_held(body: str, around: Surroundings) -> bool:
@@ -75,14 +188,125 @@ def is_held(body: str, around: Surroundings) -> bool:
     return any((held := around.held(arm.name)) is not None and held.name == body for arm in around.arms)
 
 
-def _reach(body: str, around: Surroundings) -> Reach:
+def block_of(body: str, around: Surroundings) -> Block:
+    """The shape of a body; raises LocationUnresolvable if it is believed to be at no possible pose."""
+    pose, size = around.pose(body), around.size(body)
+    if not all(map(math.isfinite, (*pose.position, *pose.orientation, *size))):
+        raise LocationUnresolvable(f"{body} is believed to be at no place: its pose is {pose}", designator=body)
+    if abs(math.hypot(*pose.orientation) - 1) > 1e-3:
+        raise LocationUnresolvable(
+            f"the orientation of {body} is no rotation: {pose.orientation} is not of length 1", designator=body
+        )
+    return around.block(body)
+
+
+def contradictory(location: Location, why: str) -> LocationUnresolvable:
+    """The failure of a conjunction that nothing can satisfy."""
+    return LocationUnresolvable(f"{location} contradicts itself: {why}", designator=str(location))
+
+
+def _arms(location: Location, around: Surroundings) -> tuple[str, ...] | None:
+    return None if location.device is None else tuple(arm.name for arm in around.arms_of(location.device))
+
+
+def _for_body(what: Object, location: Location, around: Surroundings) -> Reach:
+    """What being in reach of a body asks of a hand."""
+    body = around.bind(what)
+    block_of(body, around)
+    arms = _arms(location, around)
     if around.is_person(body):
-        return Reach("offer", body)
+        return Reach("offer", body, None, arms)
     if is_held(body, around):
-        return Reach("retreat", body)
-    return Reach("grasp" if around.is_graspable(body) else "above", body)
+        return Reach("retreat", body, None, arms)
+    return Reach("grasp" if around.is_graspable(body) else "above", body, location.grasp, arms)
 
 
-def _meaningless(relation: Relation, what: str, valid: tuple[str, ...]) -> LocationUnresolvable:
-    message = f"{relation} means nothing for a {what}; what does: {', '.join(valid)}"
+def _made(relation: Relation, body: str, location: Location, around: Surroundings) -> Reach | None:
+    """The reach that a conjunct of a hand location is, None for one that only filters."""
+    match relation.name:
+        case "above":
+            low, high = relation.beyond or HEIGHTS[0], HEIGHTS[1] if relation.within is None else relation.within
+            return Reach("above", body, heights=(max(low, HEIGHTS[0]), min(high, HEIGHTS[1])))
+        case "in_reach_of":
+            return replace(_for_body(relation.reference, location, around), arms=None)  # type: ignore[arg-type]
+        case "on" | "in_":
+            return Reach("place", body, inside=relation.name == "in_")
+        case "in_center_of":
+            return Reach("retreat" if is_held(body, around) else "grasp", body)
+        case "in_front_of" if around.is_graspable(body):
+            return Reach("retreat" if is_held(body, around) else "grasp", body)
+    return None
+
+
+def _body(relation: Relation, what: Object, around: Surroundings) -> str:
+    body = around.bind(what)
+    block_of(body, around)
+    if relation.name in NEEDS_SIZE and not around.is_solid(body):
+        raise LocationUnresolvable(
+            f"{body} has no size: it is a place, and nothing is {relation.name.strip('_')} a place",
+            designator=str(relation),
+        )
+    return body
+
+
+def _area(
+    relation: Relation,
+    body: str,
+    viewer: tuple[float, float],
+    radius: float,
+    default: tuple[float, float],
+    around: Surroundings,
+) -> Area:
+    bounds = _bounds(relation, default)
+    block, front = block_of(body, around), around.front(body)
+    words = _words(relation, body)
+    return area_of(relation.name, words, body, block, front, viewer, radius, bounds, negated=relation.negated)
+
+
+def _bounds(relation: Relation, default: tuple[float, float]) -> tuple[float, float]:
+    """Least and greatest distance; a bound that is stated alone moves the other default out of its way."""
+    least = default[0] if relation.beyond is None else relation.beyond
+    most = default[1] if relation.within is None else relation.within
+    if relation.beyond is None and least > most:
+        least = 0.0
+    if relation.within is None and most < least:
+        most = math.inf
+    return least, most
+
+
+def _clear(relation: Relation, body: str, around: Surroundings) -> Clear:
+    doors = tuple(around.doors(body))
+    block = None if any(door.name == body for door in doors) else block_of(body, around)
+    return Clear(_words(relation, body), block, doors, around.radius(), relation.negated)
+
+
+def _words(relation: Relation, body: str) -> str:
+    said = f"{relation.name.strip('_').replace('_', ' ')} {body}"
+    return f"not {said}" if relation.negated else said
+
+
+def _consistent(location: Location, defaults: Mapping[str, tuple[float, float]], around: Surroundings) -> None:
+    """Raise if a relation is asked for and excluded, or if distances from one thing exclude each other."""
+    stated = set(location.relations)
+    for relation in location.relations:
+        if ~relation in stated:
+            raise contradictory(location, f"{relation} and {~relation}")
+    for first in location.relations:
+        for second in location.relations:
+            if first is second or first.reference != second.reference or first.negated or second.negated:
+                continue
+            if first.name in defaults and second.name in defaults:
+                if _bounds(first, defaults[first.name])[0] > _bounds(second, defaults[second.name])[1]:
+                    raise contradictory(location, f"{first} and {second} leave no distance")
+                if {first.name, second.name} in ({"in_front_of", "behind"}, {"left_of", "right_of"}):
+                    raise contradictory(location, f"{first} and {second} are opposite sides")
+
+
+def _meaningless(relation: Relation, subject: str) -> LocationUnresolvable:
+    meant = {"base": "a base", "hand": "a hand", "thing": "an object"}[subject]
+    if isinstance(relation.reference, Location) and relation.name != "in_reach_of":
+        message = f"{relation}: only in_reach_of is said of a location, {relation.name} of a thing or a person"
+    else:
+        valid: Sequence[str] = [name for name, meaning in TABLE.items() if getattr(meaning, subject) is not None]
+        message = f"{relation} means nothing for {meant}; what does: {', '.join(valid)}"
     return LocationUnresolvable(message, designator=str(relation))

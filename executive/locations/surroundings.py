@@ -7,10 +7,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from executive.locations.block import Block
+from executive.locations.field import Floor
 from executive.locations.hand import ComfortZone, HandFrame, Held
-from executive.motion import InverseKinematics
+from executive.locations.reachability import GraspClass, Lift, ReachabilityMap
+from executive.locations.solids import Solids
+from executive.locations.spheres import NO_SPHERES, ArmSpheres
+from executive.motion import Boxes, InverseKinematics
 from planlang.designators import Device, Object
-from planlang.protocols import Array, Contact
+from planlang.protocols import Array, Contact, Pose
 
 Base = tuple[float, float, float]
 """Base pose (x [m], y [m], yaw [rad]) in the map."""
@@ -40,6 +44,23 @@ class ArmModel:
     """Longest distance from shoulder to tip [m]."""
     seeds: Array
     """Postures to start inverse kinematics from, (s, d)."""
+    spheres: ArmSpheres = NO_SPHERES
+    lift: Lift | None = None
+    """The torso that lifts it straight up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """A leaf that turns about a vertical hinge: hinge and width [m], heading of the closed leaf from the hinge [rad].
+
+    Which way it opens is not said by maps: it is taken to sweep both sides.
+    """
+
+    name: str
+    x: float
+    y: float
+    width: float
+    heading: float
 
 
 class Surroundings(Protocol):
@@ -79,8 +100,47 @@ class Surroundings(Protocol):
     def revision(self) -> int:
         """Revision of the belief."""
 
-    def clearance(self, bases: Array) -> Array:
-        """Room (m,) [m] around the robot's body, arms left out, at bases (m, 3); negative where there is none."""
+    def posture(self) -> object:
+        """Something that is equal as long as nothing of the robot has moved."""
+
+    def floor(self) -> Floor:
+        """What takes room from the base: with the robot's body, arms left out, as it is now."""
+
+    def solids(self) -> Solids:
+        """The pieces of all bodies that are not held."""
+
+    def boxes_but(self, without: Sequence[str]) -> tuple[Boxes, tuple[str, ...]]:
+        """Boxes around the pieces of all bodies that are not held, some left out; and whose they are."""
+
+    def is_round(self, name: str) -> bool:
+        """Whether a body is a cylinder."""
+
+    def reachability(self, arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
+        """The map of an arm and class of grasp."""
+
+    def names(self) -> Sequence[str]:
+        """All bodies."""
+
+    def radius(self) -> float:
+        """Of the base's outline [m]."""
+
+    def front(self, name: str) -> float | None:
+        """The heading [rad] of a body's front, None if it has none."""
+
+    def doors(self, name: str) -> Sequence[Door]:
+        """The doors that a body is or has."""
+
+    def support(self, name: str) -> str | None:
+        """What a body is believed to rest on."""
+
+    def is_solid(self, name: str) -> bool:
+        """Whether a body can be touched: a marker cannot."""
+
+    def pose(self, name: str) -> Pose:
+        """Where a body is believed to be."""
+
+    def size(self, name: str) -> tuple[float, float, float]:
+        """Extents of a body's box along its axes [m]."""
 
     def contacts(
         self,
@@ -95,11 +155,17 @@ class Surroundings(Protocol):
         ``opened``: with the fingers of the arm open.
         """
 
+    def tip(self, arm: ArmModel) -> Array:
+        """Pose (4, 4) of an arm's tip in the map."""
+
     def looked_in_vain(self, name: str) -> Sequence[Base]:
         """Places from where the body was looked for and not seen where it is believed to be."""
 
     def sighted(self) -> bool:
         """Whether the robot has a camera; one without handles things where the map has them."""
 
-    def sees(self, base: Base, name: str) -> bool:
-        """Whether the camera could see the body from a base: within its limits, unoccluded."""
+    def hidden(self, base: Base, name: str) -> str | None:
+        """None if the camera could see the body from a base; else what hides it, "" if it is out of its limits."""
+
+    def camera_range(self) -> tuple[float, float]:
+        """Distances between which the camera recognises things [m]."""

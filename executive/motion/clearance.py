@@ -46,6 +46,11 @@ class Boxes:
     def __len__(self) -> int:
         return len(self.yaws)
 
+    def only(self, index: ArrayLike) -> Boxes:
+        """Some of them, by index, several indices or a mask."""
+        rows = np.atleast_1d(np.asarray(index))
+        return Boxes(self.centres[rows], self.half_extents[rows], self.yaws[rows])
+
 
 @dataclass(frozen=True, slots=True)
 class Grid:

@@ -43,7 +43,7 @@ def test_places_come_with_the_arm_that_was_asked_for_and_different_from_each_oth
 
 def test_people_read_the_phrase_and_a_line_for_each_place() -> None:
     result = CliRunner().invoke(app, ["locate", "visible from the bottle", *WARD, "--count", "2"])
-    phrase, first, second = result.stdout.splitlines()
+    phrase, first, second, *_ = result.stdout.splitlines()
     assert phrase == "visible from the drinking bottle"
     assert first.split()[:2] == ["1", "x"]
     assert second.split()[:2] == ["2", "x"]
@@ -79,6 +79,20 @@ def test_the_start_decides_which_is_the_nearest() -> None:
 )
 def test_a_phrase_that_cannot_be_understood_is_bad_input(phrase: str, code: str) -> None:
     assert codes(located(phrase, code=2)) == [code]
+
+
+def test_a_thing_is_put_where_a_phrase_says(tmp_path: Path) -> None:
+    path = tmp_path / "where.png"
+    answer = located("on the bedside table", "--of", "the bottle", "--count", "2", "--explain", str(path))
+    assert answer["meant"] == {"BedsideTable": "bedside_table1", "DrinkingBottle": "bottle1"}
+    assert [place["z"] for place in answer["solutions"]] == pytest.approx([0.7, 0.7], abs=0.01)
+    assert path.is_file()
+
+
+def test_what_is_put_somewhere_has_to_be_known() -> None:
+    answer = located("on the bedside table", "--of", "the botle", code=2)
+    assert codes(answer) == ["P002"]
+    assert answer["diagnostics"][0]["span"]["file"] == "--of"
 
 
 def test_robot_and_environment_have_no_default() -> None:

@@ -1,6 +1,6 @@
 """Prints the answers in some rooms to the last bit: two processes that print the same are equal.
 
-python -m tests.benchmarks.locations.answers 2
+python -m tests.benchmarks.locations.answers 2 normal hard
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LOCATIONS = (
 def main() -> None:
     """Print base, arm and counts of the first places in rooms of every kind."""
     number = int(sys.argv[1]) if len(sys.argv) > 1 else 1
-    for kind in KINDS:
+    for kind in sys.argv[2:] or KINDS:
         for room in rooms(kind, number):
             stage = Stage(room, robot_of("amigo"))
             for location in LOCATIONS:

@@ -1,7 +1,8 @@
 """What a room without answer is: searched through on a finer grid than any resolver would, or found possible after all.
 
 Grasps first: those whose hand alone, in the air, touches nothing at pre-grasp, grasp and lift. Then for each of them
-every base of a grid around the target, several solutions of inverse kinematics for each, and the oracle's check.
+every base of a grid around the target, several solutions of inverse kinematics for each, and the oracle's check;
+the target must be seen from the base, too.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from tests.benchmarks.locations.sampler import Chains, grasp_poses
 
 CELL, HEADINGS = 0.04, 24
 """Distance of the places for the base [m], headings at each."""
-YAWS, PITCHES, HEIGHTS = 24, (0.0, 0.4, 0.8, math.pi / 2), (0.0, 0.03, 0.06)
-"""Directions and tilts of the hand [rad], heights of the grip over the middle of the target [m]."""
+YAWS, PITCHES, HEIGHTS = 48, (0.0, 0.4, 0.8, math.pi / 2), (0.0, 0.01, -0.01)
+"""Directions and tilts of the hand [rad], heights of the grip over the middle of the target [m]: at most 1 cm."""
 POSTURES, ENOUGH = 8, 3
 """Postures that inverse kinematics is started from, and after how many a hand pose without solution is given up."""
 CHUNK = 4096
@@ -180,7 +181,7 @@ def _complete(
     if not is_free(q):
         return None
     others, good = solver.solve(_inverse(base) @ poses[[0, 2]], np.tile(q, (2, 1, 1)))
-    if not good.all() or not all(map(is_free, others)):
+    if not good.all() or not all(map(is_free, others)) or not oracle.sees(base, target):
         return None
     return Claim(base, name, chain.names, np.stack([others[0], q, others[1]]), poses, target, True)
 

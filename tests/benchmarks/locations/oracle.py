@@ -6,7 +6,7 @@ Used by the benchmark, by the sampler it measures and by the exhaustive search; 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,8 @@ TIP, TURN = 2e-3, 2e-2
 """How far a tip may be from the pose that is claimed [m], [rad]."""
 NEIGHBOURS = 2
 """Links that are so few joints apart may touch each other."""
+GAZES = 15
+"""Postures of each joint of the neck that are tried."""
 SAMPLES = 40
 """Random postures; links that touch in nearly all of them are modelled so."""
 
@@ -76,6 +78,7 @@ class Oracle:
             self._build(body)
         self._allowed = self._modelled_so()
         self.checks = 0
+        self._gazes: list[Array] | None = None
 
     def close(self) -> None:
         """End the client."""
@@ -218,6 +221,50 @@ class Oracle:
                     return False
         return True
 
+    def sees(self, base: Base, target: str) -> bool:
+        """Whether with some posture of the neck the camera's picture has 30 % of a body, as its size and distance say.
+
+        True for a robot without camera.
+        """
+        camera = self.robot.camera
+        if camera is None:
+            return True
+        if self._gazes is None:
+            self._gazes = list(self._all_gazes(camera.link))
+        body = self.room.body(target)
+        place = Pose.planar(*base).matrix()
+        point = np.linalg.inv(place) @ np.append(np.array(body.pose.position), 1.0)
+        best: tuple[float, Array] = (math.inf, np.eye(4))
+        for frame in self._gazes:
+            arrow = point[:3] - frame[:3, 3]
+            away = float(np.linalg.norm(arrow))
+            miss = 1.0 - float(frame[:3, :3] @ np.array(camera.forward) @ arrow) / away
+            if camera.near <= away <= camera.far and miss < best[0]:
+                best = (miss, frame)
+        if best[0] == math.inf:
+            return False
+        self.place(base, self.posture)
+        frame = place @ best[1]
+        eye, ahead = frame[:3, 3], frame[:3, :3] @ np.array(camera.forward)
+        view = pybullet.computeViewMatrix(list(eye), list(eye + ahead), list(frame[:3, :3] @ np.array(camera.up)))
+        vertical = 2 * math.atan(math.tan(camera.fov / 2) * camera.height / camera.width)
+        lens = pybullet.computeProjectionMatrixFOV(math.degrees(vertical), camera.width / camera.height, 0.02, 20.0)
+        segments = pybullet.getCameraImage(
+            camera.width, camera.height, view, lens, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=self.client
+        )[4]
+        wanted = [uid for uid, name in self.pieces.items() if name == target]
+        focal = camera.width / (2 * math.tan(camera.fov / 2))
+        away = float(np.linalg.norm(np.array(body.pose.position) - eye))
+        whole = (focal * body.size[0] / away) * (focal * body.size[2] / away)
+        return int(np.isin(np.asarray(segments), wanted).sum()) >= 0.3 * whole
+
+    def _all_gazes(self, link: str) -> Iterator[Array]:
+        """Frames of the camera's link in the base frame, the neck over a grid of its postures."""
+        spans = [np.linspace(*self.limits[joint], GAZES) for joint in self.robot.neck]
+        for values in np.stack(np.meshgrid(*spans), -1).reshape(-1, len(spans)) if spans else np.zeros((1, 0)):
+            self.place((0.0, 0.0, 0.0), {**self.posture, **dict(zip(self.robot.neck, values, strict=True))})
+            yield self.link(link)
+
     def objection(self, claim: Claim) -> str | None:
         """What is wrong with a claim; None if all of it is true."""
         arm = self.robot.arm(claim.arm)
@@ -244,6 +291,30 @@ class Oracle:
                 return f"pose {number}: {pair[0]} touches {pair[1]}"
         return None
 
+    def rests(self, name: str, at: Pose, support: str) -> str | None:
+        """What keeps a body at a pose from resting whole on another, touching nothing else; None if nothing does."""
+        body, below = self.room.body(name), self.room.body(support)
+        top = below.pose.position[2] + below.size[2] / 2
+        if abs(at.position[2] - body.size[2] / 2 - top) > 5e-3:
+            return f"its lowest point is not at the top of {support}"
+        local = below.pose.inverse() @ at
+        radius = max(body.size[:2]) / 2
+        if any(abs(local.position[i]) + radius > below.size[i] / 2 + 1e-3 for i in (0, 1)):
+            return f"it stands out over the edge of {support}"
+        uid = next(uid for uid, other in self.pieces.items() if other == name)
+        kept = pybullet.getBasePositionAndOrientation(uid, physicsClientId=self.client)
+        pybullet.resetBasePositionAndOrientation(uid, at.position, at.orientation, physicsClientId=self.client)
+        try:
+            for other, owner in self.pieces.items():
+                if other == uid:
+                    continue
+                points = pybullet.getClosestPoints(uid, other, 0.0, physicsClientId=self.client)
+                if any(point[8] < -TOUCHING for point in points):
+                    return f"it is in {owner}"
+        finally:
+            pybullet.resetBasePositionAndOrientation(uid, *kept, physicsClientId=self.client)
+        return None
+
     def is_grasp(self, claim: Claim) -> str | None:
         """What keeps a claim from being the grasp of its target: pre-grasp, grasp, then up."""
         body = self.room.body(claim.target or "")
@@ -252,8 +323,8 @@ class Oracle:
         before, grasp, lift = claim.poses[:3]
         approach = grasp[:3, :3] @ np.array(arm.approach)
         closing = grasp[:3, :3] @ np.array(arm.closing)
-        if np.linalg.norm(grasp[:3, 3] - centre) > 0.06:
-            return "the grip point is far from the middle of what is grasped"
+        if np.linalg.norm(grasp[:3, 3] - centre) > 0.011:
+            return "the grip point is more than 1 cm from the middle of what is grasped"
         if np.abs(before[:3, 3] + 0.08 * approach - grasp[:3, 3]).max() > 2e-3:
             return "the pre-grasp is not 8 cm back along the approach"
         rise = lift[:3, 3] - grasp[:3, 3]

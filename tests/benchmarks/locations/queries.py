@@ -6,7 +6,7 @@ import gc
 import resource
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from types import FrameType
@@ -25,7 +25,8 @@ from planlang.designators import (
     an_object,
 )
 from planlang.failures import PlanFailure
-from tests.benchmarks.locations.rooms import PLACE, THE_BOTTLE, THE_PATIENT, Room, room_of
+from tests.benchmarks.locations.predicates import CHECKED, objections
+from tests.benchmarks.locations.rooms import THE_BOTTLE, THE_PATIENT, Room, room_of, thing
 from tests.benchmarks.locations.stage import Stage
 
 DEVICES = (None, None, a_device("RightArm"), a_device("LeftGripper"))
@@ -58,8 +59,25 @@ def _thing(rng: np.random.Generator, room: Room) -> Object:
         return THE_PATIENT
     if kind < 0.95:
         body = room.bodies[int(rng.integers(len(room.bodies)))]
-        return an_object(body.type or "Thing", body.iri or PLACE + body.name)
+        return thing(body)
     return an_object("Bathtub")
+
+
+def check_areas(stage: Stage, number: int, seed: int) -> Iterator[tuple[list[str], bool]]:
+    """Ask for random conjunctions about the floor; what places do not keep, and whether there were any."""
+    rng, room = np.random.default_rng(seed), stage.room
+    for _ in range(number):
+        relations = []
+        for _ in range(int(rng.integers(1, 4))):
+            name = CHECKED[int(rng.integers(len(CHECKED)))]
+            within = float(rng.uniform(0.2, 2.0)) if name in MEASURED and rng.random() < 0.4 else None
+            body = room.bodies[int(rng.integers(1, len(room.bodies)))]
+            relations.append(Relation(name, thing(body), within, None, bool(rng.random() < 0.2)))
+        location = Location(tuple(relations))
+        places = stage.ask(location, 3).solutions
+        viewer = room.start[:2]
+        found = [text for s in places for text in objections(room, stage.robot, s.base, location, viewer)]
+        yield found, bool(places)
 
 
 def snapshot(stage: Stage) -> tuple[object, ...]:

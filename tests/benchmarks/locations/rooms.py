@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,21 @@ class Room:
     def body(self, name: str) -> Body:
         """The body of that name."""
         return next(body for body in self.bodies if body.name == name)
+
+
+def mirrored(room: Room) -> Room:
+    """The room as its mirror at the plane y = 0 shows it; its bodies stand upright and are symmetric themselves."""
+    bodies = []
+    for body in room.bodies:
+        x, y, z = body.pose.position
+        bodies.append(replace(body, pose=Pose.planar(x, -y, -body.pose.yaw, z)))
+    x, y, yaw = room.start
+    return replace(room, bodies=tuple(bodies), start=(x, -y, -yaw))
+
+
+def thing(body: Body) -> Object:
+    """The designator of a body of a room."""
+    return an_object(body.type or "Thing", body.iri or PLACE + body.name)
 
 
 def box(name: str, size: tuple[float, float, float], at: tuple[float, float, float], yaw: float = 0.0) -> Body:

@@ -18,7 +18,7 @@ from executive.platform import Platform
 from planlang.designators import Location, Object, a_location
 from planlang.failures import PlanFailure
 from planlang.ontology import Ontology, expand, load
-from planlang.protocols import Configuration, Solution
+from planlang.protocols import Configuration, Pose, Solution
 from planlang.resources import bundled
 from sim import Body, PyBulletWorld
 from tests.benchmarks.locations.oracle import Claim
@@ -79,6 +79,16 @@ class Stage:
             counts, blocking = getattr(failure, "counts", {}), getattr(failure, "blocking", {})
             return Answer(found, time.process_time() - began, counts, blocking, str(failure))
         return Answer(found, time.process_time() - began)
+
+    def put(self, location: Location, what: Object) -> tuple[Pose | None, float]:
+        """The first pose for a thing at a location, None if there is none, and the CPU time it took [s]."""
+        self.platform.sync()
+        began = time.process_time()
+        try:
+            found = next(self.platform.resolver.things(location, what), None)
+        except PlanFailure:
+            found = None
+        return found, time.process_time() - began
 
     def claim(self, solution: Solution, what: Object, *, held: bool = False) -> Claim | None:
         """The way in which the arm that was chosen reaches, from a place; None if there it finds none."""

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.locations import Block, HandFrame, Held
-from executive.locations.hand import above_plans, extent, grasp_plans, upright_rotations
+from executive.locations import Block, ComfortZone, HandFrame, Held
+from executive.locations.ways import CLASSES, above_ways, grasp_ways, offer_ways, place_ways
 from planlang.protocols import Array, Pose
 
 angle, length, size = st.floats(-math.pi, math.pi), st.floats(-3.0, 3.0), st.floats(0.02, 2.0)
@@ -66,7 +66,8 @@ def test_map_and_local_coordinates_undo_each_other(block: Block, points: list[tu
 @given(blocks, length, length)
 def test_the_distance_is_that_of_the_nearest_point_of_the_rectangle(block: Block, x: float, y: float) -> None:
     point = np.array([[x, y]])
-    nearest = block.nearest(point, 0.0)
+    bound = np.array([block.half_x, block.half_y])
+    nearest = block.to_map(np.clip(block.to_local(point), -bound, bound))
     assert block.distance(point)[0] == pytest.approx(float(np.linalg.norm(point - nearest)), abs=1e-9)
     assert block.distance(nearest)[0] == pytest.approx(0.0, abs=1e-9)
 
@@ -86,39 +87,67 @@ def test_the_extent_of_a_block_is_the_width_of_its_shadow(block: Block, heading:
     direction = np.array([math.cos(heading), math.sin(heading), 0.0])
     box = Pose.planar(block.x, block.y, block.yaw, 0.0)
     along = corners(box, (2 * block.half_x, 2 * block.half_y, 0.0)) @ direction
-    assert extent(block, direction) == pytest.approx(float(np.ptp(along)), abs=1e-9)
+    assert 2 * block.support(heading) == pytest.approx(float(np.ptp(along)), abs=1e-9)
 
 
 def test_a_bottle_is_as_wide_from_everywhere() -> None:
     bottle = Block.of(Pose.planar(0.0, 0.0, 0.3, 0.1), (0.07, 0.07, 0.2), cylinder=True)
     for heading in np.linspace(0.0, math.pi, 7):
-        assert extent(bottle, np.array([math.cos(heading), math.sin(heading), 0.0])) == pytest.approx(0.07)
+        assert 2 * bottle.support(heading) == pytest.approx(0.07)
 
 
-@given(blocks, length, length)
-def test_fingers_never_close_across_more_than_they_open(block: Block, x: float, y: float) -> None:
-    for plan in grasp_plans("box", block, np.array([x, y, 1.0]), FRAME, 0.11):
+@given(blocks, st.sampled_from([8, 16, 32]))
+def test_fingers_never_close_across_more_than_they_open(block: Block, headings: int) -> None:
+    ways = grasp_ways("box", block, FRAME, 0.11, CLASSES, headings)
+    for index in range(len(ways)):
+        plan = ways.plan(index)
         closing = plan.poses[1][:3, 1]
-        assert extent(block, closing) <= 0.11
+        assert abs(closing[2]) < 1e-9, "the fingers close horizontally"
+        assert 2 * block.support(math.atan2(closing[1], closing[0])) <= 0.11 + 1e-9
         assert plan.poses[1][:3, 3] == pytest.approx(block.centre)
+        assert plan.poses[0][:3, 3] == pytest.approx(block.centre - 0.08 * plan.poses[1][:3, 0])
 
 
-@given(angle, quaternions)
-def test_what_is_held_stays_upright_in_every_pose_that_is_tried(
-    bearing: float, turn: tuple[float, float, float, float]
+@given(blocks, quaternions, angle)
+def test_what_is_held_stays_upright_in_every_way_that_is_tried(
+    block: Block, turn: tuple[float, float, float, float], facing: float
 ) -> None:
-    held = Pose((0.0, 0.0, 0.0), turn)
-    for yaw, rotation in upright_rotations(bearing, FRAME, held):
-        assert np.linalg.det(rotation) == pytest.approx(1.0)
-        assert (rotation @ held.matrix()[:3, :3])[2, 2] == pytest.approx(1.0), f"tilted at yaw {yaw}"
+    held = Held("cup", Pose((0.02, 0.0, 0.05), turn), (0.07, 0.07, 0.1))
+    zone = ComfortZone(((0.0, 0.2, 1.2), (0.0, -0.2, 1.2)), facing, 0.6, lambda point: True)
+    upright = held.pose.matrix()[:3, :3]
+    for ways in (
+        above_ways("box", block, FRAME, held, 0.05, (0.02, 0.15), fine=False),
+        offer_ways("patient", zone, FRAME, held, fine=False),
+        place_ways("box", block.centre[None], FRAME, held, fine=False),
+    ):
+        assert len(ways) == 0 or np.linalg.det(ways.rotations) == pytest.approx(1.0)
+        assert (ways.rotations @ upright)[:, 2, 2] == pytest.approx(1.0)
+
+
+@given(angle)
+def test_what_is_offered_comes_to_where_the_person_takes_things(facing: float) -> None:
+    taken: list[bool] = []
+
+    def contains(point: Array) -> bool:
+        taken.append(float(np.hypot(*point[:2])) < 0.5)
+        return taken[-1]
+
+    held = Held("cup", Pose((0.05, 0.0, 0.0)), (0.07, 0.07, 0.1))
+    zone = ComfortZone(((0.0, 0.2, 1.2), (0.0, -0.2, 1.2)), facing, 0.6, contains)
+    ways = offer_ways("patient", zone, FRAME, held, fine=True)
+    assert len(ways) > 10
+    for middle in ways.points + held.offsets(ways.rotations):
+        assert contains(middle)
 
 
 @settings(max_examples=30, deadline=None)
-@given(blocks, length, length, st.tuples(size, size, size).map(lambda s: tuple(v / 10 for v in s)), angle)
+@given(blocks, st.tuples(size, size, size).map(lambda s: tuple(v / 10 for v in s)), angle)
 def test_poses_above_keep_what_is_held_between_2_and_15_cm_over_the_top(
-    block: Block, x: float, y: float, extents: tuple[float, float, float], turn: float
+    block: Block, extents: tuple[float, float, float], turn: float
 ) -> None:
     held = Held("cup", Pose.planar(0.02, -0.01, turn, 0.03), extents)
-    for plan in above_plans("box", block, np.array([x, y, 1.0]), FRAME, held, 0.05):
-        lowest = corners(Pose.from_matrix(plan.poses[0]) @ held.pose, extents)[:, 2].min()
+    ways = above_ways("box", block, FRAME, held, 0.05, (0.02, 0.15), fine=True)
+    for index in range(0, len(ways), 7):
+        pose = Pose.from_matrix(ways.plan(index).poses[0])
+        lowest = corners(pose @ held.pose, extents)[:, 2].min()
         assert 0.02 <= lowest - block.high <= 0.15

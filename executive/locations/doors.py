@@ -1,0 +1,44 @@
+"""Keeping clear of things: not touching them, not standing where their doors swing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from executive.locations.block import Block
+from executive.locations.surroundings import Door
+from planlang.protocols import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Clear:
+    """Places from which a round outline neither touches a block nor the sweep of its doors."""
+
+    words: str
+    block: Block | None
+    """None: what it is about is a door itself, which its sweep surrounds."""
+    doors: tuple[Door, ...]
+    radius: float
+    """Of the outline [m]."""
+    negated: bool = False
+
+    def score(self, points: Array) -> Array:
+        """1 where points (n, 2) are clear, else 0; a little less where they nearly are not, (n,)."""
+        gaps = [_from_sweep(door, points) for door in self.doors]
+        if self.block is not None:
+            gaps.append(self.block.distance(points))
+        gap = np.min(gaps, axis=0) - self.radius if gaps else np.full(len(points), np.inf)
+        if self.negated:
+            return np.asarray(gap <= 0, float)
+        return np.where(gap > 0, 0.7 + 0.3 * np.clip(gap / 0.3, 0.0, 1.0), 0.0)
+
+
+def _from_sweep(door: Door, points: Array) -> Array:
+    """Distances (n,) of points from the half disc that the leaf sweeps on both sides, 0 inside."""
+    c, s = math.cos(door.heading), math.sin(door.heading)
+    dx, dy = points[:, 0] - door.x, points[:, 1] - door.y
+    along, across = c * dx + s * dy, np.abs(c * dy - s * dx)
+    before = np.hypot(along, np.maximum(across - door.width, 0.0))
+    return np.asarray(np.where(along >= 0, np.maximum(np.hypot(along, across) - door.width, 0.0), before))

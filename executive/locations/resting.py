@@ -1,0 +1,130 @@
+"""Where objects can be: poses on and in things and before people, and whether a pose is one of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from executive.locations.block import Block
+from executive.locations.rejections import Rejections
+from executive.locations.relations import ThingDemand, block_of
+from executive.locations.surroundings import Surroundings
+from executive.motion import clearance_at
+from planlang.protocols import Array, Pose
+
+SPACING = 0.04
+"""Distance of neighbouring places on a surface [m]."""
+MOST_PLACES = 4000
+"""Places on one surface: on a large one they are farther apart."""
+FREE = 0.005
+"""Distance that an object keeps from others [m]."""
+RESTING = 0.02
+"""How far an object's lowest point may be off the surface that it rests on [m]."""
+ABOVE_SURFACE = 0.002
+"""How far above the surface an object is put [m]."""
+
+Size = tuple[float, float, float]
+
+
+def thing_poses(
+    name: str, size: Size, demand: ThingDemand, around: Surroundings, rejections: Rejections
+) -> Iterator[Pose]:
+    """Poses of an object's box centre, upright, best first; reasons of others are counted."""
+    centres, yaw = _centres(size, demand, around)
+    for area in demand.areas:
+        wanted = area.score(centres[:, :2]) > 0
+        rejections.add(f"not {area.words}", int((~wanted).sum()))
+        centres = centres[wanted]
+    for person, inside in demand.people:
+        zone = around.zone(person)
+        keep = np.array([zone.contains(centre) == inside for centre in centres], bool)
+        rejections.add(f"{'not ' if inside else ''}in reach of {person}", int((~keep).sum()))
+        centres = centres[keep]
+    if not len(centres):
+        return
+    room, _ = _room(name, size, centres, demand, around)
+    crowded = room < FREE
+    rejections.add("no room for the object", int(crowded.sum()))
+    for body in _crowding(name, size, centres[crowded], demand, around):
+        rejections.blocking[body] += 1
+    score = np.clip(room, 0.0, 0.1) / 0.1
+    for area in demand.areas:
+        score = score * area.score(centres[:, :2])
+    x, y, _ = around.base()
+    score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / 4.0)
+    order = np.argsort(-score.round(9), kind="stable")
+    for x, y, z in centres[order[~crowded[order]]]:
+        yield Pose.planar(float(x), float(y), yaw, float(z))
+
+
+def thing_holds(name: str, pose: Pose, size: Size, demand: ThingDemand, around: Surroundings) -> bool:
+    """Whether an object at a pose is where it is asked to be."""
+    block = Block.of(pose, size)
+    if demand.on is not None:
+        support = block_of(demand.on, around)
+        if abs(block.low - support.high) > RESTING or not _within(block, support):
+            return False
+    if demand.inside is not None:
+        container = block_of(demand.inside, around)
+        if not _within(block, container) or block.low < container.low - RESTING or block.high > container.high:
+            return False
+    x, y, z = pose.position
+    if not all(area.holds((x, y)) for area in demand.areas):
+        return False
+    return all(around.zone(person).contains(np.array([x, y, z])) == inside for person, inside in demand.people)
+
+
+def _within(block: Block, outer: Block) -> bool:
+    """Whether the whole footprint of one block is over another's."""
+    half = np.array([[a * block.half_x, b * block.half_y] for a in (-1, 1) for b in (-1, 1)])
+    local = np.abs(outer.to_local(block.to_map(half)))
+    return bool((local <= np.array([outer.half_x, outer.half_y]) + 1e-6).all())
+
+
+def _centres(size: Size, demand: ThingDemand, around: Surroundings) -> tuple[Array, float]:
+    """Places (m, 3) for an object's centre, and its heading."""
+    where = demand.on or demand.inside
+    if where is None:
+        zones = [around.zone(person).points() for person, inside in demand.people if inside]
+        points = np.concatenate(zones) if zones else np.zeros((0, 3))
+        return points, 0.0
+    block = block_of(where, around)
+    half_x, half_y = block.half_x - size[0] / 2, block.half_y - size[1] / 2
+    if half_x < 0 or half_y < 0:
+        return np.zeros((0, 3)), block.yaw
+    spacing = max(SPACING, 2 * math.sqrt(half_x * half_y / MOST_PLACES))
+    axes = [np.linspace(-half, half, 2 * math.ceil(half / spacing) + 1) for half in (half_x, half_y)]
+    places = block.to_map(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2))
+    if demand.inside is not None and size[2] > block.high - block.low:
+        return np.zeros((0, 3)), block.yaw
+    floor = block.high if demand.on is not None else block.low
+    return np.column_stack([places, np.full(len(places), floor + ABOVE_SURFACE + size[2] / 2)]), block.yaw
+
+
+def _room(
+    name: str, size: Size, centres: Array, demand: ThingDemand, around: Surroundings
+) -> tuple[Array, tuple[str, ...]]:
+    """Free distance (m,) around an object at places (m, 3) of one height, to all but what it is on or in."""
+    boxes, bodies = around.boxes_but((name, demand.on or "", demand.inside or ""))
+    radius = math.hypot(size[0], size[1]) / 2 if not around.is_round(name) else max(size[:2]) / 2
+    room = np.full(len(centres), np.inf)
+    for z in np.unique(centres[:, 2]):
+        level = centres[:, 2] == z
+        band = (float(z) - size[2] / 2 + ABOVE_SURFACE, float(z) + size[2] / 2, radius)
+        room[level] = clearance_at(centres[level, :2], boxes, (band,))
+    return room, bodies
+
+
+def _crowding(name: str, size: Size, centres: Array, demand: ThingDemand, around: Surroundings) -> list[str]:
+    """The bodies that take the room at some of the places."""
+    boxes, bodies = around.boxes_but((name, demand.on or "", demand.inside or ""))
+    radius = max(size[:2]) / 2
+    found: dict[str, None] = {}
+    for x, y, z in centres[:: max(1, len(centres) // 16)]:
+        band = (float(z) - size[2] / 2 + ABOVE_SURFACE, float(z) + size[2] / 2, radius)
+        for index, body in enumerate(bodies):
+            if body not in found and clearance_at([(x, y)], boxes.only(index), (band,))[0] < FREE:
+                found[body] = None
+    return list(found)

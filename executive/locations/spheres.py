@@ -1,0 +1,168 @@
+"""Spheres inside an arm: where they meet something the arm does, so that most postures need no exact query."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.motion import Chain
+from executive.motion.urdf import Joint, displacement, joints_between, read_joints
+from planlang.protocols import Array, Configuration, Pose
+from sim import PyBulletWorld
+
+APART = 0.04
+"""Distance of neighbouring spheres, where those inside a link are not larger [m]."""
+CORE = 0.5
+"""Share of the box around a mesh that is taken as surely filled."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Step:
+    """A moving joint, with the fixed ones before it: rotation A + B sin q + C (1 - cos q), or a slide."""
+
+    origin: Array
+    """(3,) in the frame before."""
+    constant: Array
+    sine: Array
+    versine: Array
+    slide: Array
+    """(3,) in the frame before, per unit; zero for one that turns."""
+    column: int
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmSpheres:
+    """k spheres that move with an arm, with the fingers open."""
+
+    radii: Array
+    """(k,) [m]."""
+    hand: NDArray[np.bool_]
+    """Which belong to the hand, (k,)."""
+    in_tip: Array
+    """Centres of those of the hand in the tip frame, (h, 3)."""
+    steps: tuple[_Step, ...]
+    local: tuple[Array, ...]
+    """After each moving joint the centres (., 3) of the spheres that it carries first; together in the order of k."""
+
+    def centres(self, q: Array) -> Array:
+        """Centres (n, k, 3) in the base frame for joint values (n, d)."""
+        count = len(q)
+        turn, place = np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3))
+        found = []
+        for step, local in zip(self.steps, self.local, strict=True):
+            value = (step.factor * q[:, step.column] + step.offset)[:, None]
+            place = place + np.einsum("nij,nj->ni", turn, step.origin + value * step.slide)
+            value = value[:, :, None]
+            turn = turn @ (step.constant + np.sin(value) * step.sine + (1.0 - np.cos(value)) * step.versine)
+            if len(local):
+                found.append(np.einsum("nij,kj->nki", turn, local) + place[:, None])
+        return np.concatenate(found, axis=1) if found else np.zeros((count, 0, 3))
+
+
+NO_SPHERES = ArmSpheres(np.zeros(0), np.zeros(0, bool), np.zeros((0, 3)), (), ())
+"""Of an arm of which no shape is known: nothing is ruled out before the exact query."""
+
+
+def arm_spheres(
+    chain: Chain, tip: str, base_link: str, torso: str | None, world: PyBulletWorld, opened: Mapping[str, float]
+) -> ArmSpheres:
+    """Spheres of the solid links that the joints of an arm move, the ``torso`` that carries it left out.
+
+    ``opened``: joints of the fingers, as they are when the hand comes to grasp. The world is left as it was.
+    """
+    before = world.configuration()
+    joints = {name: float(value) for name, value in zip(chain.names, (chain.lower + chain.upper) / 2, strict=True)}
+    world.set_configuration(Configuration((0.0, 0.0, 0.0), {**joints, **opened}))
+    try:
+        return _spheres(chain, tip, base_link, torso, world)
+    finally:
+        world.set_configuration(before)
+
+
+def _spheres(chain: Chain, tip: str, base_link: str, torso: str | None, world: PyBulletWorld) -> ArmSpheres:
+    robot = world.robot
+    way = joints_between(read_joints(robot.body.urdf), base_link, tip)
+    steps, carried = _steps(way, chain)
+    hand = robot.hand_of(tip)
+    moved = frozenset[int]().union(*(robot.moved_by(name) for name in chain.names if name != torso))
+    from_tip = world.link_pose(tip).inverse()
+    groups: list[list[tuple[Array, float, bool]]] = [[] for _ in steps]
+    in_tip = []
+    for number in sorted(moved):
+        link = robot.solid_names[number]
+        above = next(name for i in robot.ancestors(robot.links[link]) if (name := robot.link_names[i]) in carried)
+        # the frame after the moving joint, from a link that is fixed to it
+        step, fixed = carried[above]
+        there = world.link_pose(link)
+        offset = Pose.from_matrix(fixed) @ world.link_pose(above).inverse() @ there
+        for kind, size, pose in robot.shapes(number):
+            for centre, radius in _inside(kind, size):
+                point = pose @ Pose(centre)
+                groups[step].append((np.array((offset @ point).position), radius, number in hand))
+                if number in hand:
+                    in_tip.append((step, (from_tip @ there @ point).position))
+    every = [sphere for group in groups for sphere in group]
+    in_tip.sort(key=lambda item: item[0])
+    return ArmSpheres(
+        np.array([radius for _, radius, _ in every]),
+        np.array([mine for _, _, mine in every], bool),
+        np.array([place for _, place in in_tip]).reshape(-1, 3),
+        tuple(steps),
+        tuple(np.array([place for place, _, _ in group]).reshape(-1, 3) for group in groups),
+    )
+
+
+def _steps(way: Sequence[Joint], chain: Chain) -> tuple[list[_Step], dict[str, tuple[int, Array]]]:
+    """The moving joints; and for each link of the chain after the first of them which it hangs from, and how (4, 4)."""
+    steps: list[_Step] = []
+    carried: dict[str, tuple[int, Array]] = {}
+    fixed = np.eye(4)
+    for joint in way:
+        fixed = fixed @ joint.origin
+        name, factor, offset = joint.name, 1.0, 0.0
+        if joint.mimic is not None and name not in chain.names:
+            name, factor, offset = joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset
+        if joint.kind != "fixed" and name in chain.names:
+            turn = fixed[:3, :3]
+            zero = np.zeros((3, 3))
+            if joint.kind == "prismatic":
+                parts = turn, zero, zero, turn @ joint.axis
+            else:
+                x, y, z = joint.axis
+                cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+                parts = turn, turn @ cross, turn @ cross @ cross, np.zeros(3)
+            steps.append(_Step(fixed[:3, 3], *parts, chain.names.index(name), factor, offset))
+            fixed = np.eye(4)
+        elif joint.kind != "fixed":
+            fixed = fixed @ displacement(joint, 0.0)
+        if steps:
+            carried[joint.child] = len(steps) - 1, fixed.copy()
+    return steps, carried
+
+
+def _inside(kind: str, size: tuple[float, float, float]) -> Iterator[tuple[tuple[float, float, float], float]]:
+    """Centres and radii [m] of spheres inside a primitive."""
+    x, y, z = size
+    match kind:
+        case "sphere":
+            yield (0.0, 0.0, 0.0), x / 2
+            return
+        case "cylinder":
+            width = x if z >= x else x / np.sqrt(2)  # the square inside a disc
+            x = y = width
+        case "mesh":
+            x, y, z = CORE * x, CORE * y, CORE * z
+    radius = min(x, y, z) / 2
+    axes = []
+    for extent in (x, y, z):
+        reach = extent / 2 - radius
+        count = 1 if reach < 1e-6 else int(np.ceil(2 * reach / max(APART, 1.5 * radius))) + 1
+        axes.append(np.linspace(-reach, reach, count) if count > 1 else np.zeros(1))
+    for a, b, c in product(*axes):
+        yield (float(a), float(b), float(c)), float(radius)

@@ -1,0 +1,103 @@
+"""What relations about the floor promise of a place, checked without the resolver: from the words of the table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from executive.capabilities import Robot
+from planlang.designators import Location, Object, Relation
+from sim import Body
+from sim.person import reach_of
+from tests.benchmarks.locations.oracle import Base
+from tests.benchmarks.locations.rooms import Room, thing
+
+HAIR = 2e-3
+"""Places are told to a tenth of a millimetre [m]."""
+SIDES = {"in_front_of": 0.0, "behind": math.pi, "left_of": math.pi / 2, "right_of": -math.pi / 2}
+NEAR, FAR, BESIDE, FACING = 1.0, 2.0, (0.1, 1.1), math.radians(30)
+
+CHECKED = (*SIDES, "next_to", "near", "far_from", "facing", "clear_of")
+"""Relations that are checked here; what is in reach or visible is checked by the oracle."""
+
+
+def objections(room: Room, robot: Robot, base: Base, location: Location, viewer: tuple[float, float]) -> Iterator[str]:
+    """What of a location a place does not keep; ``viewer``: where the robot was when it asked."""
+    for relation in location.relations:
+        if relation.name in CHECKED and isinstance(relation.reference, Object):
+            body = _body(room, relation.reference)
+            if _holds(relation, body, robot.base.radius, base, viewer) == relation.negated:
+                yield f"{base} is {'' if relation.negated else 'not '}{relation.name} {body.name}: {relation}"
+
+
+def _body(room: Room, what: Object) -> Body:
+    return next(body for body in room.bodies if thing(body).iri == what.iri)
+
+
+def _holds(relation: Relation, body: Body, radius: float, base: Base, viewer: tuple[float, float]) -> bool:
+    gap = outline_distance(body, base[0], base[1]) - radius
+    least, most = relation.beyond, relation.within
+    match relation.name:
+        case "near":
+            low = least or 0.0
+            high = most if most is not None else math.inf if low > NEAR else NEAR
+            return low - HAIR <= max(gap, 0.0) <= high + HAIR
+        case "far_from":
+            low = least if least is not None else 0.0 if most is not None and most < FAR else FAR
+            return low - HAIR <= gap <= (math.inf if most is None else most) + HAIR
+        case "facing":
+            x, y = body.pose.position[:2]
+            miss = math.remainder(math.atan2(y - base[1], x - base[0]) - base[2], 2 * math.pi)
+            return abs(miss) <= FACING + HAIR
+        case "clear_of":
+            return gap > 0
+        case "next_to":
+            return any(_at_side(relation, body, side, radius, base, viewer) for side in ("left_of", "right_of"))
+    return _at_side(relation, body, relation.name, radius, base, viewer)
+
+
+def outline_distance(body: Body, x: float, y: float) -> float:
+    """Distance of a point from the outline of a body seen from above, 0 inside [m]; bodies here stand upright."""
+    dx, dy = x - body.pose.position[0], y - body.pose.position[1]
+    if body.shape == "cylinder":
+        return max(math.hypot(dx, dy) - max(body.size[:2]) / 2, 0.0)
+    c, s = math.cos(body.pose.yaw), math.sin(body.pose.yaw)
+    along, across = abs(c * dx + s * dy) - body.size[0] / 2, abs(c * dy - s * dx) - body.size[1] / 2
+    return math.hypot(max(along, 0.0), max(across, 0.0))
+
+
+def _at_side(relation: Relation, body: Body, side: str, radius: float, base: Base, viewer: tuple[float, float]) -> bool:
+    front, seen = _front(body, viewer)
+    heading = front + (-SIDES[side] if seen else SIDES[side])
+    ahead = np.array([math.cos(heading), math.sin(heading)])
+    offset = np.array([base[0] - body.pose.position[0], base[1] - body.pose.position[1]])
+    forward, aside = float(offset @ ahead), float(ahead[0] * offset[1] - ahead[1] * offset[0])
+    out = forward - _extent(body, heading)
+    least = relation.beyond if relation.beyond is not None else BESIDE[0]
+    most = relation.within if relation.within is not None else BESIDE[1]
+    if relation.beyond is None and least > most:
+        least = 0.0
+    if relation.within is None and most < least:
+        most = math.inf
+    return least - HAIR <= out - radius <= most + HAIR and abs(aside) <= out + HAIR
+
+
+def _front(body: Body, viewer: tuple[float, float]) -> tuple[float, bool]:
+    """Heading of the front; whether it is the viewer's, whose left is the other side."""
+    if body.shape == "person":
+        facing = reach_of(body).facing
+        return math.atan2(facing[1], facing[0]), False
+    if body.graspable or body.shape == "cylinder":
+        x, y = body.pose.position[:2]
+        return math.atan2(viewer[1] - y, viewer[0] - x), True
+    return body.pose.yaw, False
+
+
+def _extent(body: Body, heading: float) -> float:
+    """How far the outline reaches from its middle in a direction [m]."""
+    if body.shape == "cylinder":
+        return max(body.size[:2]) / 2
+    turn = heading - body.pose.yaw
+    return abs(math.cos(turn)) * body.size[0] / 2 + abs(math.sin(turn)) * body.size[1] / 2

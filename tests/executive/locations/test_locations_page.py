@@ -1,0 +1,97 @@
+"""docs/locations.md says what the code says: the relations, the words, what the command prints.
+
+``python tests/executive/locations/test_locations_page.py`` writes tables and outputs into the page anew.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from executive.locations.relations import TABLE
+from planlang.designators import RELATIONS
+from planlang.phrases import FORMS
+from planlang.phrases.words import GRASP_FORMS
+
+CHECKOUT = Path(__file__).resolve().parents[3]
+FILE = CHECKOUT / "docs" / "locations.md"
+PAGE = FILE.read_text(encoding="utf-8")
+BLOCK = re.compile(r"```console\n\$ planlang (.+)\n((?:(?!```).*\n)*)```")
+FOUND = [match.groups() for match in BLOCK.finditer(PAGE)]
+
+
+def relations() -> str:
+    """What each relation denotes."""
+    lines = ["| relation | OWL property | for a base | for a hand | for an object |", "|---|---|---|---|---|"]
+    for name, meaning in TABLE.items():
+        cells = [text or "-" for text in (meaning.base, meaning.hand, meaning.thing)]
+        lines.append(f"| `{name}` | {RELATIONS[name]} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def forms() -> str:
+    """How each relation and each grasp is said."""
+    lines = ["| relation, grasp | said | also |", "|---|---|---|"]
+    for name, (first, *others) in {**FORMS, **GRASP_FORMS}.items():
+        lines.append(f"| `{name}` | {first} | {', '.join(others) or '-'} |")
+    return "\n".join(lines)
+
+
+TABLES = {"table of relations": relations, "table of forms": forms}
+
+
+def shown(title: str) -> str:
+    """What stands between the marks of a table."""
+    found = re.search(rf"<!-- {title} -->\n(.*?)<!-- end -->", PAGE, re.DOTALL)
+    assert found, f"docs/locations.md has no {title}"
+    return found[1].strip()
+
+
+def output(command: str, folder: Path) -> str:
+    """What the command prints, stderr too."""
+    arguments = [sys.executable, "-m", "executive", *shlex.split(command)]
+    ended = subprocess.run(
+        arguments, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+    )
+    return ended.stdout
+
+
+def shape(text: str) -> str:
+    """An output without its numbers."""
+    return re.sub(r" +", " ", re.sub(r"(?<![\w@.])-?\d+(\.\d+)?", "#", text))
+
+
+@pytest.mark.parametrize("title", TABLES)
+def test_a_table_of_the_page_is_that_of_the_code(title: str) -> None:
+    assert shown(title) == TABLES[title]()
+
+
+def test_every_relation_has_a_meaning_for_something_and_words() -> None:
+    assert TABLE.keys() == RELATIONS.keys() == FORMS.keys()
+    assert all(meaning.base or meaning.hand or meaning.thing for meaning in TABLE.values())
+
+
+@pytest.mark.parametrize(("command", "printed"), FOUND, ids=[command for command, _ in FOUND])
+def test_an_output_of_the_page_is_what_its_command_prints(command: str, printed: str, tmp_path: Path) -> None:
+    real = output(command, tmp_path)
+    assert shape(real) == shape(printed), f"planlang {command} prints:\n{real}"
+
+
+def rewrite() -> None:
+    """Write tables and outputs into the page anew."""
+    text = PAGE
+    for title, table in TABLES.items():
+        text = re.sub(
+            rf"(<!-- {title} -->\n).*?(<!-- end -->)", lambda m, t=table: f"{m[1]}{t()}\n{m[2]}", text, flags=re.DOTALL
+        )
+    text = BLOCK.sub(lambda m: f"```console\n$ planlang {m[1]}\n{output(m[1], CHECKOUT)}```", text)
+    FILE.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    rewrite()
