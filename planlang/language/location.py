@@ -18,7 +18,7 @@ from planlang.failures import (
     PlanFailure,
     matches,
 )
-from planlang.kernel import Fluent, Scope, Status, Task, WorldFluent, failure_of, wait_for
+from planlang.kernel import Scope, Status, Task, WorldFluent, failure_of, wait_for
 from planlang.kernel.journal import taken_over
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.tree import name_of
@@ -196,9 +196,8 @@ class _Watched(Scope):
         self.start(self._watch, "watch", 1)
 
     async def _watch(self) -> None:
-        gone: Fluent[bool] = Fluent(read=self.visit.lost, name=f"the base leaving {self.visit.location}")
-        if isinstance(gone, WorldFluent):
-            gone.vital = False
+        gone = WorldFluent(read=self.visit.lost, name=f"the base leaving {self.visit.location}")
+        gone.vital = False
         await wait_for(gone)
 
     def decide(self, dead: list[Task]) -> None:
