@@ -184,7 +184,8 @@ class _Watched(Scope):
 
     transparent = True
     lost = False
-    body_task: Task | None = None
+    ended: Task | None = None
+    """The body, or the watch if that could not go on."""
 
     def __init__(self, visit: _Visit, body: Branch) -> None:
         super().__init__("branch")
@@ -202,14 +203,14 @@ class _Watched(Scope):
 
     def decide(self, dead: list[Task]) -> None:
         first = dead[0]
-        if first.index == 0:
-            self.body_task = first
-        elif first.outcome is Status.SUCCEEDED:
+        if first.index == 1 and first.outcome is Status.SUCCEEDED:
             self.lost = True
+        else:
+            self.ended = first
         self.close()
 
     def finish(self) -> Any:
-        task = self.body_task
+        task = self.ended
         if task is None:
             return None
         if task.outcome is not Status.SUCCEEDED:
