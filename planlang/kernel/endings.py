@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from planlang.failures import BranchEvaporated
 from planlang.kernel.errors import NoProgress
 from planlang.kernel.evaporation import evaporate
 from planlang.kernel.rounds import rest
-from planlang.kernel.task import Status
 from planlang.kernel.watchdog import Overdue, where
 
 if TYPE_CHECKING:
@@ -22,10 +20,8 @@ def outcome_of(scheduler: Scheduler, root: Task) -> Any:
         raise root.crash
     if scheduler.interrupts:
         raise KeyboardInterrupt
-    if root.outcome is Status.FAILED and root.failure is not None:
+    if root.failure is not None:
         raise root.failure
-    if root.outcome is Status.EVAPORATED:
-        raise BranchEvaporated(path=root.path)
     return root.result
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import TYPE_CHECKING
 
 from planlang.kernel.errors import CleanupOverrun, CutShort
-from planlang.kernel.listing import is_own, place_of
+from planlang.kernel.listing import place_of, user_frame
 from planlang.kernel.park import here
 from planlang.kernel.suspension import unhold
 from planlang.kernel.task import Status, Task
@@ -79,16 +78,17 @@ class shield:  # noqa: N801 - used like a function: with shield(within=10)
 
     def __init__(self, within: float = 10.0) -> None:
         self.within = within
+        self._timers: list[Timer] = []
 
     def __enter__(self) -> None:
         self._scheduler, self._task = scheduler, task = here()
         steps = scheduler.steps(self.within)
         task.shields += 1
         review(scheduler, task)
-        self._timer: Timer = scheduler.deadline(task, steps, self._overrun)
+        self._timers.append(scheduler.deadline(task, steps, self._overrun))
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._timer.drop()
+        self._timers.pop().drop()
         self._task.shields -= 1
         review(self._scheduler, self._task)
 
@@ -101,14 +101,11 @@ class shield:  # noqa: N801 - used like a function: with shield(within=10)
 
 def warn_cut_short(task: Task) -> None:
     """Warn that code after the delivery of evaporation awaits without a shield."""
-    frame: FrameType | None = sys._getframe()
-    while frame is not None and is_own(frame.f_code.co_filename):
-        frame = frame.f_back
-    if frame is not None:
-        warnings.warn_explicit(
-            f"{task.path} is being evaporated, so this await is cut short; cleanup that waits belongs into "
-            "unwind_protect(body, cleanup) or a shield()",
-            CutShort,
-            frame.f_code.co_filename,
-            frame.f_lineno,
-        )
+    frame = user_frame()
+    warnings.warn_explicit(
+        f"{task.path} is being evaporated, so this await is cut short; cleanup that waits belongs into "
+        "unwind_protect(body, cleanup) or a shield()",
+        CutShort,
+        frame.f_code.co_filename,
+        frame.f_lineno,
+    )

@@ -5,14 +5,13 @@ from __future__ import annotations
 import gc
 import linecache
 import os
-import sys
 import warnings
 from collections.abc import Callable
 from types import CoroutineType, FrameType
 from typing import TYPE_CHECKING, Any
 
 from planlang.kernel.errors import PlanStructureError, contrast
-from planlang.kernel.listing import is_own
+from planlang.kernel.listing import user_frame
 from planlang.kernel.park import running
 
 if TYPE_CHECKING:
@@ -46,10 +45,8 @@ def _dropped(coroutine: CoroutineType[Any, Any, Any]) -> None:
     scheduler = running.scheduler
     task = None if scheduler is None else scheduler.current
     if task is not None and task.overrun is None and not task.thrown and not _Watch.collecting:
-        frame: FrameType | None = sys._getframe(1)
-        while frame is not None and is_own(frame.f_code.co_filename):
-            frame = frame.f_back
-        if frame is not None and _made_in(frame, coroutine.__name__):
+        frame = user_frame()
+        if _made_in(frame, coroutine.__name__):
             _blame(task, frame, coroutine.__name__)
             return
     if _Watch.warn is not None:

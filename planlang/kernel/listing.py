@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import sys
 from collections.abc import Callable, Iterable
 from types import CodeType, FrameType
 from typing import TYPE_CHECKING
@@ -22,6 +23,15 @@ SHOWN = 20
 def is_own(filename: str) -> bool:
     """Whether a source file is part of the plan language itself."""
     return filename.startswith(_OWN)
+
+
+def user_frame() -> FrameType:
+    """The innermost frame that runs and is not ours; there is one, of who called ``run`` at least."""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and is_own(frame.f_code.co_filename):
+        frame = frame.f_back
+    assert frame is not None
+    return frame
 
 
 def innermost_frame(coroutine: object) -> FrameType | None:
@@ -67,7 +77,7 @@ def blocked(root: Task) -> Iterable[Task]:
         task = stack.pop()
         if task.scope is not None and task.scope.live:
             stack.extend(reversed(task.scope.live))
-        elif not task.dead:
+        else:
             yield task
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from planlang.failures import PlanFailure
 from planlang.kernel.errors import Evaporated
 from planlang.kernel.listing import locate
-from planlang.kernel.park import checkpoint, deliver, here, park, running
+from planlang.kernel.park import checkpoint, deliver, here, park, serving
 from planlang.kernel.task import Status
 from planlang.kernel.tree import Node
 
@@ -32,9 +32,7 @@ async def sleep(seconds: float) -> None:
 
 def now() -> float:
     """Plan time since the start of the run [s]."""
-    scheduler = running.scheduler
-    if scheduler is None:
-        scheduler = here()[0]
+    scheduler = serving()
     return scheduler.now / scheduler.rate
 
 

@@ -231,7 +231,7 @@ def _innermost(task: Task) -> str:
     found: dict[str, None] = {}
     current: Task | None = task
     for _ in range(20):
-        if current is not None:
-            found[f"{current.base_name}{place_of(current)}"] = None
-            current = current.group.owner if current.group is not None else None
+        assert current is not None  # there are MAX_DEPTH of them
+        found[f"{current.base_name}{place_of(current)}"] = None
+        current = None if current.group is None else current.group.owner
     return ", in ".join(found)

@@ -11,7 +11,10 @@ if TYPE_CHECKING:
 
 
 class Timer:
-    """Fires once ``left`` steps from now, unless dropped; stands still while its task is held."""
+    """Fires once ``left`` steps from now, unless dropped; stands still while its task is held.
+
+    The task makes it itself: it runs then, and is not held. It drops it itself too, once.
+    """
 
     __slots__ = ("deadline", "due", "fire", "left", "queue", "task", "ticket")
 
@@ -27,8 +30,7 @@ class Timer:
             task.timers = [self]
         else:
             task.timers.append(self)
-        if not task.holds:
-            self.thaw()
+        self.thaw()
 
     def freeze(self) -> None:
         """Stand still."""
@@ -47,8 +49,8 @@ class Timer:
 
     def drop(self) -> None:
         """Never fire."""
-        if self.task.timers is not None and self in self.task.timers:
-            self.task.timers.remove(self)
+        assert self.task.timers is not None
+        self.task.timers.remove(self)
         if self.due is not None:
             self.due = None
             self.queue.forget()

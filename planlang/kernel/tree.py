@@ -13,8 +13,8 @@ class Node:
 
     __slots__ = ("_counts", "_path", "base_name", "kind", "number", "ordinal", "parent", "told")
 
-    def __init__(self, parent: Node | None, kind: str, name: str) -> None:
-        self.parent = parent
+    def __init__(self, parent: Node, kind: str, name: str) -> None:
+        self.parent: Node | None = parent
         self.kind = kind
         self.base_name = name
         """The path element without its number."""
@@ -24,15 +24,12 @@ class Node:
         """How the trace calls it; 0 before it is told of."""
         self.told = ""
         """How records of its start and end continue after ``"node": ``, once that was written."""
-        if parent is None:
+        counts = parent._counts
+        if counts is None:
+            parent._counts = {name: 1}
             self.ordinal = 1
         else:
-            counts = parent._counts
-            if counts is None:
-                parent._counts = {name: 1}
-                self.ordinal = 1
-            else:
-                self.ordinal = counts[name] = counts.get(name, 0) + 1
+            self.ordinal = counts[name] = counts.get(name, 0) + 1
 
     @property
     def name(self) -> str:

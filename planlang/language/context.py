@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from planlang.kernel import PlanStructureError
 from planlang.kernel.errors import contrast
-from planlang.kernel.park import here, running
+from planlang.kernel.park import serving
 
 if TYPE_CHECKING:
     from planlang.protocols import Executive
@@ -19,8 +19,7 @@ def executive_for(construct: str) -> Executive:
     """The current executive; PlanStructureError when the plan runs without one."""
     executive = current.get()
     if executive is None:
-        if running.scheduler is None:
-            here()
+        serving()  # without a plan there is more to say
         raise PlanStructureError(
             contrast(
                 f"{construct} needs an executive: run(plan, host=..., executive=...)",

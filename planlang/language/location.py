@@ -18,7 +18,7 @@ from planlang.failures import (
     PlanFailure,
     matches,
 )
-from planlang.kernel import Fluent, Scope, Status, Task, WorldFluent, failure_of, wait_for
+from planlang.kernel import Scope, Status, Task, WorldFluent, failure_of, wait_for
 from planlang.kernel.journal import taken_over
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.tree import name_of
@@ -184,7 +184,8 @@ class _Watched(Scope):
 
     transparent = True
     lost = False
-    body_task: Task | None = None
+    ended: Task | None = None
+    """The body, or the watch if that could not go on."""
 
     def __init__(self, visit: _Visit, body: Branch) -> None:
         super().__init__("branch")
@@ -196,21 +197,20 @@ class _Watched(Scope):
         self.start(self._watch, "watch", 1)
 
     async def _watch(self) -> None:
-        gone: Fluent[bool] = Fluent(read=self.visit.lost, name=f"the base leaving {self.visit.location}")
-        if isinstance(gone, WorldFluent):
-            gone.vital = False
+        gone = WorldFluent(read=self.visit.lost, name=f"the base leaving {self.visit.location}")
+        gone.vital = False
         await wait_for(gone)
 
     def decide(self, dead: list[Task]) -> None:
         first = dead[0]
-        if first.index == 0:
-            self.body_task = first
-        elif first.outcome is Status.SUCCEEDED:
+        if first.index == 1 and first.outcome is Status.SUCCEEDED:
             self.lost = True
+        else:
+            self.ended = first
         self.close()
 
     def finish(self) -> Any:
-        task = self.body_task
+        task = self.ended
         if task is None:
             return None
         if task.outcome is not Status.SUCCEEDED:

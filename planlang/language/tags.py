@@ -40,7 +40,7 @@ class Handle:
         self._task = task
         if task.watched is None:
             task.watched = self._status
-        elif task.watched is not self._status:
+        else:
             task.watched.watch(_Mirror(scheduler, self, task))
         self._status.set(task.status)
         for _ in range(self._suspensions):
@@ -254,7 +254,5 @@ async def on_suspension(function: Callable[[], object]) -> AsyncIterator[None]:
 
 def _frame() -> Frame:
     found = frame.get()
-    if found is None:
-        found = Frame(None)
-        frame.set(found)
+    assert found is not None  # run() has set it
     return found

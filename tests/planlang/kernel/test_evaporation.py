@@ -54,6 +54,23 @@ def test_a_task_that_swallows_evaporation_gets_it_again_at_the_next_checkpoint()
     assert log == ["swallowed 0", "swallowed 1", "swallowed 2", "ended"]
 
 
+def test_a_swallowed_evaporation_comes_again_at_a_bare_checkpoint_before_anybody_else_runs() -> None:
+    log: list[str] = []
+
+    async def stubborn(name: str) -> None:
+        with suppress(Evaporated):
+            await sleep(9)
+        log.append(f"{name} swallowed")
+        try:
+            await checkpoint()
+        finally:
+            log.append(f"{name} was told again")
+
+    with pytest.warns(CutShort):
+        go(partial(pursue, partial(stubborn, "a"), partial(stubborn, "b"), partial(sleep, 1)))
+    assert log == ["a swallowed", "a was told again", "b swallowed", "b was told again"]
+
+
 def test_a_task_into_which_evaporation_was_thrown_ends_evaporated_whatever_it_returns() -> None:
     async def returns_anyway() -> str:
         with suppress(Evaporated):

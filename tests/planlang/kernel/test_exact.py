@@ -188,3 +188,37 @@ def test_a_failure_with_a_field_that_does_not_survive_is_refused_by_name() -> No
 def test_what_is_no_failure_is_a_value_error(written: Any) -> None:
     with pytest.raises(ValueError, match=r"."):
         load_failure(written)
+
+
+def test_numbers_that_are_not_finite_and_members_of_an_enum_come_back() -> None:
+    for value in (math.inf, -math.inf, (Colour.RED, [Colour.GREEN]), {"a": (1, 2.5)}):
+        assert load(json.loads(json.dumps(dump(value)))) == value
+    assert math.isnan(load(dump(math.nan)))
+
+
+def test_a_designator_comes_back_with_objects_side_by_side() -> None:
+    carrying = action(
+        "Reaching", both=(CUP, a_location(above=CUP)), to_location=a_location("place", above=CUP, using=CUP_HAND)
+    )
+    for value in (carrying, a_location(in_reach_of=(CUP, CUP)), a_posture("carrying")):
+        assert load(json.loads(json.dumps(dump(value)))) == value
+
+
+CUP_HAND = a_device("Gripper", "http://example.org/robot.owl#gripper")
+
+
+def test_a_failure_with_endless_causes_does_not_survive() -> None:
+    failure: PlanFailure = GraspMissed(what="cup")
+    for _ in range(60):
+        outer = GraspMissed(what="cup")
+        outer.__cause__ = failure
+        failure = outer
+    with pytest.raises(Lost, match="causes"):
+        dump_failure(failure)
+
+
+@pytest.mark.parametrize("error", [KeyError("cup"), UnicodeDecodeError("utf-8", b"x", 0, 1, "why"), ValueError("no")])
+def test_a_cause_of_pythons_own_comes_back_with_its_class_and_message(error: Exception) -> None:
+    back = load_failure(json.loads(json.dumps(dump_failure(error))))
+    assert isinstance(back, type(error))
+    assert str(back) == str(error)

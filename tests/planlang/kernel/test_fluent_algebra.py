@@ -220,3 +220,32 @@ def test_values_that_cannot_be_compared_as_a_whole_count_as_changed() -> None:
     fluent = Fluent(np.zeros(2))
     fluent.set(np.zeros(2))
     assert fluent.changes == 1
+
+
+@pytest.mark.parametrize(
+    ("combined", "value"),
+    [
+        (lambda f: f != 7, False),
+        (lambda f: f <= 7, True),
+        (lambda f: f >= 8, False),
+        (lambda f: 1 + f, 8),
+        (lambda f: f - 1, 6),
+        (lambda f: 1 - f, -6),
+        (lambda f: f * 2, 14),
+        (lambda f: 2 * f, 14),
+        (lambda f: f / 2, 3.5),
+        (lambda f: 14 / f, 2.0),
+        (lambda f: f // 2, 3),
+        (lambda f: 15 // f, 2),
+        (lambda f: f % 4, 3),
+        (lambda f: 10 % f, 3),
+        (lambda f: f**2, 49),
+        (lambda f: 2**f, 128),
+        (lambda f: -f, -7),
+        (lambda f: abs(-f), 7),
+        (lambda f: 0 & f, 0),
+        (lambda f: 0 | f, 7),
+    ],
+)
+def test_operators_of_a_fluent_are_those_of_its_value_on_either_side(combined: Any, value: Any) -> None:
+    assert combined(Fluent(7)).value == value

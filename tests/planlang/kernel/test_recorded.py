@@ -128,3 +128,31 @@ def test_the_past_ends_with_the_last_completed_step_and_takes_over_whole_constru
     part = Past(RecordedRun.of([line.record for line in found.lines if line.step <= 240]))
     assert [done.path for done in part.order] == ["top/seq/one"]
     assert part.until == 240
+
+
+def test_a_line_that_is_too_long_is_refused_with_its_number(written: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("planlang.kernel.recorded.LONGEST_LINE", 50)
+    with pytest.raises(DamagedTrace, match="a line of more than") as caught:
+        RecordedRun.read(written)
+    assert caught.value.line == 1
+
+
+def test_a_trace_that_goes_on_from_a_past_begins_with_it_and_loses_no_older_file(written: Path) -> None:
+    for older in ("run.jsonl.old", "run.jsonl.old2"):
+        content = written.read_bytes()
+        past = Past(RecordedRun.read(written))
+        with Trace.at(written, past=past) as trace:
+            run(top, host=VirtualHost(), trace=trace, resume=past)
+        assert (written.parent / older).read_bytes() == content
+        assert b'"resumed"' in written.read_bytes()
+    past = Past(RecordedRun.read(written))
+    fresh = written.with_name("fresh.jsonl")
+    with Trace.at(fresh, past=past):
+        pass
+    assert list(map(json.loads, fresh.read_text().splitlines())) == [line.record for line in past.kept]
+
+
+def test_a_trace_that_is_kept_in_memory_has_nothing_to_close() -> None:
+    with Trace() as trace:
+        run(top, host=VirtualHost(), trace=trace)
+    assert trace.events
