@@ -12,6 +12,7 @@ from planlang.compiler.emit import emit
 from planlang.compiler.lowering import Lowering
 from planlang.compiler.recoveries import check_recoveries
 from planlang.diagnostics import BadInput, Diagnostic, has_errors
+from planlang.kernel.environment import quiet_collector
 from planlang.ontology import Ontology, load
 from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES
 from planlang.recipe import RecipeSet, read_recipe
@@ -65,6 +66,13 @@ def compile_ontology(
     data_flow: bool = True,
 ) -> CompiledPlan:
     """Compile a recipe of an ontology whose main document is the recipe; see :func:`compile_recipe`."""
+    with quiet_collector():  # nearly all that a compilation makes is kept to its end
+        return _compiled(ontology, task, allow_abstract=allow_abstract, scopes=scopes, data_flow=data_flow)
+
+
+def _compiled(
+    ontology: Ontology, task: str | None, *, allow_abstract: bool, scopes: bool, data_flow: bool
+) -> CompiledPlan:
     actions = Actions(ontology)
     reading = read_recipe(actions, task, allow_abstract=allow_abstract, scopes=scopes)
     diagnostics = (*ontology.diagnostics, *reading.diagnostics, *check_recoveries(actions.recoveries))

@@ -23,7 +23,7 @@ def structured(small: nx.DiGraph, nodes: Sequence[Node], names: Sequence[str]) -
 
     The constructs allow exactly the orders that the graph allows.
     """
-    return _Structure(small, nodes, names).series(decomposed(small))
+    return _Structure(small, nodes, names).series(decomposed(small, MOST_NESTED + 1))
 
 
 class _Structure:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from typing import Any, TypeVar
 
+from planlang.designators import Object
+
 T = TypeVar("T")
 
 
 def given(result: Any, otherwise: T) -> T:
     """The result of an earlier step if it is the kind of thing that is needed, else what is known without it.
 
-    A module may return an Object that says more about what it has found than the plan knew; what returns something
-    else, such as a pose, or nothing, hands on no designator, and ``otherwise`` is used.
+    A module may return an Object that says more about what it has found than the plan knew, also where the plan knew
+    a name only. What returns something else, such as a pose, or nothing, hands on no designator, and ``otherwise`` is
+    used.
     """
-    return result if isinstance(result, type(otherwise)) else otherwise
+    is_named = isinstance(otherwise, str) and isinstance(result, Object)
+    return result if is_named or isinstance(result, type(otherwise)) else otherwise

@@ -24,10 +24,11 @@ MOST_ERRORS = 20
 """Syntax errors reported of one file."""
 
 _FRAME_START = re.compile(rf"^[ \t]*(?:{'|'.join(FRAME_WORDS)})(?=\s)", re.MULTILINE)
-_PREFIX = re.compile(r"^[ \t]*Prefix:\s*([^\s:<>]*):\s*<([^<>\s]*)>", re.MULTILINE)
-_ONTOLOGY = re.compile(r"^[ \t]*Ontology:\s*<([^<>\s]*)>", re.MULTILINE)
-_CLASS = re.compile(r"^[ \t]*Class:\s+(\S+)", re.MULTILINE)
-_DECLARED = re.compile(r"^[ \t]*(DataProperty|Datatype):\s+(\S+)", re.MULTILINE)
+_BESIDE = re.compile(r'("(?:[^"\\]|\\.)*+"|\#[^\n]*)|<[^<>\s]*>', re.DOTALL)
+_PREFIX = re.compile(r"(?<!\S)Prefix:\s*([^\s:<>]*):\s*<([^<>\s]*)>")
+_ONTOLOGY = re.compile(r"(?<!\S)Ontology:\s*<([^<>\s]*)>")
+_CLASS = re.compile(r"(?<!\S)Class:\s+(\S+)")
+_DECLARED = re.compile(r"(?<!\S)(DataProperty|Datatype):\s+(\S+)")
 
 _COUNTED = ("LPAR", "LBRACE", "NOT", "INVERSE", "SOME", "ONLY", "MIN", "MAX", "EXACTLY", "_ANNOTATIONS", "COMMA")
 """Terminals behind which expressions or annotations can go deeper, and the comma."""
@@ -114,21 +115,21 @@ class _Names:
 
     def __init__(self, text: str, file: str, base: str) -> None:
         self.prefixes: dict[str, str] = {"rdf": RDF, "rdfs": RDFS, "owl": OWL, "xsd": XSD}
-        first_frame = _FRAME_START.search(text)
-        self.prefixes |= dict(_PREFIX.findall(text, 0, first_frame.start() if first_frame else len(text)))
+        words = _BESIDE.sub(lambda found: " " if found[1] else found[0], text)  # without texts and comments
+        self.prefixes |= dict(_PREFIX.findall(words))
         self.problems: list[Diagnostic] = []
         self.notes: list[Diagnostic] = []
         self._noted = False
-        self._text = text
+        self._words = words
         self._file = file
-        ontology = _ONTOLOGY.search(text)
+        ontology = _ONTOLOGY.search(words)
         self._own = (ontology[1] if ontology else base).rstrip("#") + "#"
         self._known: dict[str, str] = {}
-        self._classes = frozenset(_CLASS.findall(text))
+        self._classes = frozenset(_CLASS.findall(words))
 
     def declared(self, frame: str) -> frozenset[str]:
         """IRIs that the file has a frame for."""
-        found = (name for kind, name in _DECLARED.findall(self._text) if kind == frame)
+        found = (name for kind, name in _DECLARED.findall(self._words) if kind == frame)
         return frozenset(iri for name in found if (iri := self._iri(name)) is not None)
 
     def is_class(self, name: str) -> bool:

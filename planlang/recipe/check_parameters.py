@@ -24,8 +24,8 @@ AGENTS = frozenset({"performedBy", "doneBy"})
 """Properties whose filler is not looked up to perform the action: the robot is known without it."""
 
 
-def check_parameters(actions: Actions, owner: Step | Recipe) -> Iterator[Diagnostic]:
-    """Judge the fillers of a step, or of a task itself, after repairs."""
+def check_parameters(actions: Actions, owner: Step | Recipe, known: frozenset[str]) -> Iterator[Diagnostic]:
+    """Judge the fillers of a step, or of a task itself, after repairs; ``known`` are individuals that steps create."""
     ontology = actions.ontology
     for parameter in owner.parameters:
         filler = parameter.filler
@@ -34,7 +34,7 @@ def check_parameters(actions: Actions, owner: Step | Recipe) -> Iterator[Diagnos
             yield warning("R032", message, parameter.span, "check the property, or the class of what fills it")
     if isinstance(owner, Step) and actions.is_base_motion(owner):
         for filler in owner.fillers("toLocation"):
-            if isinstance(filler, Place) and filler.is_posture:
+            if isinstance(filler, Place) and filler.is_posture and filler.iri not in known:
                 message = f"`{owner.name}` moves the base to `{filler.name}`, which has no relation to anything"
                 advice = f"give `{filler.name}` one of {', '.join(RELATIONS.values())}"
                 yield error("R036", message, ontology.span(filler.iri) or owner.span, advice)
@@ -43,7 +43,7 @@ def check_parameters(actions: Actions, owner: Step | Recipe) -> Iterator[Diagnos
 def check_fillers(actions: Actions, statements: Statements) -> Iterator[Diagnostic]:
     """Judge the fillers that the file states for a task and its sub-actions, before anything is left out."""
     ontology = actions.ontology
-    known = made(ontology, statements)
+    known = set(made(ontology, statements))
     owners = [(statements.iri, statements.fillings)]
     owners += [(sub.iri, sub.fillings) for sub in statements.sub_actions if sub.iri is not None]
     for owner, more in owners:
@@ -53,7 +53,10 @@ def check_fillers(actions: Actions, statements: Statements) -> Iterator[Diagnost
             for filling in level:
                 yield from _property(owner, listed, filling)
                 if filling.term not in known:
-                    yield from _filler(ontology, owner, filling)
+                    found = list(_filler(ontology, owner, filling))
+                    yield from found
+                    if isinstance(filling.term, str) and any(one.code == "R033" for one in found):
+                        known.add(filling.term)  # what nothing defines is told once
 
 
 def _property(owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:

@@ -51,7 +51,8 @@ def check_sub_actions(
         if step.is_abstract:
             message = f"nothing performs `{step.name}`: it is no primitive and has no recipe"
             severity = Severity.WARNING if allow_abstract else Severity.ERROR
-            yield Diagnostic(severity, "R021", message, step.span, _abstract_help(actions, step.iri, allow_abstract))
+            advice = _abstract_help(actions, step.action_class, allow_abstract)
+            yield Diagnostic(severity, "R021", message, step.span, advice)
 
 
 def check_recursion(recipes: RecipeSet) -> list[Diagnostic]:

@@ -16,6 +16,7 @@ from planlang.recipe.check_steps import check_base_motions, check_recursion, che
 from planlang.recipe.check_unordered import check_free, check_unordered
 from planlang.recipe.graph import recipe_graph, shortest_cycle
 from planlang.recipe.model import Recipe, RecipeSet, Step
+from planlang.recipe.readers.data_flow import made
 from planlang.recipe.reading import recipes_for
 from planlang.recipe.repairs import repaired
 from planlang.recipe.statements import Statements
@@ -79,9 +80,10 @@ def _stated(actions: Actions, statements: Statements, recipe: Recipe, *, allow_a
     yield from check_orderings(actions.ontology, statements, recipe)
     yield from check_states(actions, statements, recipe)
     yield from check_fillers(actions, statements)
+    created = made(actions.ontology, statements)
     owners: tuple[Recipe | Step, ...] = (recipe, *recipe.steps)
     for owner in owners:
-        yield from check_parameters(actions, owner)
+        yield from check_parameters(actions, owner, created)
 
 
 def _sorted(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

@@ -42,16 +42,17 @@ Part = Serial | Parallel | Prime | int
 """A leaf is a node, told by its number in the order of the graph's nodes."""
 
 
-def decomposed(small: nx.DiGraph) -> Part | None:
+def decomposed(small: nx.DiGraph, deepest: int | None = None) -> Part | None:
     """The decomposition of a transitively reduced graph; None if it has no nodes.
 
-    A part of a Serial is never a Serial, one of a Parallel never a Parallel.
+    A part of a Serial is never a Serial, one of a Parallel never a Parallel. Orders that are not series-parallel are
+    split in ``deepest`` levels at most, each in linear time; what is below counts as prime.
     """
     if not small:
         return None
     work = _Contraction(small)
     work.contract()
-    return work.part(work.split())
+    return work.part(work.split(deepest))
 
 
 _SERIES, _PARALLEL, _PRIME, _LEAF = range(4)
@@ -145,20 +146,21 @@ class _Contraction:
                 else:
                     seen[sign] = node
 
-    def split(self) -> int:
+    def split(self, deepest: int | None) -> int:
         """The tree of all nodes that are left."""
         root = self._grow(_PRIME, ())
-        waiting: list[tuple[int, list[int]]] = [(root, list(self.after))]
+        waiting: list[tuple[int, list[int], int]] = [(root, list(self.after), 0)]
         while waiting:
-            tree, nodes = waiting.pop()
+            tree, nodes, depth = waiting.pop()
             if len(nodes) == 1:
                 old = self._trees[nodes[0]]
                 self._kinds[tree], self._children[tree] = self._kinds[old], self._children[old]
                 if self._kinds[old] == _LEAF:
                     self._children[tree] = (old,)
                 continue
-            kind, groups = _PARALLEL, self._components(nodes)
-            if len(groups) == 1:
+            is_split = deepest is None or depth < deepest
+            kind, groups = _PARALLEL, self._components(nodes) if is_split else [nodes]
+            if len(groups) == 1 and is_split:
                 kind, groups = _SERIES, self._series(nodes)
             if len(groups) == 1:
                 kind, groups = _PRIME, [[node] for node in nodes]
@@ -166,7 +168,7 @@ class _Contraction:
                 self._edges[tree] = tuple((place[a], place[b]) for a in nodes for b in self.after[a] if b in place)
             children = [self._grow(_PRIME, ()) for _ in groups]
             self._kinds[tree], self._children[tree] = kind, tuple(children)
-            waiting += zip(children, groups, strict=True)
+            waiting += [(child, group, depth + 1) for child, group in zip(children, groups, strict=True)]
         return root
 
     def part(self, root: int) -> Part:

@@ -27,6 +27,9 @@ ROLES: dict[str, tuple[str, ...]] = {
     "carries": ("CarryingWhileLocomoting", "LoweringAnObject", "LiftingAnObject"),
     "reaches": ("Reaching",),
     "moves a handle": ("OpeningADoor", "ClosingADoor", "OpeningADrawer", "ClosingADrawer"),
+    "picks up": ("PickingUpAnObject",),
+    "opens a container": ("OpeningAContainerArtifact",),
+    "closes a container": ("ClosingAContainerArtifact",),
     "opens a gripper": ("OpeningAGripper",),
     "closes a gripper": ("ClosingAGripper",),
 }
@@ -60,6 +63,8 @@ def wise_orderings(actions: Actions, recipe: Recipe) -> Iterator[tuple[str, str,
     all_roles = [role for fact in facts.values() for role in fact.roles]
     grasps = actions.is_a(recipe, *ROLES["acquires"])
     active = [step.iri for step in recipe.steps if facts[step.iri].roles]
+    if len(active) < 2:
+        return
     stated = recipe_graph(recipe)
     order: Precedence[str] = Precedence(stated)
     rank = {iri: number for number, iri in enumerate(active)}
@@ -109,6 +114,10 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
             return "an object is grasped before it is let go"
         if BASE in b and not is_related:
             return "an object is picked up before it is carried away"
+    if "opens a container" in a and b & {"picks up", "closes a container"}:
+        return "a container is opened before something is taken out of it"
+    if "picks up" in a and "closes a container" in b:
+        return "something is taken out of a container before that is closed"
     if "carries" in a and b & {"lets go", "delivers"}:
         return "an object is moved before it is let go"
     if BASE in a and BASE not in b and is_related:

@@ -194,8 +194,11 @@ def main() -> None:
     parser.add_argument("--alone", action="store_true", help="without networkx")
     parser.add_argument("--files", action="store_true")
     chosen = parser.parse_args()
+    from planlang.kernel.environment import quiet_collector
+
     if chosen.stages:
-        found = dict(stages(chosen.stages[0], int(chosen.stages[1])))
+        with quiet_collector():
+            found = dict(stages(chosen.stages[0], int(chosen.stages[1])))
         print(json.dumps({"stages": found, "peak": peak()}))
     elif chosen.reduction:
         form, size = chosen.reduction

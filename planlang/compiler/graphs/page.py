@@ -64,6 +64,7 @@ def page(graph: TaskGraph) -> str:
     digest = base64.b64encode(hashlib.sha256(_SCRIPT.encode()).digest()).decode()
     policy = f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
     implied = sum(len(group.of(Order.IMPLIED)) for group in graph.groups())
+    hidden = "" if implied else " hidden"
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -75,7 +76,7 @@ def page(graph: TaskGraph) -> str:
 </head>
 <body>
 {svg_element(graph, implied=True)}\
-<div id="bar"><label{"" if implied else " hidden"}><input type="checkbox" id="all"> all {implied} implied orderings</label>\
+<div id="bar"><label{hidden}><input type="checkbox" id="all"> all {implied} implied orderings</label>\
 <button type="button" id="fit">whole graph</button></div>
 <script>{_SCRIPT}</script>
 </body>

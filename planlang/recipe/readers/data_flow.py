@@ -13,7 +13,7 @@ from dataclasses import replace
 import networkx as nx
 
 from planlang.diagnostics import Span
-from planlang.ontology import BNode, Ontology
+from planlang.ontology import BNode, Ontology, shorten
 from planlang.recipe.fillings import fillings
 from planlang.recipe.model import Flow, Ordering, Reason
 from planlang.recipe.statements import Filling, LooseEnd, Statements, SubAction, facts, filled, is_word, named
@@ -93,7 +93,7 @@ def _produced(ontology: Ontology, statements: Statements) -> list[Flow]:
         for filling in _all(ontology, sub):
             for producer, name, span in outputs:
                 if filling.term == name and producer != sub.iri and not is_word(filling.property, *OUTPUTS):
-                    flow = Flow(producer, sub.iri, name, filling.property, span=span)
+                    flow = Flow(producer, sub.iri, name, shorten(filling.property), span=span)
                     found.setdefault((producer, sub.iri, name), flow)
     return [found[key] for key in sorted(found)]
 
@@ -115,7 +115,7 @@ def _consumed(ontology: Ontology, statements: Statements, consumer: str, resourc
                 if isinstance(filling.term, str) and (
                     filling.term == resource or ontology.is_a(filling.term, resource)
                 ):
-                    return filling.property
+                    return shorten(filling.property)
     return None
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from planlang.designators import local_name
-from planlang.ontology import BNode, Ontology, Restriction, expand
+from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe.fillings import action_class
 from planlang.recipe.model import Allen, Flow, Ordering, Overlap
 from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named
@@ -227,7 +227,7 @@ def _bound(ontology: Ontology, roles: list[str], tasks_of_roles: dict[str, str],
             if consumer != producer and (role, consumer) not in outputs:
                 span = next((triple.span for triple in ontology.triples(o=role) if triple.subject == binding), None)
                 resource = _passed(ontology, (made, producer), (role, consumer))
-                yield Flow(producer, consumer, resource, _property(_kind(ontology, role)), binding, span)
+                yield Flow(producer, consumer, resource, shorten(_property(_kind(ontology, role))), binding, span)
 
 
 def _passed(ontology: Ontology, made: tuple[str, str], used: tuple[str, str]) -> str | None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from planlang import given
 from planlang.compiler.canonical import canonical
 from planlang.compiler.emit import emit
 from planlang.compiler.lowering import Lowering
@@ -103,6 +104,22 @@ def test_a_result_is_handed_to_the_steps_that_use_it(compiled: Callable[..., str
     script.on("Grasp", does=lambda belief, wanted: seen.append(wanted.get("object_acted_on")))
     performed(source, ["Find", "Grasp"], script)
     assert seen == [found]
+
+
+@pytest.mark.parametrize(
+    ("result", "otherwise", "expected"),
+    [
+        (an_object("Cup"), an_object("DrinkingBottle"), an_object("Cup")),
+        (an_object("Cup"), "Dough", an_object("Cup")),
+        ("Batter", "Dough", "Batter"),
+        ((0.5, 1.0), "Dough", "Dough"),
+        (None, an_object("Cup"), an_object("Cup")),
+        ("cup", an_object("Cup"), an_object("Cup")),
+        (an_object("Cup"), 0.5, 0.5),
+    ],
+)
+def test_given_takes_a_result_of_the_kind_that_is_needed(result: Any, otherwise: Any, expected: Any) -> None:
+    assert given(result, otherwise) == expected
 
 
 def test_what_hands_on_nothing_leaves_what_the_recipe_says(compiled: Callable[..., str]) -> None:

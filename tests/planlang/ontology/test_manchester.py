@@ -230,6 +230,24 @@ def test_line_ends_and_encodings_do_not_matter(encoding: str, end: str) -> None:
     assert [(t.span.line, t.span.column) for t in triples[1:]] == [(5, 8), (6, 17)]
 
 
+def test_everything_may_stand_on_one_line() -> None:
+    text = (
+        "Prefix: a: <http://x.org/a#> Prefix: b: <http://x.org/b#> Ontology: <http://x.org/o> "
+        "Class: a:A SubClassOf: b:d some (b:T or b:U) DataProperty: b:d "
+        'Annotations: a:n "Prefix: c: <http://x.org/c#> Class: integer"'
+    )
+    triples = read(text, head="")
+    assert triples[0].subject == "http://x.org/o"
+    assert [t.object for t in triples if t.predicate == OWL + "onProperty"] == ["http://x.org/b#d"]
+    assert (RDFS + "Datatype") in [t.object for t in triples]
+    assert OWL + "Class" not in [t.object for t in triples if isinstance(t.subject, BNode)]
+
+
+def test_prefixes_in_comments_are_none() -> None:
+    with pytest.raises(BadInput, match="unknown prefix a:"):
+        read("# Prefix: a: <http://x.org/a#>\nClass: a:A\n")
+
+
 def test_comments_may_stand_anywhere_and_are_no_part_of_iris_or_texts() -> None:
     text = '# first\nClass: A # second\n    # third\n    Annotations: rdfs:comment "# no comment" # fourth\n# fifth'
     assert about(read(text), "A")[1] == ("comment", Literal("# no comment"))

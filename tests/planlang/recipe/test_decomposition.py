@@ -95,3 +95,12 @@ def test_chains_and_antichains_are_one_part(size: int) -> None:
 
 def test_nothing_has_no_decomposition() -> None:
     assert decomposed(nx.DiGraph()) is None
+
+
+@given(any_orders(), st.integers(0, 3))
+def test_splitting_no_deeper_says_the_same_order(graph: nx.DiGraph, deepest: int) -> None:
+    part = decomposed(reduced(graph), deepest)
+    assert part is not None
+    leaves, pairs = order_of(part)
+    assert sorted(leaves) == list(graph.nodes)
+    assert pairs == set(nx.transitive_closure_dag(graph).edges)

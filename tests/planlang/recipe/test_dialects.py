@@ -1,0 +1,301 @@
+"""Every dialect in small: told by what is stated, mixed in one file, and read into the same model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planlang.designators import local_name
+from planlang.ontology import Literal, load
+from planlang.recipe import (
+    Actions,
+    Allen,
+    End,
+    Ending,
+    Ordering,
+    Overlap,
+    Reading,
+    Recipe,
+    Step,
+    read_recipe,
+    top_tasks,
+)
+from planlang.recipe.intervals import Intervals, implied_by_overlaps
+from planlang.recipe.model import Reason
+from planlang.recipe.readers.finite_state import ending_of
+from planlang.recipe.units import si_unit, unit
+
+HEAD = """\
+Prefix: : <http://planlang.org/test#>
+Prefix: k: <http://knowrob.org/kb/knowrob.owl#>
+Prefix: dul: <http://www.ontologydesignpatterns.org/ont/dul/DUL.owl#>
+Prefix: ease: <http://www.ease-crc.org/ont/EASE.owl#>
+Prefix: obj: <http://www.ease-crc.org/ont/EASE-OBJ.owl#>
+Prefix: acat: <http://knowrob.org/kb/acat-adt.owl#>
+Prefix: unit: <http://qudt.org/vocab/unit#>
+Ontology: <http://planlang.org/test>
+"""
+STEPS = "".join(f"\nClass: {name}\n    SubClassOf: k:Perceiving\n" for name in "ABCD")
+
+
+def opened(folder: Path, text: str) -> Actions:
+    path = folder / "r.omn"
+    path.write_text(HEAD + text, encoding="utf-8")
+    return Actions(load(path))
+
+
+def read(folder: Path, text: str, task: str | None = None) -> Recipe:
+    reading: Reading = read_recipe(opened(folder, text), task, allow_abstract=True)
+    assert reading.recipes is not None, reading.diagnostics
+    return reading.recipes.main
+
+
+def orders(recipe: Recipe, *reasons: Reason) -> set[tuple[str, str]]:
+    wanted = reasons or tuple(Reason)
+    return {(local_name(one.before), local_name(one.after)) for one in recipe.orderings if one.reason in wanted}
+
+
+def test_a_task_in_an_equivalent_class_has_the_sub_actions_stated_there(tmp_path: Path) -> None:
+    recipe = read(
+        tmp_path, f"{STEPS}\nClass: T\n    EquivalentTo: k:Action and (k:subAction some B) and (k:subAction some A)\n"
+    )
+    assert (recipe.dialect, [step.name for step in recipe.steps]) == ("D1e", ["B", "A"])
+
+
+def test_sub_events_and_sub_actions_of_one_class_are_all_steps(tmp_path: Path) -> None:
+    recipe = read(tmp_path, f"{STEPS}\nClass: T\n    SubClassOf: k:Action, k:subEvents some B, k:subAction some A\n")
+    assert {step.name for step in recipe.steps} == {"A", "B"}
+
+
+def test_data_flow_orders_and_says_what_is_passed(tmp_path: Path) -> None:
+    text = f"""{STEPS}
+Class: T
+    SubClassOf: k:Action, k:subAction some A, k:subAction some E, k:inputOutputConstraints value cups
+
+Class: E
+    SubClassOf: k:Perceiving, k:objectActedOn some k:Cup
+
+Individual: cups
+    Types: k:InputOutputMapping
+    Facts: k:createsOutput A, k:requiresInput E, k:resourceType k:Cup
+"""
+    recipe = read(tmp_path, text)
+    assert orders(recipe, Reason.DATA_FLOW) == {("A", "E")}
+    (flow,) = recipe.flows
+    assert (local_name(flow.producer), local_name(flow.resource or ""), flow.consumes) == ("A", "Cup", "objectActedOn")
+
+
+def test_what_one_step_creates_by_name_another_uses_after_it_unless_orders_say_otherwise(tmp_path: Path) -> None:
+    text = """
+Class: E
+    SubClassOf: k:Perceiving, k:outputsCreated value here
+
+Class: F
+    SubClassOf: k:Perceiving, k:objectActedOn value here
+"""
+    task = "\nClass: T\n    SubClassOf: k:Action, k:subAction some E, k:subAction some F"
+    assert orders(read(tmp_path, f"{text}{task}\n")) == {("E", "F")}
+    against = """, k:orderingConstraints value o
+
+Individual: o
+    Types: k:PartialOrdering-Strict
+    Facts: k:occursBeforeInOrdering F, k:occursAfterInOrdering E
+"""
+    recipe = read(tmp_path, f"{text}{task}{against}")
+    assert orders(recipe) == {("F", "E")}
+    assert len(recipe.flows) == 1
+
+
+MACHINE = """
+Class: M
+    SubClassOf: k:Action, k:taskStartState value A, k:taskEndState value B, k:stateTransition value t
+
+Individual: t
+    Types: k:IntrinsicStateChangeEvent
+    Facts: k:fromState A, k:toState B, k:causedBy k:COMPLETED_OK, k:causedBy k:TIMEOUT
+"""
+
+
+def test_a_transition_with_two_outcomes_is_two_and_states_need_not_be_sub_actions(tmp_path: Path) -> None:
+    recipe = read(tmp_path, STEPS + MACHINE)
+    assert recipe.machine is not None
+    assert {one.ending for one in recipe.machine.transitions} == {Ending.DONE, Ending.FAILED}
+    assert {step.name for step in recipe.steps} == {"A", "B"}
+    assert recipe.orderings == ()
+
+
+@pytest.mark.parametrize(
+    ("outcome", "ending"),
+    [
+        ("COMPLETED_OK", Ending.DONE),
+        ("CONDITION_TRUE", Ending.TRUE),
+        ("CONDITION_FALSE", Ending.FALSE),
+        ("COMPLETED_FAILED", Ending.FAILED),
+        ("ActionAborted", Ending.FAILED),
+        ("NOT_OK", Ending.FAILED),
+        ("doorSeen", Ending.OTHER),
+    ],
+)
+def test_words_of_an_outcome_tell_what_it_means(outcome: str, ending: Ending) -> None:
+    assert ending_of(f"http://planlang.org/test#{outcome}") is ending
+
+
+TABLE = """
+Individual: pipetting
+    Types: acat:ADT
+    Facts: k:subAction chunk1
+
+Individual: chunk1
+    Types: acat:ActionChunk, k:GraspingSomething
+    Facts: k:nextAction chunk2
+
+Individual: chunk2
+    Types: acat:ActionChunk, k:PuttingDownAnObject
+
+Individual: chunk3
+    Types: acat:ActionChunk, k:Perceiving
+    Facts: k:previousAction chunk2
+"""
+
+
+def test_a_chain_is_followed_whichever_end_names_the_other(tmp_path: Path) -> None:
+    recipe = read(tmp_path, TABLE)
+    assert orders(recipe) == {("chunk1", "chunk2"), ("chunk2", "chunk3")}
+    assert [step.action for step in recipe.steps] == ["GraspingSomething", "PuttingDownAnObject", "Perceiving"]
+    assert all(local_name(step.action_class) == step.action for step in recipe.steps)
+
+
+WORKFLOW = """
+Individual: wf
+    Types: dul:Workflow
+    Facts: dul:definesTask cook, ease:hasStep stir, ease:hasStep heat, ease:hasStep serve
+
+Individual: cook
+    Types: k:Action
+
+Individual: stir
+    Types: k:Perceiving
+    Facts: ease:during heat
+
+Individual: heat
+    Types: k:Perceiving
+    Facts: ease:meets serve
+
+Individual: serve
+    Types: k:Perceiving
+
+Individual: wf2
+    Types: dul:Workflow
+    Facts: dul:definesTask serve, ease:hasStep plate
+
+Individual: plate
+    Types: k:Perceiving
+"""
+
+
+def test_workflows_nest_and_their_relations_order_or_overlap(tmp_path: Path) -> None:
+    actions = opened(tmp_path, WORKFLOW)
+    reading = read_recipe(actions, allow_abstract=True)
+    assert reading.recipes is not None
+    recipe = reading.recipes.main
+    assert {local_name(iri): one.dialect for iri, one in reading.recipes.recipes.items()} == {
+        "cook": "D5",
+        "serve": "D5",
+    }
+    assert orders(recipe, Reason.CONSTRAINT) == {("heat", "serve")}
+    assert orders(recipe, Reason.OVERLAP) == {("stir", "serve")}  # it ends before heating ends
+    assert [(local_name(one.first), one.relation) for one in recipe.overlaps] == [("stir", Allen.DURING)]
+
+
+def test_one_file_may_mix_dialects_and_hold_several_tasks(tmp_path: Path) -> None:
+    task = "\nClass: T\n    SubClassOf: k:Action, k:subAction some M, k:subAction some C\n"
+    actions = opened(tmp_path, f"{STEPS}{MACHINE}{WORKFLOW}{TABLE}{task}")
+    assert {local_name(task) for task in top_tasks(actions)} == {"T", "cook", "pipetting"}
+    recipes = read_recipe(actions, "T", allow_abstract=True).recipes
+    assert recipes is not None
+    assert {local_name(iri): one.dialect for iri, one in recipes.recipes.items()} == {"T": "D1f", "M": "D3"}
+
+
+NAMES = ("a", "b", "c", "d")
+
+
+@st.composite
+def schedules(draw: st.DrawFn) -> dict[str, tuple[int, int]]:
+    """Beginnings and ends of steps."""
+    return {name: (begin := draw(st.integers(0, 6)), begin + draw(st.integers(1, 6))) for name in NAMES}
+
+
+def relation(first: tuple[int, int], second: tuple[int, int]) -> tuple[Allen | None, bool]:
+    """The relation of two intervals, and whether it is the inverse; None if one is before the other."""
+    times = {
+        End.FIRST_BEGINS: first[0],
+        End.FIRST_ENDS: first[1],
+        End.SECOND_BEGINS: second[0],
+        End.SECOND_ENDS: second[1],
+    }
+    inverse = {
+        End.FIRST_BEGINS: second[0],
+        End.FIRST_ENDS: second[1],
+        End.SECOND_BEGINS: first[0],
+        End.SECOND_ENDS: first[1],
+    }
+    for allen in Allen:
+        for is_inverse, at in ((False, times), (True, inverse)):
+            if all(at[a] < at[b] if sign == "<" else at[a] == at[b] for a, sign, b in allen.endpoints()):
+                return allen, is_inverse
+    return None, second[1] <= first[0]
+
+
+@given(schedules())
+def test_what_holds_in_a_schedule_is_no_contradiction_and_implies_only_what_holds(
+    schedule: dict[str, tuple[int, int]],
+) -> None:
+    orderings, overlaps = [], []
+    for index, first in enumerate(NAMES):
+        for second in NAMES[index + 1 :]:
+            allen, is_inverse = relation(schedule[first], schedule[second])
+            ends = (second, first) if is_inverse else (first, second)
+            if allen is None:
+                orderings.append(Ordering(*ends))
+            else:
+                overlaps.append(Overlap(ends[0], allen, ends[1]))
+    steps = tuple(Step(name, "Perceiving") for name in NAMES)
+    recipe = Recipe("task", "Action", steps, tuple(orderings), overlaps=tuple(overlaps))
+    assert Intervals(recipe).contradiction() == ()
+    for before, after in implied_by_overlaps(recipe):
+        assert schedule[before][1] <= schedule[after][0]
+    for one in orderings:
+        against = Recipe(
+            "task", "Action", steps, (*orderings, Ordering(one.after, one.before)), overlaps=tuple(overlaps)
+        )
+        assert len(Intervals(against).contradiction()) >= 2
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "si", "words"),
+    [
+        ("Centimeter", 12.0, 0.12, "m"),
+        ("DegreeCelsius", 100.0, 373.15, "K"),
+        ("DegreeFahrenheit", 212.0, 373.15, "K"),
+        ("KilometerPerHour", 36.0, 10.0, "m s-1"),
+        ("MeterPerSecondSquared", 2.0, 2.0, "m s-2"),
+        ("SquareCentimeter", 1.0, 1e-4, "m2"),
+        ("Milliliter", 5.0, 5e-6, "m3"),
+    ],
+)
+def test_units_are_converted_to_si(name: str, value: float, si: float, words: str) -> None:
+    known = unit(name)
+    assert known is not None
+    assert known.to_si(value) == pytest.approx(si, rel=1e-9)
+    assert si_unit(known.dimension) == words
+
+
+def test_a_value_with_a_unit_is_a_number_in_si_units(tmp_path: Path) -> None:
+    text = "\nClass: T\n    SubClassOf: k:Action, k:subAction some E\n\nClass: E\n    SubClassOf: k:Perceiving, "
+    recipe = read(tmp_path, text + 'k:duration value "2"^^unit:MinuteTime\n')
+    assert recipe.steps[0].fillers("duration") == (120.0,)
+    assert unit("Parsnip") is None
+    assert Literal("2", "http://qudt.org/vocab/unit#MinuteTime").number() == 2.0
