@@ -64,7 +64,6 @@ class Effort:
 
 EFFORTS = (
     Effort(fine=False, least=0.1, rows=400, each=16, most=384, block=48, exact=60),
-    Effort(fine=True, least=0.05, rows=400, each=16, most=1024, block=96, exact=100),
     Effort(fine=True, least=0.0, rows=4000, each=48, most=4096, block=256, exact=200),
 )
 ANOTHER_PLACE = 0.4
@@ -302,17 +301,7 @@ class Resolver:
                 forward = self.inverse(arm, CLASSES[int(grasp)]).forward
                 seeds = forward.seeds(found.rows[chosen], found.torsos[chosen])
                 slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
-                solved = solve(
-                    ways,
-                    found.ways[chosen],
-                    bases[chosen],
-                    arm,
-                    seeds[:, None],
-                    solids,
-                    log,
-                    own=self.around.own_body(arm),
-                    slack=slack,
-                )
+                solved = solve(ways, found.ways[chosen], bases[chosen], arm, seeds[:, None], solids, log, slack=slack)
                 ok[mine] = solved.ok
                 joints.update(
                     (int(row), values)
