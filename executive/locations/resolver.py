@@ -64,6 +64,7 @@ class Effort:
 
 EFFORTS = (
     Effort(fine=False, least=0.1, rows=400, each=16, most=384, block=48, exact=60),
+    Effort(fine=True, least=0.05, rows=400, each=16, most=1024, block=96, exact=100),
     Effort(fine=True, least=0.0, rows=4000, each=48, most=4096, block=256, exact=200),
 )
 ANOTHER_PLACE = 0.4
@@ -220,6 +221,7 @@ class Resolver:
             self.inverse,
             room,
             weigh if terms or others else None,
+            around.lifts,
             least=effort.least,
             rows=effort.rows,
             each=effort.each,
@@ -301,7 +303,17 @@ class Resolver:
                 forward = self.inverse(arm, CLASSES[int(grasp)]).forward
                 seeds = forward.seeds(found.rows[chosen], found.torsos[chosen])
                 slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
-                solved = solve(ways, found.ways[chosen], bases[chosen], arm, seeds[:, None], solids, log, slack=slack)
+                solved = solve(
+                    ways,
+                    found.ways[chosen],
+                    bases[chosen],
+                    arm,
+                    seeds[:, None],
+                    solids,
+                    log,
+                    own=self.around.own_body(arm),
+                    slack=slack,
+                )
                 ok[mine] = solved.ok
                 joints.update(
                     (int(row), values)
@@ -517,8 +529,14 @@ class Resolver:
             replace(other, arms=None): way for other, way in self._reached.get((arm.name, _rounded(base)), {}).items()
         }.get(reach)
         log = Rejections()
-        if known is not None and touched_by(known, base, around) is None:
-            yield known
+        stated = None if known is None else ways_of(reach, arm, around, Rejections(), fine=True)
+        if (
+            known is not None
+            and stated is not None
+            and _among(known, stated)
+            and touched_by(known, base, around) is None
+        ):
+            yield known  # still a way: what it is about has not moved since
         begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
         for fine in (False, True):
             counted = Rejections() if fine else log
@@ -618,6 +636,14 @@ def _spread(squares: NDArray[np.intp], order: NDArray[np.intp]) -> Iterator[int]
         rank[index] = seen.get(value, 0)
         seen[value] = rank[index] + 1
     return iter(order[np.argsort(rank, kind="stable")].tolist())
+
+
+def _among(known: ReachSolution, ways: Ways) -> bool:
+    """Whether a way's poses are those of one of some ways."""
+    poses = ways.poses(np.arange(len(ways)))
+    if poses.shape[1:] != known.plan.poses.shape:
+        return False
+    return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
 
 
 def _rounded(base: Base) -> Base:
