@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from executive.arms import arm_models, gaze_of
 from executive.capabilities import Robot
 from executive.knowledge import Belief, SemanticMap, default_start
 from executive.locations import Base, Resolver
+from executive.locations.reachability_building import keep_maps
 from executive.platform import Platform
 from executive.surroundings import BelievedSurroundings
 from planlang.diagnostics import BadInput, error
@@ -48,11 +50,18 @@ def check_start(world: PyBulletWorld) -> None:
 
 
 def platform_of(
-    robot: Robot, semantic_map: SemanticMap, truth: PyBulletWorld, believed: PyBulletWorld, seed: int
+    robot: Robot,
+    semantic_map: SemanticMap,
+    truth: PyBulletWorld,
+    believed: PyBulletWorld,
+    seed: int,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Platform:
+    """A robot in a true and a believed world; ``say`` is told while maps of what its arms reach are built."""
     belief = Belief(semantic_map, believed)
     belief.sync(believed, truth.configuration())
     around = BelievedSurroundings(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
+    keep_maps(around.arms, robot.torso, partial(_mapped, say))
     ontology = semantic_map.ontology
 
     @cache
@@ -69,6 +78,11 @@ def platform_of(
         releasing(ontology),
         np.random.default_rng(seed),
     )
+
+
+def _mapped(say: Callable[[str], None], done: int, count: int, what: str) -> None:
+    bar = "#" * done + "-" * (count - done)
+    say(f"mapping what the arms reach, once for this robot [{bar}] {done} of {count}: {what}")
 
 
 def releasing(ontology: Ontology) -> frozenset[str]:

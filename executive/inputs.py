@@ -13,7 +13,7 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.plan_header import PlanHeader, header
 from planlang.resources import bundled
 
-SUFFIXES = (".omn", ".owl", ".ttl", ".owl.in")
+SUFFIXES = (".omn", ".owl", ".ttl", ".owl.in", ".toml")
 """Suffixes that a bundled thing may have; a user's own file may have any."""
 
 LARGEST_PLAN = 10_000_000

@@ -13,9 +13,11 @@ from executive.capabilities import Gripper, Robot
 from executive.knowledge import Belief
 from executive.locations import ArmModel, Base, Block, ReachSolution, Resolver
 from executive.motion import (
+    GoalInCollision,
     Grid,
     MotionError,
     NoPath,
+    StartInCollision,
     cartesian_path,
     clearance_field,
     plan_base_path,
@@ -117,6 +119,9 @@ class Platform:
         def is_free(q: Array) -> bool:
             return not self.around.contacts(base, arm, q, touches)
 
+        for kind, q in ((StartInCollision, start), (GoalInCollision, goal)):
+            if contacts := self.around.contacts(base, arm, q, touches):
+                raise kind(q.tolist(), [(contact.part, contact.body) for contact in contacts])
         for step in STEPS:
             path = plan_path(start, goal, is_free, arm.lower, arm.upper, self.rng, resolution=arm.resolution * step)
             if path is None:

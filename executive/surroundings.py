@@ -11,6 +11,7 @@ from executive.capabilities import Robot
 from executive.knowledge import Belief
 from executive.locations import ArmModel, Base, Block, ComfortZone, Door, Held
 from executive.locations.field import Floor
+from executive.locations.own_body import OwnBody, own_body
 from executive.locations.reachability import GraspClass, ReachabilityMap
 from executive.locations.reachability_building import reachability_maps
 from executive.locations.solids import Solids
@@ -43,6 +44,8 @@ class BelievedSurroundings:
         self._maps: dict[tuple[str, GraspClass], ReachabilityMap] = {}
         self._solids: tuple[object, Solids] | None = None
         self._floor: tuple[object, Floor] | None = None
+        self._own: dict[str, tuple[object, OwnBody]] = {}
+        self._lifts: tuple[object, dict[tuple[str, float], bool]] = (None, {})
 
     def arms_of(self, device: Device) -> Sequence[ArmModel]:
         """Arms that a device designator may mean: by the robot's part, else by type and side."""
@@ -126,6 +129,34 @@ class BelievedSurroundings:
         if key not in self._maps:
             self._maps[key] = reachability_maps(arm, self.robot.torso, (grasp,))[grasp]
         return self._maps[key]
+
+    def own_body(self, arm: ArmModel) -> OwnBody:
+        """The rest of the robot in its present posture, as an arm meets it."""
+        state = tuple(self.world.configuration().joints.items())
+        known = self._own.get(arm.name)
+        if known is None or known[0] != state:
+            known = state, own_body(self.world, arm.joints, arm.spheres, self.robot.torso, arm.lift)
+            self._own[arm.name] = known
+        return known[1]
+
+    def lifts(self, arm: ArmModel, torso: float) -> bool:
+        """Whether the rest of the robot, in its present posture, does not touch itself with the torso at a position."""
+        if arm.lift is None:
+            return True
+        now = self.world.configuration()
+        state = tuple(now.joints.items())
+        if self._lifts[0] != state:
+            self._lifts = state, {}
+        known = self._lifts[1]
+        if (arm.name, torso) not in known:
+            robot = self.world.robot
+            own = frozenset[int]().union(*(robot.moved_by(name) for name in arm.joints if name != arm.lift.joint))
+            rest = {name for number, name in enumerate(robot.solid_names) if number not in own}
+            there = Configuration(now.base, {**now.joints, arm.lift.joint: torso})
+            known[arm.name, torso] = not any(
+                contact.part in rest and contact.body in rest for contact in self.world.contacts(there)
+            )
+        return known[arm.name, torso]
 
     def boxes_but(self, without: Sequence[str]) -> tuple[Boxes, tuple[str, ...]]:
         """Boxes around the pieces of all bodies that are not held, some left out; and whose they are."""

@@ -190,6 +190,7 @@ CODES: dict[str, str] = {
     "B011": "a robot file names what the URDF does not have, or a position outside of its limits",
     "B012": "the URDF is another robot's",
     "B013": "meshes of the URDF are not there or cannot be read; simple shapes stand in for them",
+    "B014": "the URDF is in a package that is not installed",
     # P: phrases
     "P001": "a phrase has a relation that is not known",
     "P002": "a phrase names a thing, a class or an arm that is not known",

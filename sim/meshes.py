@@ -25,22 +25,28 @@ LIGHTEST = 30.0
 def find_mesh(urdf: Path, name: str) -> Path | None:
     """The file that a URDF means by ``filename``, if it is there and is a mesh that PyBullet can read.
 
+    Files are looked at, never written.
+    """
+    return next((place.resolve() for place in places_of(urdf, name) if _is_mesh(place)), None)
+
+
+def places_of(urdf: Path, name: str) -> list[Path]:
+    """Where a URDF's ``filename`` may be, whether something is there or not.
+
     ``package://p/rest`` is looked for as p/rest in the URDF's folder and those above it, and as rest in one of these
-    that is called p; any other name is relative to the URDF. Files are looked at, never written.
+    that is called p; any other name is relative to the URDF.
     """
     scheme = re.match(r"(package|model|file)://", name)
     rest = name[scheme.end() :] if scheme else name
     folder = urdf.resolve().parent
     if scheme and scheme[1] != "file":
         package, _, inner = rest.partition("/")
-        places = [
+        return [
             place
             for above in (folder, *folder.parents)
             for place in (above / rest, *([above / inner] if above.name == package else []))
         ]
-    else:
-        places = [folder / rest]
-    return next((place.resolve() for place in places if _is_mesh(place)), None)
+    return [folder / rest]
 
 
 def _is_mesh(path: Path) -> bool:

@@ -31,8 +31,9 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Con
     """Tests, and the processes that they start, have a cache of their own; what is costly is kept between sessions."""
     before = os.environ.get("XDG_CACHE_HOME")
     folder = tmp_path_factory.mktemp("cache")
-    if pytestconfig.cache is not None:  # None with -p no:cacheprovider
-        kept = pytestconfig.cache.mkdir("planlang")
+    provider = getattr(pytestconfig, "cache", None)  # there is none with -p no:cacheprovider
+    if provider is not None:
+        kept = provider.mkdir("planlang")
         for kind in COSTLY:
             (kept / kind).mkdir(exist_ok=True)
             (folder / "planlang").mkdir(exist_ok=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -80,12 +80,29 @@ def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
     return _bind(model, numbers, numbers.urdf)
 
 
+def _installed() -> Iterator[RobotFile]:
+    """The bundled robots, those left out whose URDF is in a package that is not installed."""
+    for name in robots():
+        try:
+            yield read_robot_file(_bundled_file(name))
+        except BadInput as problem:
+            if any(one.code != "B014" for one in problem.diagnostics):
+                raise
+
+
+def _mentions(urdf: Path, joints: Iterable[str]) -> bool:
+    """Whether a URDF's text has one of these names: spares reading those of quite other robots."""
+    text = urdf.read_text(encoding="utf-8", errors="replace")
+    return any(f'"{joint}"' in text for joint in joints)
+
+
 def _matching(model: SelfModel) -> RobotFile | None:
     """The bundled robot with the most actuated joints of a self-model, if it has all of one arm."""
     said = set(model.joints.values())
     best: tuple[int, RobotFile] | None = None
-    for name in robots():
-        numbers = read_robot_file(_bundled_file(name))
+    for numbers in _installed():
+        if not _mentions(numbers.urdf, said):
+            continue
         mechanism = _mechanism(numbers.urdf)
         common = sum(mechanism.actuated(joint) for joint in sorted(said))
         whole = any(said.issuperset(mechanism.movers(arm.tip)) for arm in numbers.arms)
@@ -97,8 +114,9 @@ def _matching(model: SelfModel) -> RobotFile | None:
 def _numbers_for(urdf: Path) -> RobotFile | None:
     """The numbers of the bundled robot whose arms are those of a URDF: same joints, same lengths."""
     mechanism = _mechanism(urdf)
-    for name in robots():
-        numbers = read_robot_file(_bundled_file(name))
+    for numbers in _installed():
+        if not _mentions(numbers.urdf, mechanism.joints):
+            continue
         bundled_one = _mechanism(numbers.urdf)
         if has_errors(_check(numbers, mechanism)) or not numbers.arms:
             continue

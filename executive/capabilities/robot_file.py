@@ -2,17 +2,22 @@
 
 ```toml
 name = "amigo"                  # required
-urdf = "amigo.urdf"             # required, beside this file
+urdf = "amigo.urdf"             # required: beside this file, or in an installed package (below)
 self_model = "amigo.omn"        # OWL self-model; without one, [arms.*] say what the robot is
 torso = "spindle_joint"
+allowed_contacts = [["a", "b"]] # links that may touch
 
 [base]                          # required: radius [m], speeds [m/s, rad/s], accelerations, jerk
+[mount]                         # what a URDF without base stands on: size (x, y, z, or diameter and height), at [m]
 [arms.right]                    # tip, hand, side, approach, closing
 [arms.right.gripper]            # joints opened/closed by name, max_opening [m], fingers (links)
 [camera]                        # link, fov [rad], near, far [m], width, height [pixels], forward, up, neck (joints)
 [joints.NAME]                   # speed, acceleration, jerk; [joints.default] for all others
 [postures.NAME]                 # joint = position
 ```
+
+A URDF in a package: ``urdf = { package = "pybullet", file = "franka_panda/panda.urdf" }``, the file by the end of its
+path; ``extra``: which extra of planlang brings the package.
 """
 
 from __future__ import annotations
@@ -26,11 +31,17 @@ from pathlib import Path
 from typing import Any
 
 from executive.capabilities.robot import Axis, BaseDrive, JointLimits
+from executive.capabilities.urdf_source import Mount, NotInstalled, composed, packaged
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from sim import CameraModel
 
 _KEYS: dict[str, tuple[str, ...]] = {
-    "": ("name", "urdf", "self_model", "torso", "allowed_contacts", "base", "arms", "camera", "joints", "postures"),
+    "": (
+        *("name", "urdf", "self_model", "torso", "allowed_contacts"),
+        *("base", "mount", "arms", "camera", "joints", "postures"),
+    ),
+    "urdf": ("package", "file", "extra"),
+    "mount": ("size", "at"),
     "base": ("radius", "speed", "acceleration", "turn_speed", "turn_acceleration", "jerk"),
     "arms.*": ("tip", "hand", "side", "approach", "closing", "gripper"),
     "arms.*.gripper": ("opened", "closed", "fingers", "max_opening"),
@@ -151,9 +162,7 @@ class _Reader:
     def robot(self, table: dict[str, Any]) -> RobotFile:
         self._check_keys(table, "", "")
         folder = self.path.parent
-        urdf = folder / self._text(table, "urdf", "")
-        if "urdf" in table and not urdf.is_file():
-            self._bad("urdf", f"there is no {table['urdf']} beside this file")
+        urdf = self._urdf(table)
         model = self._text(table, "self_model", "", required=False)
         if model and not (folder / model).is_file():
             self._bad("self_model", f"there is no {model} beside this file")
@@ -180,11 +189,48 @@ class _Reader:
             self.lines,
         )
 
+    def _urdf(self, table: dict[str, Any]) -> Path:
+        mount = self._mount(table) if "mount" in table else None
+        said = table.get("urdf")
+        if isinstance(said, dict):
+            self._check_keys(said, "urdf", "urdf")
+            name, file = self._text(said, "package", "urdf"), self._text(said, "file", "urdf")
+            try:
+                urdf = packaged(name, file) if name and file else Path()
+            except NotInstalled as problem:
+                extra = self._text(said, "extra", "urdf", required=False)
+                advice = f"pip install 'planlang[{extra}]'" if extra else f"pip install {name}"
+                self.found.append(error("B014", f"urdf: {problem}", self._span("urdf"), advice))
+                return Path()
+        else:
+            urdf = self.path.parent / self._text(table, "urdf", "")
+            if "urdf" in table and not urdf.is_file():
+                self._bad("urdf", f"there is no {said} beside this file")
+        if self.found or (mount is None and not isinstance(said, dict)):
+            return urdf
+        return composed(urdf, mount)
+
+    def _mount(self, table: dict[str, Any]) -> Mount | None:
+        inner = self._table(table, "mount")
+        self._check_keys(inner, "mount", "mount")
+        size = inner.get("size")
+        if not isinstance(size, list) or len(size) not in (2, 3) or not all(_is_positive(value) for value in size):
+            self._bad("mount.size", "x, y and z, or diameter and height, are expected as positive numbers")
+            return None
+        top = [0.0, 0.0, float(size[-1])]
+        at = inner.get("at", top)
+        if not isinstance(at, list) or len(at) != 3 or not all(_is_number(value) for value in at):
+            self._bad("mount.at", f"three numbers are expected, not {at!r}")
+            return None
+        return Mount(tuple(map(float, size)), (float(at[0]), float(at[1]), float(at[2])))
+
+    def _span(self, key: str) -> Span:
+        while key and key not in self.lines:
+            key = key.rpartition(".")[0]
+        return Span(str(self.path), self.lines.get(key, 1))
+
     def _bad(self, key: str, message: str, help: str | None = None) -> None:
-        where = key
-        while where and where not in self.lines:
-            where = where.rpartition(".")[0]
-        self.found.append(error("B001", f"{key}: {message}", Span(str(self.path), self.lines.get(where, 1)), help))
+        self.found.append(error("B001", f"{key}: {message}", self._span(key), help))
 
     def _check_keys(self, table: Mapping[str, Any], kind: str, prefix: str) -> None:
         for key in table:
@@ -299,3 +345,11 @@ class _Reader:
                 continue
             pairs.append((pair[0], pair[1]))
         return tuple(pairs)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_positive(value: Any) -> bool:
+    return _is_number(value) and value > 0

@@ -46,6 +46,13 @@ class _Rows:
     row: Indices
     torso: Array
 
+    def of(self, torsos: list[float]) -> _Rows:
+        """Those for some torso positions."""
+        kept = np.isin(self.torso, torsos)
+        if kept.all():
+            return self
+        return _Rows(self.v[kept], self.yaw[kept], self.score[kept], self.row[kept], self.torso[kept])
+
 
 class InverseMap:
     """A reachability map prepared for inversion."""
@@ -143,6 +150,7 @@ def invert(
     inverse: Callable[[ArmModel, GraspClass], InverseMap],
     room: Field,
     weigh: Weigh | None,
+    lifts: Callable[[ArmModel, float], bool],
     *,
     least: float,
     rows: int,
@@ -151,7 +159,8 @@ def invert(
     """Places for some arms and their ways.
 
     Of each way those ``each`` with the best score are kept, well spread. ``weigh`` is the other conjuncts' opinion.
-    ``least`` and ``rows`` bound the rows of the maps by score, and by number for each torso position.
+    ``lifts`` tells whether the torso may be somewhere with the rest of the robot as it is. ``least`` and ``rows`` bound
+    the rows of the maps by score, and by number for each torso position.
     """
     parts: list[tuple[Array, Array, int, int, Indices, Array]] = []
     found = Candidates()
@@ -160,6 +169,7 @@ def invert(
             chosen = inverse(arm, CLASSES[int(ways.grasps[way])]).rows(
                 float(ways.points[way, 2]), int(ways.rolls[way]), least, rows
             )
+            chosen = chosen.of([torso for torso in np.unique(chosen.torso).tolist() if lifts(arm, torso)])
             if not len(chosen.row):
                 continue
             part = _one(ways, way, chosen, room, weigh, each, found)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.candidates import InverseMap, blocks
+from executive.locations.own_body import OwnBody
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections, first_body
 from executive.locations.solids import Solids
@@ -107,6 +108,7 @@ def solve(
     solids: Solids,
     rejections: Rejections,
     *,
+    own: OwnBody,
     slack: float | None = None,
 ) -> Solved:
     """Joint values of ways (m,) from bases (m, 3), begun at seeds (m, s, d); spheres inside something rule out.
@@ -120,7 +122,7 @@ def solve(
     targets = to_base[:, None] @ ways.poses(index)
     alive = np.arange(count)
     if slack is not None:
-        alive = alive[_free(seeds[:, 0], bases, arm, solids, ways.touches, slack, rejections)]
+        alive = alive[_free(seeds[:, 0], bases, arm, solids, ways.touches, slack, own, rejections)]
     q, solved = arm.solver.solve(targets[alive, ways.key], seeds[alive])
     rejections.add("out of reach", int((~solved).sum()))
     alive, q = alive[solved], q[solved]
@@ -136,23 +138,36 @@ def solve(
         rejections.add("out of reach", int((~whole).sum()))
         alive = alive[whole]
     for step in (ways.key, *others):
-        alive = alive[_free(joints[alive, step], bases[alive], arm, solids, ways.touches, INSIDE, rejections)]
+        alive = alive[_free(joints[alive, step], bases[alive], arm, solids, ways.touches, INSIDE, own, rejections)]
     ok = np.zeros(count, bool)
     ok[alive] = True
     return Solved(joints, ok)
 
 
 def _free(
-    q: Array, bases: Array, arm: ArmModel, solids: Solids, touches: str | None, slack: float, rejections: Rejections
+    q: Array,
+    bases: Array,
+    arm: ArmModel,
+    solids: Solids,
+    touches: str | None,
+    slack: float,
+    own: OwnBody,
+    rejections: Rejections,
 ) -> NDArray[np.bool_]:
     """For which rows no sphere of the arm is inside something by more than ``slack`` [m]."""
     if not len(q) or not len(arm.spheres.radii):
         return np.ones(len(q), bool)
     matrices = base_matrices(bases)
-    points = np.einsum("nij,nkj->nki", matrices[:, :3, :3], arm.spheres.centres(q)) + matrices[:, None, :3, 3]
+    centres = arm.spheres.centres(q)
+    points = np.einsum("nij,nkj->nki", matrices[:, :3, :3], centres) + matrices[:, None, :3, 3]
     gap, piece = solids.hits(points, arm.spheres.radii, arm.spheres.hand, touches)
     free = gap > -slack
-    for row in np.flatnonzero(~free):
+    rest = np.flatnonzero(free)
+    own_gap, part = own.hits(centres[rest], arm.spheres.radii, q[rest])
+    free[rest] = own_gap > -slack
+    for row in np.flatnonzero(own_gap <= -slack):
+        rejections.collision(own.solids.bodies[int(part[row])])
+    for row in np.flatnonzero(gap <= -slack):
         rejections.collision(solids.bodies[int(piece[row])])
     return np.asarray(free)
 
@@ -199,7 +214,7 @@ def from_base(
     there = np.array(base)
     placed = base_matrices(there[None])[0]
     shoulder = placed @ np.append((arm.shoulder_low + arm.shoulder_high) / 2, 1.0)
-    solids = around.solids().near(shoulder[:3], arm.reach + 0.5)
+    solids, own = around.solids().near(shoulder[:3], arm.reach + 0.5), around.own_body(arm)
     index, scores, seeds = _looked_up(ways, there, arm, inverse)
     order = np.argsort(-(scores * ways.weights[index]).round(6), kind="stable")
     index, seeds = index[order], seeds[order]
@@ -209,8 +224,8 @@ def from_base(
     passes = [(index[rows], seeds[rows][:, None]) for rows in (first, later) if len(rows)]
     if seed is not None and passes:
         chosen, known = passes[0]
-        own = np.broadcast_to(seed, (len(chosen), 1, len(seed)))
-        passes[0] = chosen, np.concatenate([own, known], axis=1)
+        present = np.broadcast_to(seed, (len(chosen), 1, len(seed)))
+        passes[0] = chosen, np.concatenate([present, known], axis=1)
     if generous:
         rest = np.setdiff1d(np.argsort(-ways.weights.round(6), kind="stable"), index, assume_unique=True)
         own_seeds = arm.seeds if seed is None else np.vstack([seed, arm.seeds])
@@ -223,7 +238,9 @@ def from_base(
         for part in blocks(len(chosen), CHUNK):
             rows = [row for row in range(part.start, part.stop) if int(chosen[row]) not in done]
             mine = chosen[rows]
-            solved = solve(ways, mine, np.repeat(there[None], len(mine), 0), arm, begun[rows], solids, rejections)
+            solved = solve(
+                ways, mine, np.repeat(there[None], len(mine), 0), arm, begun[rows], solids, rejections, own=own
+            )
             for row in np.flatnonzero(solved.ok):
                 number = int(mine[row])
                 if number in done:

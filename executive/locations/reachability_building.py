@@ -10,8 +10,8 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from itertools import product
 
@@ -69,15 +69,38 @@ def reachability_maps(
     lift = lift_of(arm.solver.chain, torso)
     wanted = list(classes)
     maps = {grasp: _fetch(arm, lift, grasp) for grasp in wanted}
-    absent = [grasp for grasp, found in maps.items() if found is None]
-    if absent:
-        with ThreadPoolExecutor(max_workers=min(len(absent), os.cpu_count() or 1)) as pool:
-            futures = {grasp: pool.submit(_build_rows, arm, lift, grasp) for grasp in absent}
-            for number, (grasp, future) in enumerate(futures.items(), 1):
-                maps[grasp] = _kept(arm, lift, grasp, future.result())
-                if progress is not None:
-                    progress(number, len(absent), f"{arm.name}, {grasp.value}")
+    absent = [(arm, lift, grasp) for grasp, found in maps.items() if found is None]
+    for _, _, grasp, rows in _built(absent, progress):
+        maps[grasp] = _kept(arm, lift, grasp, rows)
     return {grasp: found for grasp in wanted if (found := maps[grasp]) is not None}
+
+
+def keep_maps(arms: Iterable[ArmModel], torso: str | None = None, progress: Progress | None = None) -> None:
+    """Build all maps of arms that are not in the user's cache yet, in parallel; none where there is no cache."""
+    if cache_folder("reachability") is None:
+        return
+    every = [(arm, lift_of(arm.solver.chain, torso), grasp) for arm in arms for grasp in GraspClass]
+    for arm, lift, grasp, rows in _built([job for job in every if _fetch(*job) is None], progress):
+        _kept(arm, lift, grasp, rows)
+
+
+_Job = tuple[ArmModel, Lift | None, GraspClass]
+
+
+def _built(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[tuple[ArmModel, Lift | None, GraspClass, Rows]]:
+    """The rows of maps, as they get ready."""
+    if not jobs:
+        return
+    pool = ThreadPoolExecutor(max_workers=min(len(jobs), os.cpu_count() or 1))
+    try:
+        futures = {pool.submit(_build_rows, *job): job for job in jobs}
+        for number, future in enumerate(as_completed(futures), 1):
+            arm, lift, grasp = futures[future]
+            yield arm, lift, grasp, future.result()
+            if progress is not None:
+                progress(number, len(jobs), f"{arm.name}, {grasp.value}")
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def lift_of(chain: Chain, torso: str | None) -> Lift | None:

@@ -229,6 +229,7 @@ class Resolver:
             self.inverse,
             room,
             weigh if terms or others else None,
+            around.lifts,
             least=effort.least,
             rows=effort.rows,
             each=effort.each,
@@ -536,8 +537,14 @@ class Resolver:
             replace(other, arms=None): way for other, way in self._reached.get((arm.name, _rounded(base)), {}).items()
         }.get(reach)
         log = Rejections()
-        if known is not None and touched_by(known, base, around) is None:
-            yield known
+        stated = None if known is None else ways_of(reach, arm, around, Rejections(), fine=True)
+        if (
+            known is not None
+            and stated is not None
+            and _among(known, stated)
+            and touched_by(known, base, around) is None
+        ):
+            yield known  # still a way: what it is about has not moved since
         begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
         for fine in (False, True):
             counted = Rejections() if fine else log
@@ -637,6 +644,14 @@ def _spread(squares: NDArray[np.intp], order: NDArray[np.intp]) -> Iterator[int]
         rank[index] = seen.get(value, 0)
         seen[value] = rank[index] + 1
     return iter(order[np.argsort(rank, kind="stable")].tolist())
+
+
+def _among(known: ReachSolution, ways: Ways) -> bool:
+    """Whether a way's poses are those of one of some ways."""
+    poses = ways.poses(np.arange(len(ways)))
+    if poses.shape[1:] != known.plan.poses.shape:
+        return False
+    return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
 
 
 def _rounded(base: Base) -> Base:

@@ -52,10 +52,13 @@ class Solids:
 
     def near(self, centre: Array, radius: float) -> Solids:
         """Those that a sphere meets."""
-        kept = np.linalg.norm(self.centres - centre, axis=1) <= radius + self.reach
+        return self.only(np.linalg.norm(self.centres - centre, axis=1) <= radius + self.reach)
+
+    def only(self, kept: NDArray[np.bool_]) -> Solids:
+        """Those of a mask (k,)."""
         names = tuple(body for body, keep in zip(self.bodies, kept, strict=True) if keep)
         arrays = (self.centres, self.axes, self.half, self.kinds, self.reach, self.limbs)
-        return Solids(names, *(array[kept] for array in arrays))
+        return Solids(names, *(array[kept] for array in arrays))  # type: ignore[arg-type]
 
     def hits(
         self, points: Array, radii: Array, hand: NDArray[np.bool_], touches: str | None

@@ -44,6 +44,8 @@ class ArmSpheres:
     """(k,) [m]."""
     hand: NDArray[np.bool_]
     """Which belong to the hand, (k,)."""
+    links: NDArray[np.intp]
+    """Number of the solid link of each, (k,)."""
     in_tip: Array
     """Centres of those of the hand in the tip frame, (h, 3)."""
     steps: tuple[_Step, ...]
@@ -65,7 +67,7 @@ class ArmSpheres:
         return np.concatenate(found, axis=1) if found else np.zeros((count, 0, 3))
 
 
-NO_SPHERES = ArmSpheres(np.zeros(0), np.zeros(0, bool), np.zeros((0, 3)), (), ())
+NO_SPHERES = ArmSpheres(np.zeros(0), np.zeros(0, bool), np.zeros(0, np.intp), np.zeros((0, 3)), (), ())
 """Of an arm of which no shape is known: nothing is ruled out before the exact query."""
 
 
@@ -92,7 +94,7 @@ def _spheres(chain: Chain, tip: str, base_link: str, torso: str | None, world: P
     hand = robot.hand_of(tip)
     moved = frozenset[int]().union(*(robot.moved_by(name) for name in chain.names if name != torso))
     from_tip = world.link_pose(tip).inverse()
-    groups: list[list[tuple[Array, float, bool]]] = [[] for _ in steps]
+    groups: list[list[tuple[Array, float, int]]] = [[] for _ in steps]
     in_tip = []
     for number in sorted(moved):
         link = robot.solid_names[number]
@@ -104,14 +106,15 @@ def _spheres(chain: Chain, tip: str, base_link: str, torso: str | None, world: P
         for kind, size, pose in robot.shapes(number):
             for centre, radius in _inside(kind, size):
                 point = pose @ Pose(centre)
-                groups[step].append((np.array((offset @ point).position), radius, number in hand))
+                groups[step].append((np.array((offset @ point).position), radius, number))
                 if number in hand:
                     in_tip.append((step, (from_tip @ there @ point).position))
     every = [sphere for group in groups for sphere in group]
     in_tip.sort(key=lambda item: item[0])
     return ArmSpheres(
         np.array([radius for _, radius, _ in every]),
-        np.array([mine for _, _, mine in every], bool),
+        np.array([number in hand for _, _, number in every], bool),
+        np.array([number for _, _, number in every], np.intp),
         np.array([place for _, place in in_tip]).reshape(-1, 3),
         tuple(steps),
         tuple(np.array([place for place, _, _ in group]).reshape(-1, 3) for group in groups),

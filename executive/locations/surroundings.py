@@ -9,6 +9,7 @@ from typing import Protocol
 from executive.locations.block import Block
 from executive.locations.field import Floor
 from executive.locations.hand import ComfortZone, HandFrame, Held
+from executive.locations.own_body import OwnBody
 from executive.locations.reachability import GraspClass, Lift, ReachabilityMap
 from executive.locations.solids import Solids
 from executive.locations.spheres import NO_SPHERES, ArmSpheres
@@ -117,6 +118,12 @@ class Surroundings(Protocol):
 
     def reachability(self, arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
         """The map of an arm and class of grasp."""
+
+    def own_body(self, arm: ArmModel) -> OwnBody:
+        """The rest of the robot in its present posture, as an arm meets it."""
+
+    def lifts(self, arm: ArmModel, torso: float) -> bool:
+        """Whether the rest of the robot, in its present posture, does not touch itself with the torso at a position."""
 
     def names(self) -> Sequence[str]:
         """All bodies."""

@@ -31,19 +31,21 @@ class NoSuchChain(MotionError):
 
 
 class StartInCollision(MotionError):
-    """Where a path should start is not free."""
+    """Where a path should start is not free; ``pairs`` are names of what would be in each other, if known."""
 
-    def __init__(self, start: Sequence[float]) -> None:
+    def __init__(self, start: Sequence[float], pairs: Sequence[tuple[str, str]] = ()) -> None:
         self.start = tuple(float(value) for value in start)
-        super().__init__(f"the start is in collision: {_numbers(self.start)}")
+        self.pairs = tuple(pairs)
+        super().__init__(f"the start is in collision: {_numbers(self.start)}{_told(self.pairs)}")
 
 
 class GoalInCollision(MotionError):
-    """Where a path should end is not free."""
+    """Where a path should end is not free; ``pairs`` are names of what would be in each other, if known."""
 
-    def __init__(self, goal: Sequence[float]) -> None:
+    def __init__(self, goal: Sequence[float], pairs: Sequence[tuple[str, str]] = ()) -> None:
         self.goal = tuple(float(value) for value in goal)
-        super().__init__(f"the goal is in collision: {_numbers(self.goal)}")
+        self.pairs = tuple(pairs)
+        super().__init__(f"the goal is in collision: {_numbers(self.goal)}{_told(self.pairs)}")
 
 
 class OutsideLimits(MotionError):
@@ -65,6 +67,10 @@ class NoPath(MotionError):
         self.counts = dict(counts)
         done = ", ".join(f"{name} {number}" for name, number in self.counts.items())
         super().__init__(f"no path from {_numbers(self.start)} to {_numbers(self.goal)} ({done})")
+
+
+def _told(pairs: Sequence[tuple[str, str]]) -> str:
+    return "".join(f"; {part} in {body}" for part, body in pairs[:3])
 
 
 def _numbers(values: Sequence[float]) -> str:

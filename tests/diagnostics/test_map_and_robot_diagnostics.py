@@ -13,7 +13,7 @@ from planlang.ontology import load
 HERE = Path(__file__).parent
 URDF = HERE / "robot.urdf"
 EXPECTED = re.compile(r"expect ([MB]\d{3}) at line (\d+)")
-WITHOUT_URDF = ("B001", "B008", "B011")
+WITHOUT_URDF = ("B001", "B008", "B011", "B014")
 WITHOUT_POSITION = ("B010",)
 
 

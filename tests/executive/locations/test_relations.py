@@ -1,0 +1,133 @@
+"""What relations mean, checked by arithmetic of their own; and what is said of those that mean nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import islice
+
+import pytest
+
+from planlang.designators import Location, a_location, a_person, an_object, located
+from planlang.failures import LocationUnresolvable
+from planlang.protocols import Configuration, Pose
+from tests.executive.conftest import BED, BOTTLE, CABINET, THE_BOTTLE, WARD, MakeStage, Stage, stand
+
+THE_BED, THE_CABINET = an_object("Bed-PieceOfFurniture"), an_object("Cabinet-PieceOfFurniture")
+RADIUS = 0.333
+"""Of Amigo's base [m]."""
+
+
+def bases(stage: Stage, location: Location, number: int = 4) -> list[tuple[float, float, float]]:
+    return [solution.base for solution in islice(stage.resolver.bases(location), number)]
+
+
+def test_near_and_far_are_distances_between_outlines(ward: Stage) -> None:
+    for x, y, _ in bases(ward, a_location(near=THE_BED, within="40 cm")):
+        gap = math.hypot(max(abs(x + 2.5) - 1.0, 0.0), max(abs(y) - 0.46, 0.0)) - RADIUS
+        assert -2e-3 <= gap <= 0.402
+    for x, y, _ in bases(ward, a_location(far_from=THE_BED, beyond=3.0)):
+        assert math.hypot(max(abs(x + 2.5) - 1.0, 0.0), max(abs(y) - 0.46, 0.0)) - RADIUS >= 2.998
+
+
+def test_a_negated_relation_holds_where_the_relation_does_not(ward: Stage) -> None:
+    location = a_location(in_reach_of=THE_BOTTLE, not_=a_location(in_front_of=THE_CABINET))
+    for base in bases(ward, location, 3):
+        assert ward.resolver.satisfies(a_location(in_front_of=THE_CABINET), base) is None
+        assert ward.resolver.satisfies(a_location(in_reach_of=THE_BOTTLE), base) is not None
+
+
+def test_left_is_that_of_the_thing_if_it_has_a_front_else_the_viewers(ward: Stage) -> None:
+    for x, y, _ in bases(ward, a_location(left_of=THE_CABINET), 3):
+        assert y > 0.4, "the cabinet's front is its x axis"
+        assert abs(x - 1.6) <= y
+    stand(ward, (0.3, 0.0, 0.0))  # looking along x at a bottle without front: left is y > 0
+    for x, y, _ in bases(ward, a_location(left_of=THE_BOTTLE), 3):
+        assert y > 0.0
+        assert abs(x - 1.5) <= y
+
+
+def test_what_faces_a_thing_has_it_ahead(ward: Stage) -> None:
+    for x, y, yaw in bases(ward, a_location(near=THE_BED, facing=THE_BED) & a_location(visible_from=THE_BED), 2):
+        turn = math.remainder(math.atan2(-y, -2.5 - x) - yaw, 2 * math.pi)
+        assert abs(turn) <= math.radians(30) + 2e-3
+
+
+@pytest.mark.parametrize(
+    "location",
+    [
+        a_location(near=THE_BED, not_=a_location(near=THE_BED)),
+        a_location(near=THE_BED, within=0.5) & a_location(far_from=THE_BED, beyond=1.0),
+        a_location(in_front_of=THE_CABINET, behind=THE_CABINET),
+    ],
+    ids=str,
+)
+def test_a_conjunction_that_nothing_can_satisfy_is_said_to_contradict_itself(location: Location, ward: Stage) -> None:
+    with pytest.raises(LocationUnresolvable, match="contradicts itself"):
+        next(ward.resolver.bases(location))
+
+
+def test_an_object_on_a_cabinet_is_supported_whole_and_stands_free_of_others(ward: Stage) -> None:
+    ward.belief.bump("bottle", Pose((-2.0, 1.5, 0.1)))
+    ward.platform.sync()
+    poses = list(islice(ward.resolver.things(a_location(on=THE_CABINET), THE_BOTTLE), 5))
+    assert len(poses) == 5
+    for pose in poses:
+        x, y, z = pose.position
+        assert abs(x - 1.6) <= 0.2 - 0.0325 + 1e-9
+        assert abs(y) <= 0.4 - 0.0325 + 1e-9
+        assert 0.9 <= z <= 0.905
+
+
+def test_what_holds_is_judged_as_candidates_are(ward: Stage) -> None:
+    base = bases(ward, a_location(in_reach_of=THE_BOTTLE), 2)[1]
+    here = located(a_location(in_reach_of=THE_BOTTLE))
+    assert not ward.executive.holds(here)
+    stand(ward, base)
+    assert ward.executive.holds(here)
+    assert ward.executive.holds(located(a_location(on=THE_CABINET), THE_BOTTLE))
+    assert not ward.executive.holds(located(a_location(on=THE_BED), THE_BOTTLE))
+
+
+@pytest.mark.parametrize(
+    ("pose", "said"),
+    [
+        (Pose((math.nan, 0.0, 0.9)), "at no place"),
+        (Pose((1.5, 0.0, 0.9), (0.0, 0.0, 0.0, 2.0)), "no rotation"),
+    ],
+)
+def test_a_thing_at_an_impossible_pose_is_named(pose: Pose, said: str, make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, BOTTLE)
+    stage.belief._poses["bottle"] = pose
+    for location in (a_location(in_reach_of=THE_BOTTLE), a_location(visible_from=THE_BOTTLE)):
+        with pytest.raises(LocationUnresolvable, match=said):
+            next(stage.resolver.bases(location))
+
+
+def test_a_mere_place_is_neither_seen_nor_stood_on(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, replace(BED, shape="marker", size=(0.0, 0.0, 0.0)))
+    for location in (a_location(visible_from=THE_BED), a_location(clear_of=THE_BED)):
+        with pytest.raises(LocationUnresolvable, match="has no size"):
+            next(stage.resolver.bases(location))
+
+
+def test_a_bottle_inside_a_wall_is_in_collision_with_it(make_stage: MakeStage) -> None:
+    wall = replace(CABINET, size=(0.6, 0.8, 1.6), pose=Pose((1.6, 0.0, 0.8)))
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(make_stage(wall, BOTTLE).resolver.bases(a_location(in_reach_of=THE_BOTTLE)))
+    assert next(iter(caught.value.blocking)) == "cabinet"
+
+
+def test_an_added_obstacle_makes_no_place_possible(make_stage: MakeStage) -> None:
+    post = replace(CABINET, name="post", pose=Pose.planar(0.7, -0.3, 0.4, 0.5), size=(0.2, 0.2, 1.0))
+    fewer, more = make_stage(*WARD), make_stage(*WARD, post)
+    for location in (a_location(in_reach_of=THE_BOTTLE), a_location(in_reach_of=a_person("Patient"))):
+        for base in bases(more, location, 3):
+            assert fewer.resolver.satisfies(location, base) is not None
+
+
+def test_what_hides_a_thing_is_named(make_stage: MakeStage) -> None:
+    screen = replace(CABINET, name="screen", pose=Pose((0.9, 0.0, 0.9)), size=(0.04, 0.9, 1.8))
+    stage = make_stage(CABINET, BOTTLE, screen, start=(0.0, 0.0, 0.0))
+    assert stage.platform.around.hidden((0.2, 0.0, 0.0), "bottle") == "screen"
+    stage.truth.set_configuration(Configuration((0.2, 0.0, 0.0), stage.truth.configuration().joints))
