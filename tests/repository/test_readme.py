@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import runpy
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -31,7 +32,7 @@ def output(command: str, folder: Path) -> str:
     """What ``planlang`` with these arguments prints in a folder, stdout and stderr in the order of writing."""
     environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONUNBUFFERED": "1"}
     ended = subprocess.run(
-        [sys.executable, "-m", "executive", *command.split()],
+        [sys.executable, "-m", "executive", *shlex.split(command)],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -63,7 +64,9 @@ def fitted(shown: str, real: str) -> str:
 
 
 def prepare(command: str, folder: Path, corpus: Path) -> bool:
-    """Put the real OWL files that a command names into its folder; False when they are not at hand."""
+    """Put what a command reads into its folder: a trace, real OWL files; False when these are not at hand."""
+    if command.startswith("replay"):
+        output("run serve_a_drink --trace run.jsonl", folder)
     for name in re.findall(r"\S+@\S+", command):
         found = next(corpus.rglob(name), None)
         if found is None:
@@ -81,8 +84,8 @@ def code_table() -> str:
 def test_an_output_in_the_readme_is_what_its_command_prints(
     command: str, shown: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
-    if "@" in command:
-        assert prepare(command, tmp_path, request.getfixturevalue("corpus")), "the corpus lacks a file of the README"
+    corpus = request.getfixturevalue("corpus") if "@" in command else tmp_path
+    assert prepare(command, tmp_path, corpus), "the corpus lacks a file of the README"
     real = output(command, tmp_path)
     assert agrees(shape(shown), shape(real)), f"planlang {command} prints:\n{real}"
 
