@@ -354,3 +354,14 @@ def test_a_cause_of_a_class_of_the_plans_own_is_told_by_name() -> None:
     whole = run_plan(top, resumable=True)
     assert whole.value == "Jammed: finger"
     assert list(resumed_everywhere(top, whole))
+
+
+def test_a_record_behind_the_end_of_the_plan_is_not_repeated() -> None:
+    @plan
+    async def top() -> None:
+        await sleep(1)
+
+    events = run_plan(top, resumable=True).trace.events
+    found = replay(top, RecordedRun.of([*events, events[-1]]))
+    assert found.difference is not None
+    assert (found.difference.line, found.difference.found) == (len(events) + 1, "nothing: the plan has ended")
