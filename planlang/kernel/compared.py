@@ -99,8 +99,8 @@ class Compared(Trace):
                 self._series.setdefault(question, []).append(line)
             self._heard += 1
 
-    async def turn(self, place: int) -> None:
-        """Wait until all records before a place have been written, and its step has come."""
+    async def turn(self, place: int, behind: int = 0) -> None:
+        """Wait until its step has come and all records before a place have been written, and as many ``behind`` it."""
         scheduler, task = here()
         step = self.lines[place].step if place < len(self.lines) else scheduler.now
         if step > scheduler.now:
@@ -109,8 +109,8 @@ class Compared(Trace):
                 await park(f"step {step}")
             finally:
                 timer.drop()
-        while self.place < place and not self.over:
-            turn = (place, task)
+        while self.place < place + behind and not self.over:
+            turn = (place + behind, task)
             self._turns.append(turn)
             try:
                 await park("its turn in the recorded run")
@@ -140,13 +140,10 @@ class Compared(Trace):
     def differ(self, found: Mapping[str, Any] | str) -> None:
         """This is what was found in place of the next record."""
         line = self.next()
+        assert line is not None
         if self.difference is None and not self.over:
-            number = line.number if line is not None else None
-            recorded = None if line is None else {"step": line.step, "event": line.event, "path": line.path}
-            if line is not None and recorded is not None:
-                recorded |= details(line.record)
-            message = "the run is not repeated" if number is None else f"line {number} is not repeated"
-            self.difference = Different(message, number, recorded, found)
+            recorded = {"step": line.step, "event": line.event, "path": line.path} | details(line.record)
+            self.difference = Different(f"line {line.number} is not repeated", line.number, recorded, found)
         self.over = True
 
     def started(self, step: int, node: Node, **more: object) -> None:
@@ -274,15 +271,11 @@ class ReplayHost:
 class RecordedOrder:
     """Lets the task whose record is next run first, if it is a process module's; with ``all_``, whosever it is."""
 
-    def __init__(self, trace: Compared, told: object, *, all_: bool) -> None:
+    def __init__(self, trace: Compared, *, all_: bool) -> None:
         self._trace = trace
-        self._told = told
         self._all = all_
         self.modules: set[str] = set()
         """Paths of the tasks in which process modules work."""
-
-    def __str__(self) -> str:
-        return str(self._told)
 
     def choose(self, ready: Sequence[Task]) -> int:
         """The place of that task."""

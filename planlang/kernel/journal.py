@@ -57,7 +57,7 @@ class Journal:
         *,
         snapshot: Callable[[], Any] | None = None,
         past: Past | None = None,
-        account: Callable[[Mapping[str, int], Mapping[str, int]], None] | None = None,
+        account: Callable[[Mapping[str, int], Mapping[str, int]], None],
     ) -> None:
         """``snapshot`` gives the state of the world and the robot's belief as JSON. ``account`` charges the budgets
         around the running task with what a step that is taken over has used.
@@ -72,6 +72,7 @@ class Journal:
         self._turns: Iterator[Done] = iter(() if past is None else past.order)
         self._turn = next(self._turns, None)
         self._waiting: dict[str, Task] = {}
+        self._later: list[Task] = []
         self.ahead: Continued | None = None
         """The trace, as long as the run repeats what it takes over."""
 
@@ -129,6 +130,12 @@ class Journal:
             if done is not None:
                 return await self._take_over(done, task)
             await self._until(past.until, "what the run takes over")
+            while self.resuming:  # what completed in this step has not been taken over yet
+                self._later.append(task)
+                try:
+                    await park("what the run takes over")
+                finally:
+                    self._later.remove(task)
         self._opened[task] = _Open(None)
         try:
             result = await branch()
@@ -180,8 +187,8 @@ class Journal:
 
     def _write(self, event: str, node: Node, **details: object) -> None:
         trace = self._scheduler.trace
-        if trace is not None:
-            trace.write(self._scheduler.now, event, node, **details)
+        assert trace is not None  # a journal is written into one
+        trace.write(self._scheduler.now, event, node, **details)
 
     @staticmethod
     def _named(fluent: Fluent[Any]) -> str:
@@ -233,18 +240,16 @@ class Journal:
 
     async def _pass(self, done: Done, node: Node) -> Any:
         scheduler, past = self._scheduler, self._past
-        assert past is not None
         trace = scheduler.trace
-        if trace is not None:
-            trace.write(scheduler.now, "started", node, **past.beginning(done.path))
+        assert past is not None
+        assert trace is not None
+        trace.write(scheduler.now, "started", node, **past.beginning(done.path))
         try:
             result = await self._take_over(done, node)
         except PlanFailure as failure:
-            if trace is not None:
-                trace.ended(scheduler.now, node, Status.FAILED, None, failure)
+            trace.ended(scheduler.now, node, Status.FAILED, None, failure)
             raise
-        if trace is not None:
-            trace.ended(scheduler.now, node, Status.SUCCEEDED, result)
+        trace.ended(scheduler.now, node, Status.SUCCEEDED, result)
         return result
 
     async def _take_over(self, done: Done, node: Node) -> Any:
@@ -266,8 +271,7 @@ class Journal:
             if fluent is None:
                 raise PlanStructureError(f"{done.path} has set the fluent {name}, which there is not")
             fluent.set(value)
-        if self._account is not None:
-            self._account(done.spent, done.used)
+        self._account(done.spent, done.used)
         if self._turn is None:
             self.go_on()
         if done.failure is not None:
@@ -287,14 +291,16 @@ class Journal:
         """From here on the plan runs."""
         scheduler, past, ahead = self._scheduler, self._past, self.ahead
         assert past is not None
+        assert ahead is not None
         self.ahead = None
         self._left = past.left
         scheduler.calls.made = max(scheduler.calls.made, past.calls)
         restore = getattr(scheduler.choice, "restore", None)
         if restore is not None:
             restore(past.choices)
-        if ahead is not None:
-            ahead.go_on(scheduler.now, past)
+        ahead.go_on(scheduler.now, past)
+        for task in self._later:
+            scheduler.wake(task)
 
 
 def _outside(fluent: Fluent[Any], node: Node) -> bool:

@@ -197,10 +197,6 @@ class Scheduler:
                 group.stir()
         if task.watched is not None:
             task.watched.set(outcome)
-        if task.listeners is not None:
-            listeners, task.listeners = task.listeners, None
-            for listener in listeners:
-                listener()
 
     def service(self, kind: type[S]) -> S:
         """The one object of a class that belongs to this run."""

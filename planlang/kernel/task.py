@@ -66,7 +66,6 @@ class Task(Node):
         "hooks",
         "in_queue",
         "index",
-        "listeners",
         "node",
         "outcome",
         "overrun",
@@ -127,8 +126,6 @@ class Task(Node):
     stream: Random | None
     watched: Fluent[Status] | None
     """The status as a fluent, once someone asked for it."""
-    listeners: list[Callable[[], object]] | None
-    """Called once when the task has died."""
 
     def __init__(
         self, group: Scope | None, parent: Node | None, name: str, branch: Callable[[], Any], index: int
@@ -156,7 +153,7 @@ class Task(Node):
         self.deliveries = self.shields = self.count = self.holds = 0
         self._counts = self._path = self.outcome = self.result = self.failure = self.crash = None
         self.cleanup_failure = self.coroutine = self.scope = self.wait = self.value = self.error = self.overrun = None
-        self.timers = self.hooks = self.generators = self.stream = self.watched = self.listeners = None
+        self.timers = self.hooks = self.generators = self.stream = self.watched = None
 
     @property
     def depth(self) -> int:

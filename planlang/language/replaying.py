@@ -65,7 +65,7 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     if not isinstance(rate, int) or not isinstance(seed, int):
         raise ValueError("the header of the trace does not tell rate and seed")
     trace = Compared(recorded)
-    order = RecordedOrder(trace, schedule, all_=schedule is not None)
+    order = RecordedOrder(trace, all_=schedule is not None)
     scheduler = Scheduler(ReplayHost(rate, trace), seed=seed, schedule=order, trace=trace)
     trace.attach(scheduler)
     scheduler.answers = trace
@@ -106,7 +106,7 @@ class _Gates:
             task.branch = partial(self._later, self._until[task.path], task.branch)
 
     async def _later(self, place: int, branch: Callable[[], Awaitable[Any]]) -> Any:
-        await self._trace.turn(place)
+        await self._trace.turn(place, behind=2)  # that it was resumed, and the end of what was taken over last
         return await branch()
 
     def begin(self, *_: object) -> None:
@@ -181,7 +181,7 @@ class _Told:
 
 
 def _nothing() -> NoReturn:
-    raise AssertionError("a replay asks nobody")
+    raise NotImplementedError  # a replay asks nobody
 
 
 class _ToldModule:
@@ -214,9 +214,8 @@ class _ToldModule:
         ending = _cut_short(trace, inside) if end is None or trace.lines[end].event != "performed" else []
         try:
             await work.do(inside)
-            if end is None or trace.lines[end].event != "performed":
+            while end is None or trace.lines[end].event != "performed":
                 await park("its evaporation, or what is not recorded")
-                raise ReplayOver
             await trace.turn(end)
         except Evaporated:
             with shield(), suppress(ReplayOver):
@@ -253,9 +252,9 @@ class _Work:
             elif line.record.get("kind") == "perform":
                 if line.event == "started":
                     self._begun[line.path] = line.step
-                elif line.event == "ended" and line.path in self._begun:
+                else:
                     name = str(line.record.get("name")).partition("#")[0]
-                    spend(name, line.step - self._begun[line.path])
+                    spend(name, line.step - self._begun.get(line.path, line.step))
 
     async def _acquire(self, line: Line) -> None:
         scheduler, task = here()

@@ -76,7 +76,7 @@ MUTANTS = [
     ("a created task still begins when evaporated", "kernel/evaporation.py", "if not task.begun:", "if False:"),
     ("shields protect from nothing", "kernel/evaporation.py", "if task.shields and not through_shields:", "if False:"),
     ("a shield never ends", "kernel/evaporation.py", "self._task.shields -= 1", "pass"),
-    ("a shield's timer goes on after it", "kernel/evaporation.py", "self._timer.drop()", "pass"),
+    ("a shield's timer goes on after it", "kernel/evaporation.py", "self._timers.pop().drop()", "pass"),
     ("evaporation is delivered once only", "kernel/park.py", "    if task.doomed:\n        await deliver(task)\n    scheduler.wake(task)", "    scheduler.wake(task)"),
     ("one that swallows evaporation has succeeded", "kernel/turn.py", "if task.thrown or task.generators", "if task.generators"),
     ("the order of dying is the order of deciding", "kernel/scope.py", "dead.sort(key=_index)", "pass"),
