@@ -12,6 +12,9 @@ from planlang.recipe.units import unit, unit_of
 PLACES = ("Point2D", "Point3D")
 """Classes of location designators: of the base, of the hand or an object."""
 
+MOST_PLACES = 10
+"""Places that may refer to each other in a chain."""
+
 _RELATION_OF = {expand(owl_name): name for name, owl_name in RELATIONS.items()}
 _NUMBERS = {"integer": int, "int": int, "long": int, "short": int, "nonNegativeInteger": int}
 _REALS = ("float", "double", "decimal")
@@ -77,13 +80,15 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
     """A location designator with its relations in the order of the file.
 
     As an individual its facts count, as a class its restrictions. A place that refers to itself, directly or through
-    others, loses the reference that closes the circle.
+    others, loses the reference that closes the circle; so does one that is :data:`MOST_PLACES` references away.
     """
     relations: list[tuple[str, Thing | Place]] = []
     for relation, term in _references(ontology, iri):
         if not isinstance(term, str) or term in seen | {iri}:
             continue
         if is_place(ontology, term):
+            if len(seen) + 1 >= MOST_PLACES:
+                continue
             relations.append((relation, read_place(ontology, term, seen | {iri})))
         elif (thing := read_thing(ontology, term)) is not None:
             relations.append((relation, thing))
