@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
@@ -81,7 +82,9 @@ def platform_of(
 
 
 def mapped(say: Callable[[str], None], done: int, count: int, what: str) -> None:
-    """Say that so many maps of what the arms reach are built."""
+    """Say on a terminal that so many maps of what the arms reach are built: whether they have to be is no result."""
+    if not sys.stderr.isatty():
+        return
     bar = "#" * done + "-" * (count - done)
     say(f"mapping what the arms reach, once for this robot [{bar}] {done} of {count}: {what}")
 
