@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
@@ -61,7 +62,7 @@ def platform_of(
     belief = Belief(semantic_map, believed)
     belief.sync(believed, truth.configuration())
     around = BelievedSurroundings(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
-    keep_maps(around.arms, robot.torso, partial(_mapped, say))
+    keep_maps(around.arms, robot.torso, partial(mapped, say))
     ontology = semantic_map.ontology
 
     @cache
@@ -80,7 +81,10 @@ def platform_of(
     )
 
 
-def _mapped(say: Callable[[str], None], done: int, count: int, what: str) -> None:
+def mapped(say: Callable[[str], None], done: int, count: int, what: str) -> None:
+    """Say on a terminal that so many maps of what the arms reach are built: whether they have to be is no result."""
+    if not sys.stderr.isatty():
+        return
     bar = "#" * done + "-" * (count - done)
     say(f"mapping what the arms reach, once for this robot [{bar}] {done} of {count}: {what}")
 

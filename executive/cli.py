@@ -30,6 +30,9 @@ app = typer.Typer(
     epilog="Exit codes: 0 done, 1 the plan failed, 2 bad input, 3 the robot lacks a capability, 130 interrupted.",
 )
 
+robot_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="About robots.")
+app.add_typer(robot_app, name="robot")
+
 RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="A recipe's file, or a bundled recipe's name.")]
 RecipeOrPlan = Annotated[
     str, typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name.")
@@ -451,6 +454,37 @@ def locate_command(
         return locate(LocateOptions(phrase, self_model, semantic_map, urdf, folders, of, base, count, explain))
 
     answer("locate", work, as_json=json)
+
+
+@robot_app.callback()
+def robots_command() -> None:
+    """About robots."""
+
+
+@robot_app.command("inspect", epilog="Example: planlang robot inspect amigo --picture reach.png")
+def inspect_command(
+    robot: Annotated[
+        str, typer.Argument(metavar="ROBOT", help="A self-model or robot file, or a bundled robot's name.")
+    ],
+    urdf: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The robot's geometry, if the self-model does not name it.")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw what the arms reach, as PNG.")] = None,
+    json: AsJson = False,
+) -> None:
+    """Show a robot's chains, joints, limits and postures, what its arms reach, and what is missing."""
+
+    def work() -> Answer:
+        source = find("robot", robot, bundled("ontologies") / "robots")
+        problems = check_outputs({"--picture": picture}, {"the robot": source, "--urdf": urdf})
+        if urdf is not None and not urdf.is_file():
+            problems.append(error("C001", f"no such URDF file: {urdf}"))
+        _refuse(problems)
+        from executive.inspecting import InspectOptions, inspect
+
+        return inspect(InspectOptions(source, urdf, picture, (lambda line: None) if json else say))
+
+    answer("robot inspect", work, as_json=json)
 
 
 def _ran(result: RunResult, *, told: bool) -> Answer:

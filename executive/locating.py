@@ -55,6 +55,10 @@ def locate(options: LocateOptions) -> Answer:
         location = read_location(options.phrase, lexicon)
         robot = with_carrying(bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies))
         found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
+        if location.device is not None and not robot.arms_of(location.device):
+            arms = ", ".join(arm.name for arm in robot.arms) or "none"
+            text = f"MissingCapability: {robot.name} has no {location.device}; its arms: {arms}"
+            return Answer(MISSING_CAPABILITY, tuple(found), text, {"failure": ["MissingCapability"]})
         scene = placed(scene_of(semantic_map, found), robot, options.start)
         world = PyBulletWorld(scene, robot.body())
         stack.callback(world.close)
@@ -63,10 +67,6 @@ def locate(options: LocateOptions) -> Answer:
         what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
         meant = _meant([*references(location), *([] if what is None else [what])], platform)
         found.extend(_choices(meant, platform))
-        if location.device is not None and not platform.around.arms_of(location.device):
-            arms = ", ".join(arm.name for arm in robot.arms) or "none"
-            text = f"MissingCapability: {robot.name} has no {location.device}; its arms: {arms}"
-            return Answer(MISSING_CAPABILITY, tuple(found), text, {"failure": ["MissingCapability"]})
         return _resolved(location, what, lexicon, platform, meant, found, options)
 
 
@@ -122,7 +122,8 @@ def _bases(location: Location, platform: Platform, count: int, log: Rejections) 
     for number, solution in enumerate(islice(platform.resolver.bases(location, log), count), 1):
         x, y, yaw = solution.base
         detail = solution.detail
-        how = f"{detail['arm']} arm: {', '.join(detail['reaches'])}" if "arm" in detail else ""
+        arm = detail.get("arm", "")
+        how = f"{arm if arm.endswith('arm') else f'{arm} arm'}: {', '.join(detail['reaches'])}" if arm else ""
         line = f"{number}  x {x:.3f}  y {y:.3f}  yaw {yaw:.3f}  {how}".rstrip()
         yield line, {"x": x, "y": y, "yaw": yaw, **detail}
 

@@ -72,3 +72,14 @@ class ComfortZone:
                         if self.contains(np.array(point)):
                             found[point] = None
         return np.array(list(found)).reshape(-1, 3)
+
+    def margins(self, points: Array) -> Array:
+        """How far inside the zone points (n, 3) are, (n,): shares of the arm, or of the cosine, to its nearest border.
+
+        The person may sit a little otherwise than believed: what is at the border may not be taken.
+        """
+        offsets = points[:, None] - np.array(self.shoulders)
+        away = np.linalg.norm(offsets, axis=2)
+        ahead = offsets[..., 0] * math.cos(self.facing) + offsets[..., 1] * math.sin(self.facing)
+        share, cosine = away / self.arm_length, ahead / np.maximum(away, 1e-9)
+        return np.asarray(np.minimum(np.minimum(1.0 - share, share - 0.25), cosine - 0.5).max(axis=1))

@@ -31,6 +31,8 @@ HEADINGS = 16
 """Directions from which a hand may come, at first; twice as many when these lead to nothing."""
 ARM_ROOM = 0.45
 """How far over the edge of a surface a hand reaches for a place over it [m]."""
+COMFORTABLE = 0.2
+"""How far inside a comfort zone a place is as good as can be (see :meth:`ComfortZone.margins`)."""
 OBLIQUE = 0.4
 """Weight of a grasp across the edges of a box, beside one across its faces."""
 
@@ -181,10 +183,10 @@ def _over_the_edge(block: Block, places: Array, headings: Array) -> Array:
 def offer_ways(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool) -> Ways:
     """Hand level, what it holds inside the person's comfort zone, coming from where they face."""
     points = zone.points()
-    points = points if fine else points[::3]
+    points = points if fine else points[np.argsort(-zone.margins(points).round(6), kind="stable")[:16]]
     turns = np.array([0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6] if fine else [0.0, 0.8, -0.8])
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(points)), np.arange(len(turns)), indexing="ij"))
-    weights = (1.0 - 0.2 * np.abs(turns[turn])) * (1.0 - 0.3 * at / max(len(points), 1))
+    weights = (1.0 - 0.2 * np.abs(turns[turn])) * np.clip(zone.margins(points)[at] / COMFORTABLE, 0.05, 1.0)
     headings = zone.facing + math.pi + turns[turn]
     found = _level(f"offer to {name}", points[at], headings, weights, frame, held, None)
     return found.best(1200 if fine else 64)

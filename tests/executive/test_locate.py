@@ -107,6 +107,12 @@ def test_a_location_without_place_fails_with_its_reasons(tmp_path: Path) -> None
     assert (tmp_path / "no.png").is_file()
 
 
+def test_an_arm_that_the_robot_does_not_have_is_a_missing_capability() -> None:
+    panda = ("--robot", "panda", "--environment", "hospital_room")
+    answer = located("in reach of the bottle with the left arm", code=3, where=panda)
+    assert answer["failure"] == ["MissingCapability"]
+
+
 def test_the_picture_shows_the_places(tmp_path: Path) -> None:
     path = tmp_path / "where.png"
     answer = located("in reach of the patient", "--count", "2", "--explain", str(path))

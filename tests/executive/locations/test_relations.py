@@ -131,3 +131,14 @@ def test_what_hides_a_thing_is_named(make_stage: MakeStage) -> None:
     stage = make_stage(CABINET, BOTTLE, screen, start=(0.0, 0.0, 0.0))
     assert stage.platform.around.hidden((0.2, 0.0, 0.0), "bottle") == "screen"
     stage.truth.set_configuration(Configuration((0.2, 0.0, 0.0), stage.truth.configuration().joints))
+
+
+def test_a_mirrored_world_has_mirrored_places(make_stage: MakeStage) -> None:
+    def room(sign: float) -> Stage:
+        post = replace(CABINET, name="post", pose=Pose((0.7, -0.8 * sign, 0.5)), size=(0.2, 0.3, 1.0))
+        return make_stage(CABINET, replace(BOTTLE, pose=Pose((1.5, 0.2 * sign, 0.9))), post)
+
+    one, other = room(1.0), room(-1.0)
+    for location in (a_location(in_reach_of=THE_BOTTLE), a_location(visible_from=THE_BOTTLE, near=THE_CABINET)):
+        for x, y, yaw in bases(one, location, 3):
+            assert other.resolver.satisfies(location, (x, -y, -yaw)) is not None, f"{location} at {(x, -y, -yaw)}"

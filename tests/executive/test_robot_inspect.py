@@ -1,0 +1,64 @@
+"""``planlang robot inspect``."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pybullet_data
+from PIL import Image
+from typer.testing import CliRunner, Result
+
+from executive.cli import app
+
+CART = """<robot name="cart"><link name="base"><collision><geometry><box size="0.5 0.5 0.5"/></geometry></collision>
+</link></robot>"""
+NUMBERS = """name = "cart"
+urdf = "cart.urdf"
+[base]
+radius = 0.36
+speed = 0.5
+acceleration = 0.5
+turn_speed = 1.0
+turn_acceleration = 1.0
+jerk = 5.0
+"""
+
+
+def inspected(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, ["robot", "inspect", *map(str, arguments)], prog_name="planlang")
+
+
+def test_it_tells_chains_limits_postures_and_draws_what_the_arms_reach(tmp_path: Path) -> None:
+    result = inspected("amigo", "--picture", tmp_path / "reach.png")
+    assert result.exit_code == 0, result.output
+    for said in ("spindle_joint", "0.090 ..    0.400", "arm left", "carrying:", "reaches, of poses", "missing"):
+        assert said in result.stdout
+    pixels = np.asarray(Image.open(tmp_path / "reach.png").convert("RGB"))
+    yellow = (pixels[..., 0] > 150) & (pixels[..., 2] < 110)
+    blue = (pixels[..., 2] > 120) & (pixels[..., 0] < 110) & (pixels[..., 1] < 140)
+    assert yellow.sum() > 100, "places that are reached with many headings"
+    assert blue.sum() > 1000, "places that are reached with few"
+
+
+def test_what_a_robot_lacks_is_listed(tmp_path: Path) -> None:
+    (tmp_path / "cart.urdf").write_text(CART)
+    (tmp_path / "cart.toml").write_text(NUMBERS)
+    result = inspected(tmp_path / "cart.toml", "--json")
+    assert result.exit_code == 0, result.output
+    missing = json.loads(result.stdout)["missing"]
+    assert missing[0] == "arms"
+    assert any("camera" in what for what in missing)
+    assert any("torso" in what for what in missing)
+
+
+def test_a_picture_of_no_arms_and_a_robot_that_is_not_there_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "cart.urdf").write_text(CART)
+    (tmp_path / "cart.toml").write_text(NUMBERS)
+    result = inspected(tmp_path / "cart.toml", "--picture", tmp_path / "reach.png")
+    assert (result.exit_code, (tmp_path / "reach.png").exists()) == (2, False)
+    assert inspected("no_such_robot").exit_code == 2
+
+
+def test_a_urdf_that_is_no_robots_is_refused() -> None:
+    other = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
+    assert inspected("amigo", "--urdf", other).exit_code == 2
