@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -86,7 +87,8 @@ def _trac_ik(robot: Robot, chain: Chain, targets: Array, middle: Array) -> Calla
     import pytracik
 
     arm = robot.arms[0]
-    urdf = robot.urdf.read_text(encoding="utf-8")
+    # with a safety_controller pytracik takes all limits to be zero
+    urdf = re.sub(r"<safety_controller[^>]*/>", "", robot.urdf.read_text(encoding="utf-8"))
     solver = pytracik.TRAC_IK(arm.base_link, arm.tip, urdf, TIMEOUT, TIP / 2, pytracik.SolveType.Speed)
     calls = [(*pose[:3, 3], *Pose.from_matrix(pose).orientation) for pose in targets]
 
