@@ -79,6 +79,7 @@ class shield:  # noqa: N801 - used like a function: with shield(within=10)
     def __init__(self, within: float = 10.0) -> None:
         self.within = within
         self._timers: list[Timer] = []
+        self._error: CleanupOverrun | None = None
 
     def __enter__(self) -> None:
         self._scheduler, self._task = scheduler, task = here()
@@ -89,6 +90,8 @@ class shield:  # noqa: N801 - used like a function: with shield(within=10)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._timers.pop().drop()
+        if self._task.overrun is self._error:  # not raised any more: an outer shield's error came before it
+            self._task.overrun = None
         self._task.shields -= 1
         review(self._scheduler, self._task)
 
@@ -96,7 +99,8 @@ class shield:  # noqa: N801 - used like a function: with shield(within=10)
         task = self._task
         where = f"in {task.path} took longer than {self.within} s{place_of(task)}"
         advice = "a cleanup that needs more says so: unwind_protect(body, cleanup, within=30), shield(within=30)"
-        break_off(self._scheduler, task, CleanupOverrun(f"shielded code {where}; {advice}"))
+        self._error = CleanupOverrun(f"shielded code {where}; {advice}")
+        break_off(self._scheduler, task, self._error)
 
 
 def warn_cut_short(task: Task) -> None:

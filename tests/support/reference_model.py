@@ -53,7 +53,8 @@ class Strand:
     count: int = 0
     shields: int = 0
     cancelled: bool = False
-    overrun: bool = False
+    overrun: Shielded | None = None
+    """The shield whose time is over, until that is raised or the shield has ended."""
     thrown: bool = False
     scope: Scope | None = None
     outcome: Outcome | None = None
@@ -75,7 +76,7 @@ class Strand:
     @property
     def doomed(self) -> bool:
         """Whether the next checkpoint raises."""
-        return self.overrun or (self.cancelled and not self.shields)
+        return self.overrun is not None or (self.cancelled and not self.shields)
 
     @property
     def state(self) -> str:
@@ -89,8 +90,8 @@ class Strand:
 
     def delivered(self) -> Outcome:
         """What a checkpoint of a doomed task raises."""
-        if self.overrun:
-            self.overrun = False
+        if self.overrun is not None:
+            self.overrun = None
             return ERROR
         self.thrown = True
         return EVAPORATED
@@ -331,6 +332,8 @@ class Retry(Node):
             if empty and self.strand.doomed:
                 return self.strand.delivered()
             self.undecided = [budget for budget in empty if not budget.over]
+            for budget in self.undecided:
+                budget.used_up = True
             if not self.undecided:
                 self.child = self.below()
 
@@ -372,11 +375,13 @@ class Shielded(Deadline):
         if outcome is not None:
             self.live = False
             self.strand.shields -= 1
+            if self.strand.overrun is self:
+                self.strand.overrun = None
         return outcome
 
     def fire(self) -> None:
         self.live = False
-        self.strand.overrun = True
+        self.strand.overrun = self
         if self.strand.scope is not None:
             self.strand.scope.close()
 
@@ -603,7 +608,6 @@ class Budget(Single):
 
     def take(self) -> bool:
         if not self.left:
-            self.used_up = True
             return False
         self.left -= 1
         return True

@@ -235,6 +235,26 @@ def test_a_cleanup_that_overruns_its_bound_is_a_programming_error_with_its_line(
         go(plan)
 
 
+def test_of_nested_shields_that_overrun_together_one_error_is_raised_and_cleanup_goes_on() -> None:
+    log: list[float] = []
+
+    async def inner() -> None:
+        with shield(within=1):
+            await sleep(5)
+
+    async def clean_up() -> None:
+        await sleep(2)
+        log.append(now())
+
+    async def outer() -> None:
+        with shield(within=1):
+            await unwind_protect(inner, clean_up)
+
+    with pytest.raises(CleanupOverrun):
+        go(outer)
+    assert log == [3.0]
+
+
 def test_an_overrun_evaporates_what_the_cleanup_started() -> None:
     log: list[str] = []
 
