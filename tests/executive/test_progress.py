@@ -5,9 +5,10 @@ import pytest
 from executive.progress import HeedingWorld, ToldTrace, line_of, progress_lines
 from planlang.designators import action, an_object
 from planlang.failures import ObjectNotFound
+from planlang.kernel.task import Task
 from planlang.kernel.tree import Node
 
-PLAN = Node(None, "branch", "serve")
+PLAN = Task(None, None, "serve", lambda: None, 0)
 PERFORMED = Node(PLAN, "perform", "Fetching")
 
 
