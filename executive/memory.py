@@ -72,7 +72,12 @@ def restore(platform: Platform, state: Mapping[str, Any], *, world: bool) -> Non
 def _way_json(way: ReachSolution) -> list[Any]:
     plan = way.plan
     hand = [plan.label, plan.poses.tolist(), plan.touches, plan.opened]
-    return [list(astuple(way.reach)), way.arm.name, hand, way.joints.tolist()]
+    return [_listed(astuple(way.reach)), way.arm.name, hand, way.joints.tolist()]
+
+
+def _listed(value: Any) -> Any:
+    """A value with lists for tuples, as JSON gives it back: a state is compared with one that was read."""
+    return [_listed(one) for one in value] if isinstance(value, tuple) else value
 
 
 def _way(state: Any, arms: Mapping[str, ArmModel]) -> ReachSolution:
