@@ -24,6 +24,8 @@ AVAILABLE, MISSING, UNKNOWN = Availability.AVAILABLE, Availability.MISSING, Avai
 _SHAPE = ("srdl2-comp:ArmComponent", "srdl2-comp:GripperComponent", "srdl2-comp:ManipulationEntity",
           "srdl2-comp:Camera", "srdl2-comp:MobileBase")  # fmt: skip
 """What the shape of a robot shows, so that without self-model it is missing rather than unknown."""
+_BY_CAMERA = frozenset(map(expand, ("srdl2-comp:ObjectRecognitionComponent", "knowrob:ObjectRecognitionModel")))
+"""What comes with a camera (:func:`executive.capabilities.parts.inherent`), and so is missing without one."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +190,7 @@ class Judge:
 
     def _shows(self, name: str | None) -> bool:
         """Whether the shape of a robot shows if it has such a part."""
-        return name is not None and any(self.world.is_below(expand(one), name) for one in _SHAPE)
+        return name in _BY_CAMERA or (name is not None and any(self.world.is_below(expand(one), name) for one in _SHAPE))
 
     # -- capabilities
 
