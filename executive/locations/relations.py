@@ -146,6 +146,8 @@ def hand_demand(location: Location, around: Surroundings) -> Reach:
     first = min(made, key=lambda reach: KINDS.index(reach.kind))
     others = [(reach.kind, reach.body, *reach.heights, False) for reach in made if reach != first]
     arms = _arms(location, around)
+    if first.kind == "offer":
+        arms = _holding(arms, around)
     return replace(first, grasp=location.grasp, arms=arms, also=(*others, *filters))
 
 
@@ -209,13 +211,18 @@ def _arms(location: Location, around: Surroundings) -> tuple[str, ...] | None:
     return None if location.device is None else tuple(arm.name for arm in around.arms_of(location.device))
 
 
+def _holding(arms: tuple[str, ...] | None, around: Surroundings) -> tuple[str, ...] | None:
+    """Of the arms that a device may mean those that hold something, if any does: an empty hand offers nothing."""
+    return tuple(name for name in arms or () if around.held(name) is not None) or arms
+
+
 def _for_body(what: Object, location: Location, around: Surroundings) -> Reach:
     """What being in reach of a body asks of a hand."""
     body = around.bind(what)
     block_of(body, around)
     arms = _arms(location, around)
     if around.is_person(body):
-        return Reach("offer", body, None, arms)
+        return Reach("offer", body, None, _holding(arms, around))
     if is_held(body, around):
         return Reach("retreat", body, None, arms)
     return Reach("grasp" if around.is_graspable(body) else "above", body, location.grasp, arms)

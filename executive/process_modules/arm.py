@@ -66,13 +66,26 @@ class Reaching:
         raise problem or ManipulationPoseUnreachable(arm=arms[0].name, what=str(location))
 
     def _arms(self, action: Action) -> list[ArmModel]:
-        """Its device's arm; else the arm that holds something; else the arm in use; else all."""
+        """Its device's arm; else the arm that holds something; else the arm in use; else all.
+
+        Of several that the device may be, one that holds something reaches for a person.
+        """
         platform = self.platform
         device = action.get("device_used")
         if isinstance(device, Device):
-            return platform.in_order(platform.around.arms_of(device))
+            meant = platform.in_order(platform.around.arms_of(device))
+            offering = [arm for arm in meant if platform.around.held(arm.name)] if self._is_for_person(action) else []
+            return offering or meant
         holding = [arm for arm in platform.around.arms if platform.around.held(arm.name)]
         return holding or platform.in_order(platform.around.arms)
+
+    def _is_for_person(self, action: Action) -> bool:
+        """Whether the hand is to go to where a person reaches it."""
+        location, around = action.get("to_location"), self.platform.around
+        return isinstance(location, Location) and any(
+            isinstance(relation.reference, Object) and around.is_person(around.bind(relation.reference))
+            for relation in location.relations
+        )
 
     async def _look_first(self, location: Location) -> None:
         for relation in location.relations:
