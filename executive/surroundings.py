@@ -26,6 +26,8 @@ SEEN_SHARE = 0.3
 """Share of an object that must be visible for a place to count as one from where it is seen."""
 BEYOND = 0.2
 """How far the neck's limits may keep an object from the middle of the picture [rad]."""
+CLOSING_STEPS = 24
+"""In how many steps closing fingers are looked at."""
 
 
 class BelievedSurroundings:
@@ -44,6 +46,7 @@ class BelievedSurroundings:
         self._maps: dict[tuple[str, GraspClass], ReachabilityMap] = {}
         self._solids: tuple[object, Solids] | None = None
         self._floor: tuple[object, Floor] | None = None
+        self._links = frozenset(world.robot.solid_names)
         self._own: dict[str, tuple[object, OwnBody]] = {}
         self._lifts: tuple[object, dict[tuple[str, float], bool]] = (None, {})
 
@@ -278,6 +281,27 @@ class BelievedSurroundings:
             joints |= zip(arm.joints, map(float, q), strict=True)
         ignore = [(link, touches) for link in sorted(arm.hand_links)] if arm is not None and touches is not None else []
         return self.world.contacts(Configuration(base, joints), ignore=ignore)
+
+    def stops_closing(self, base: Base, arm: ArmModel, q: Array, around: str) -> str | None:
+        """The body that a finger of an arm at ``q`` would meet, closing from open, before it meets ``around``."""
+        gripper = self.robot.arm(arm.name).gripper
+        if gripper is None:
+            return None
+        joints = dict(self.world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
+        joints |= gripper.opened
+        moving = list(gripper.joints)
+        for share in np.linspace(0.0, 1.0, CLOSING_STEPS + 1)[1:].tolist():
+            for name in tuple(moving):
+                value = (1.0 - share) * gripper.opened[name] + share * gripper.closed[name]
+                contacts = self.world.contacts(Configuration(base, joints | {name: value}), [name])
+                bodies = [contact.body for contact in contacts]
+                if not bodies:
+                    joints[name] = value
+                elif around in bodies or set(bodies) <= self._links:
+                    moving.remove(name)
+                else:
+                    return next(body for body in bodies if body not in self._links)
+        return None
 
     def looked_in_vain(self, name: str) -> Sequence[Base]:
         """Places from where the body was looked for and not seen."""

@@ -173,10 +173,16 @@ def _free(
 
 
 def touched_by(solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
-    """The body that is in the way of a solution, judged exactly at its poses and between them; None if it is free."""
-    return touched_at(solution.joints, solution, base, around) or touched_at(
-        between(solution.joints), solution, base, around
-    )
+    """The body that is in the way of a solution, judged exactly; None if it is free."""
+    return touched_at(solution.joints, solution, base, around) or touched_on_the_way(solution, base, around)
+
+
+def touched_on_the_way(solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
+    """The body that is in the way between the poses of a solution, or of the fingers that close on a thing."""
+    body = touched_at(between(solution.joints), solution, base, around)
+    if body is None and solution.reach.kind == "grasp":
+        return around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body)
+    return body
 
 
 def touched_at(rows: Array, solution: ReachSolution, base: Base, around: Surroundings) -> str | None:

@@ -26,11 +26,11 @@ from executive.locations.reach import (
     ON_LATTICE,
     Reach,
     ReachSolution,
-    between,
     from_base,
     solve,
     touched_at,
     touched_by,
+    touched_on_the_way,
     unblocked,
 )
 from executive.locations.reachability import GraspClass
@@ -347,7 +347,7 @@ class Resolver:
         if body is None:
             if not self._sees(base, score, demand, log, blind):
                 return None
-            body = touched_at(between(solution.joints), solution, base, self.around)
+            body = touched_on_the_way(solution, base, self.around)
         if body is not None:
             log.collision(body)
             log.judge(base, score, "in collision", body)

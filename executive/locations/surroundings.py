@@ -162,6 +162,12 @@ class Surroundings(Protocol):
         ``opened``: with the fingers of the arm open.
         """
 
+    def stops_closing(self, base: Base, arm: ArmModel, q: Array, around: str) -> str | None:
+        """The body that a finger of an arm at ``q`` would meet, closing from open, before it meets ``around``.
+
+        Fingers on hinges go forward while they close: what is behind a thing may keep them from it.
+        """
+
     def tip(self, arm: ArmModel) -> Array:
         """Pose (4, 4) of an arm's tip in the map."""
 
