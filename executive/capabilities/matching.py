@@ -190,7 +190,9 @@ class Judge:
 
     def _shows(self, name: str | None) -> bool:
         """Whether the shape of a robot shows if it has such a part."""
-        return name in _BY_CAMERA or (name is not None and any(self.world.is_below(expand(one), name) for one in _SHAPE))
+        if name is None or name in _BY_CAMERA:
+            return name is not None
+        return any(self.world.is_below(expand(one), name) for one in _SHAPE)
 
     # -- capabilities
 
