@@ -129,8 +129,7 @@ class Journal:
             done = past.done.get(task.path)
             if done is not None:
                 return await self._take_over(done, task)
-            await self._until(past.until, "what the run takes over")
-            while self.resuming:  # what completed in this step has not been taken over yet
+            while self.resuming:  # they begin together, as written, once all that has completed is taken over
                 self._later.append(task)
                 try:
                     await park("what the run takes over")

@@ -728,3 +728,23 @@ def test_a_construct_that_completed_as_a_step_returns_what_it_did_and_does_nothi
     again = run_plan(top(), resume=cut(whole, records))
     assert (again.value, len(done)) == (whole.value, 1)
     assert without_mark(again) == whole.trace.events
+
+
+@pytest.mark.parametrize("seconds", [(0.5, 0.0, 0.0, 0.5), (0.5, 0.0, 2.0, 0.5), (0.5, 1.0, 0.0, 0.5)])
+def test_open_steps_begin_again_as_written_whenever_the_completed_ones_end(seconds: tuple[float, ...]) -> None:
+    async def step(name: str, time: float) -> str:
+        await sleep(time)
+        await perform(action("Perceiving"), name=f"look {name}")
+        return name
+
+    @plan
+    async def top() -> Any:
+        steps = {name: partial(step, name, time) for name, time in zip("abcd", seconds, strict=True)}
+        return await partial_order(steps, [])
+
+    whole = run_plan(top, resumable=True)
+    for records in completed(whole):
+        again = run_plan(top, resume=cut(whole, records))
+        assert again.value == whole.value
+        told = replay(top, again)
+        assert told.equal, told.difference and (told.difference.recorded, told.difference.found)
