@@ -72,7 +72,6 @@ class Past:
             self.again = _paths(line)
             cut = place
         self._called: set[Any] = set()
-        self.until = 0 if self.last is None else self.last.step
         before = recorded.lines[: cut + 1]
         self.kept = [line for line in before if not self._dropped(line)]
         self.nodes = max((int(line.record.get("node", 0)) for line in before), default=0)

@@ -78,8 +78,7 @@ async def at_location(
                 node.result = await visit.run(body, attempts)
             finally:
                 place.reset(token)
-                if outer is not None and visit.moved:
-                    outer.displaced = True
+                visit.leave(outer)
         if outer is not None and outer.displaced:
             await outer.establish()
     return node.result  # type: ignore[no-any-return]
@@ -98,6 +97,11 @@ class _Visit:
         self._cursor: Iterator[Solution] | None = None
         self._revision: int | None = None
         self._solution: Solution | None = None
+
+    def leave(self, outer: Place | None) -> None:
+        """Tell the scope around that the base is elsewhere, if it is."""
+        if outer is not None and self.moved:
+            outer.displaced = True
 
     async def run(self, body: Branch, attempts: int) -> Any:
         """Try one place after another."""

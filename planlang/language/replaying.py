@@ -334,7 +334,5 @@ def _outcome(trace: Compared, line: Line) -> Any:
 
 def _told_result(trace: Compared, line: Line) -> Any:
     """What the records tell of a result that did not survive JSON."""
-    for later in trace.lines[trace.place :]:
-        if later.path == line.path and later.event == "ended":
-            return later.record.get("result")
-    return None
+    ends = [later for later in trace.lines[trace.place :] if later.path == line.path and later.event == "ended"]
+    return ends[0].record.get("result") if ends else None

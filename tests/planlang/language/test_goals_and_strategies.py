@@ -13,10 +13,13 @@ from planlang import (
     Recovery,
     Trace,
     VirtualHost,
+    a_location,
     achieve,
     action,
     an_object,
+    given,
     holding,
+    holds,
     ignore,
     look_and_repeat,
     look_from_another_place,
@@ -26,6 +29,7 @@ from planlang import (
     sleep,
     with_failure_handling,
 )
+from planlang.designators import located
 from planlang.failures import (
     GoalNotAchieved,
     GraspMissed,
@@ -159,3 +163,30 @@ def test_ignore_goes_on_with_none() -> None:
         raise GraspMissed
 
     assert go(partial(with_failure_handling, misses, Recovery(GraspMissed, ignore))) is None
+
+
+def test_a_condition_as_a_fluent_is_true_while_the_executive_believes_it(executive: Any) -> None:
+    async def watch() -> list[bool]:
+        held = holds(holding(BOTTLE))
+        before = held.value
+        executive.facts["holding(bottle1)"] = True
+        await sleep(1)
+        return [before, held.value]
+
+    assert go(watch, executive) == [False, True]
+
+
+def test_being_somewhere_is_a_condition_too(executive: Any) -> None:
+    async def watch() -> tuple[bool, str]:
+        near = holds(a_location(near=BOTTLE))
+        return near.value, str(near)
+
+    assert go(watch, executive) == (False, str(located(a_location(near=BOTTLE))))
+
+
+def test_a_result_is_handed_on_if_it_is_the_kind_of_thing_that_is_needed() -> None:
+    cup = an_object("Cup", "http://example.org/map#cup1")
+    assert given(BOTTLE, cup) == BOTTLE
+    assert given(BOTTLE, "cup") == BOTTLE
+    assert given((1.0, 2.0), cup) == cup
+    assert given(None, "cup") == "cup"
