@@ -124,7 +124,7 @@ def test_the_past_ends_with_the_last_completed_step_and_takes_over_whole_constru
     found = RecordedRun.read(written)
     past = Past(found)
     assert [done.path for done in past.order] == ["top/seq", "top/par"]
-    assert (past.until, past.again, past.last and past.last.path) == (720, (), "top/par")
+    assert (past.last and past.last.step, past.again, past.last and past.last.path) == (720, (), "top/par")
     part = Past(RecordedRun.of([line.record for line in found.lines if line.step <= 240]))
     assert [done.path for done in part.order] == ["top/seq/one"]
     assert part.until == 240
