@@ -127,7 +127,8 @@ def test_the_past_ends_with_the_last_completed_step_and_takes_over_whole_constru
     assert (past.last and past.last.step, past.again, past.last and past.last.path) == (720, (), "top/par")
     part = Past(RecordedRun.of([line.record for line in found.lines if line.step <= 240]))
     assert [done.path for done in part.order] == ["top/seq/one"]
-    assert part.last is not None and part.last.step == 240
+    assert part.last is not None
+    assert part.last.step == 240
 
 
 def test_a_line_that_is_too_long_is_refused_with_its_number(written: Path, monkeypatch: pytest.MonkeyPatch) -> None:
