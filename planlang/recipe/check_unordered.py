@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 
-from planlang.diagnostics import Diagnostic, note, warning
+from planlang.diagnostics import Diagnostic, Order, note, warning
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
 from planlang.recipe.graph import order_graph, recipe_graph
@@ -66,7 +66,8 @@ def check_unordered(
             f"`{first.name}` and `{second.name}` both need the {shared}, and nothing orders them: they come one after"
             f" the other, either first{more}"
         )
-        yield warning("R045", message, second.span, ordering_to_write(recipe, first.iri, second.iri))
+        advice = ordering_to_write(recipe, first.iri, second.iri)
+        yield warning("R045", message, second.span, advice, Order(recipe.iri, first.iri, second.iri))
 
 
 def _resources(actions: Actions, step: Step, recipes: RecipeSet, known: dict[str, frozenset[str]]) -> frozenset[str]:
