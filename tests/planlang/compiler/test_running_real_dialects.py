@@ -11,6 +11,7 @@ import pytest
 
 from planlang import a_location, an_object
 from planlang.compiler import CompiledPlan, compile_recipe
+from planlang.compiler.graphs import svg, task_graph
 from planlang.designators import a_posture
 from planlang.failures import ObjectNotFound
 from planlang.kernel.recorded import RecordedRun
@@ -79,6 +80,7 @@ def test_resumed_search_still_knows_what_an_earlier_state_made(search: CompiledP
 
 def test_what_a_step_checks_is_told_to_its_module(search: CompiledPlan) -> None:
     assert 'action("Perceiving", object_acted_on=bottle)' in search.source
+    assert "checks: VisualPerception (detectedObject: any Bottle)" in svg(task_graph(search.recipes, search.added))
     assert "find_bottle(*, bottle: Object = BOTTLE)" in search.source
 
 
