@@ -9,9 +9,9 @@ from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warn
 from planlang.ontology import BNode, Literal, Ontology, shorten
 from planlang.ontology.terms import OWL, TYPE, is_vocabulary
 from planlang.recipe.actions import Actions
-from planlang.recipe.fillings import action_class, fillings, unread_facts
+from planlang.recipe.fillings import action_class, action_properties, fillings, unread_facts
 from planlang.recipe.guesses import SURE, guess
-from planlang.recipe.model import Recipe, Step, Thing
+from planlang.recipe.model import Name, Place, Recipe, Step, Thing
 from planlang.recipe.readers.data_flow import made
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.repairs import ranges_of, violates_range
@@ -35,15 +35,25 @@ AGENTS = frozenset({"performedBy", "doneBy"})
 """Properties whose filler is not looked up to perform the action: the robot is known without it."""
 
 
-def check_ranges(actions: Actions, owner: Step | Recipe) -> Iterator[Diagnostic]:
-    """Judge the fillers of a step, or of a task itself, after repairs."""
+def check_ranges(actions: Actions, owner: Step | Recipe, known: frozenset[str]) -> Iterator[Diagnostic]:
+    """Judge the fillers of a step, or of a task itself, after repairs; ``known`` are individuals that steps create."""
     ontology = actions.ontology
     for parameter in owner.parameters:
         filler = parameter.filler
-        if isinstance(filler, Thing) and violates_range(ontology, parameter.property, filler):
+        match filler:
+            case Thing():
+                cls, is_wrong = filler.stated, violates_range(ontology, parameter.property, filler.stated)
+                is_individual = filler.iri is not None
+            case Place() | Name() if filler.iri not in known:
+                classes = classes_of(ontology, filler.iri)
+                cls, is_individual = next(iter(classes), filler.iri), classes != (filler.iri,)
+                is_wrong = all(violates_range(ontology, parameter.property, one) for one in classes or (cls,))
+            case _:
+                continue
+        if is_wrong:
             wanted = " and ".join(f"`{local_name(one)}`" for one in ranges_of(ontology, parameter.property))
-            is_what = f"`{filler.name}`" + (f" (a `{local_name(filler.stated)}`)" if filler.iri else "")
-            message = f"{parameter.property} of `{owner.name}` is {is_what}, but takes a {wanted}"
+            is_what = f"`{filler.name}`" + (f" (a `{local_name(cls)}`)" if is_individual else "")
+            message = f"{parameter.property} of `{owner.name}` is {is_what}, but takes what is below {wanted}"
             yield warning("R032", message, parameter.span, "check the property, or the class of what fills it")
 
 
@@ -58,7 +68,7 @@ def check_fillers(actions: Actions, statements: Statements) -> Iterator[Diagnost
         listed = actions.properties(cls)
         for level in fillings(ontology, owner, more):
             for filling in level:
-                yield from _property(owner, listed, filling)
+                yield from _property(ontology, owner, listed, filling)
                 if filling.term not in known:
                     found = list(_filler(ontology, owner, filling))
                     yield from found
@@ -82,25 +92,32 @@ def _left_out(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
         message = f"{local_name(name)} of `{local_name(owner)}`{others} is left out: it is no property of actions"
         cls = action_class(ontology, owner)
         listed = ontology.valid_properties(cls) if cls is not None else ()
-        meant = guess(name, listed, least=0.8)
+        meant = guess(name, listed, least=0.8) or guess(name, action_properties(ontology), least=SURE)
         advice = f"did you mean {meant}?" if meant else "say it by such a property if a plan should know it"
         if listed and not meant:
             advice += f": {', '.join(sorted(map(local_name, listed)))}"
         yield warning("R038", message, span, advice, meant)
 
 
-def _property(owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:
+def _property(ontology: Ontology, owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:
     if not listed or filling.property in listed:
         return
     names = sorted(local_name(name) for name in listed)
     short = local_name(filling.property)
-    meant = guess(filling.property, sorted(listed), least=SURE)
-    if meant and not is_vocabulary(short):
-        message = f"`{local_name(owner)}` has no property {short}"
-        yield error("R031", message, filling.span, f"did you mean {meant}?", meant)
-    else:
-        message = f"{short} is not listed for actions such as `{local_name(owner)}`: it is kept as it is"
-        yield warning("R031", message, filling.span, f"listed are {', '.join(names)}")
+    advice = f"listed are {', '.join(names)}"
+    message = f"{short} is not listed for actions such as `{local_name(owner)}`: it is kept as it is"
+    if not is_vocabulary(short):
+        is_declared = ontology.is_property(filling.property)
+        meant = guess(filling.property, sorted(listed), least=SURE)
+        if meant is None and not is_declared:
+            meant = guess(filling.property, action_properties(ontology), least=SURE)
+        if meant:
+            message = f"`{local_name(owner)}` has no property {short}"
+            yield error("R031", message, filling.span, f"did you mean {meant}?", meant)
+            return
+        if not is_declared:
+            message = f"nothing declares the property {short} of `{local_name(owner)}`: it is kept as it is"
+    yield warning("R031", message, filling.span, advice)
 
 
 def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagnostic]:
