@@ -37,7 +37,7 @@ def check_free(recipe: Recipe) -> Iterator[Diagnostic]:
 
 
 def check_unordered(
-    actions: Actions, recipe: Recipe, recipes: RecipeSet, added: Sequence[tuple[str, str]]
+    actions: Actions, recipe: Recipe, recipes: RecipeSet, added: Sequence[tuple[str, str]] = ()
 ) -> Iterator[Diagnostic]:
     """Steps that need the same resource of the robot and are unordered: one after the other, but which first?
 
