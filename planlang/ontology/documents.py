@@ -23,7 +23,7 @@ from planlang.resources import bundled
 MOST_DOCUMENTS = 200
 """Files that one ontology may be made of."""
 
-VOCABULARY = ("knowrob", "srdl", "roboearth", "primitives", "recovery")
+VOCABULARY = ("knowrob", "srdl", "roboearth", "dul", "primitives", "recovery")
 """Bundled files that every ontology has, then objects/."""
 
 

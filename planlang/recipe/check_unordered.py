@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
-from planlang.recipe.graph import recipe_graph
+from planlang.recipe.graph import order_graph, recipe_graph
 from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
 from planlang.recipe.precedence import Precedence
 from planlang.recipe.wise import wise_orderings
@@ -36,18 +36,21 @@ def check_free(recipe: Recipe) -> Iterator[Diagnostic]:
         yield note("R047", message, free[0].span, "add ordering constraints if that is not meant")
 
 
-def check_unordered(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> Iterator[Diagnostic]:
+def check_unordered(
+    actions: Actions, recipe: Recipe, recipes: RecipeSet, added: Sequence[tuple[str, str]]
+) -> Iterator[Diagnostic]:
     """Steps that need the same resource of the robot and are unordered: one after the other, but which first?
 
-    The recipe's orders are acyclic, and nothing recurses.
+    The recipe's orders are acyclic, and nothing recurses. ``added`` are the orders that location scopes add.
     """
     known: dict[str, frozenset[str]] = {}
     needs = {step.iri: _resources(actions, step, recipes, known) for step in recipe.steps}
     using = [step for step in recipe.steps if needs[step.iri]][:MOST_STEPS]
     if len(using) < 2:
         return
-    order: Precedence[str] = Precedence(recipe_graph(recipe))
-    wished = {frozenset((before, after)) for before, after, _ in wise_orderings(actions, recipe)}
+    stated = recipe_graph(recipe)
+    order: Precedence[str] = Precedence(order_graph(stated.nodes, [*stated.edges, *added]) if added else stated)
+    wished = {frozenset((before, after)) for before, after, _ in wise_orderings(actions, recipe, added)}
     pairs = [
         (first, second)
         for first, second in combinations(using, 2)

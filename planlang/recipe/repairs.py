@@ -8,9 +8,9 @@ from itertools import combinations
 
 from planlang.diagnostics import Diagnostic, note
 from planlang.ontology import Ontology, expand
+from planlang.ontology.terms import RANGE
 from planlang.recipe.model import Kind, Parameter, Place, Recipe, RecipeSet, Thing
-
-_RANGE = "http://www.w3.org/2000/01/rdf-schema#range"
+from planlang.recipe.terms import is_of_unknown_kind
 
 
 def repaired(ontology: Ontology, recipes: RecipeSet) -> tuple[RecipeSet, list[Diagnostic]]:
@@ -36,12 +36,18 @@ def repaired(ontology: Ontology, recipes: RecipeSet) -> tuple[RecipeSet, list[Di
 
 def violates_range(ontology: Ontology, property_name: str, thing: Thing) -> bool:
     """True if the property has a range and the thing's class is known not to be below it."""
-    ranges = [
+    if is_of_unknown_kind(ontology, thing.stated):
+        return False
+    return any(not ontology.is_a(thing.stated, wanted) for wanted in ranges_of(ontology, property_name))
+
+
+def ranges_of(ontology: Ontology, property_name: str) -> list[str]:
+    """The classes (IRIs) that a property takes things of."""
+    return [
         triple.object
-        for triple in ontology.triples(s=expand(property_name), p=_RANGE)
+        for triple in ontology.triples(s=expand(property_name), p=RANGE)
         if isinstance(triple.object, str) and ontology.is_class(triple.object)
     ]
-    return any(not ontology.is_a(thing.stated, wanted) for wanted in ranges)
 
 
 def _exchanged(

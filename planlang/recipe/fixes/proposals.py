@@ -15,6 +15,7 @@ from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, Editable
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.reading import recipes_for
 from planlang.recipe.repairs import exchanged_pair
+from planlang.recipe.scopes import added_by_scopes
 from planlang.recipe.statements import Statements, SubAction, is_word
 from planlang.recipe.wise import wise_orderings
 
@@ -60,7 +61,7 @@ def proposed(
             assert statements is not None
             fixes += _names(actions.ontology, statements, recipe)
             if not broken and recipe.machine is None:
-                fixes += _orders(actions, statements, recipe)
+                fixes += _orders(actions, statements, recipe, added_by_scopes(actions, recipe, recipes))
     return list({(fix.code, fix.message): fix for fix in fixes}.values())
 
 
@@ -102,7 +103,9 @@ def _names(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterat
             yield Fix("R010", message, min(mentions), _rename(mentions, by_name[similar[0]].span))
 
 
-def _orders(actions: Actions, statements: Statements, recipe: Recipe) -> Iterator[Fix]:
+def _orders(
+    actions: Actions, statements: Statements, recipe: Recipe, added: tuple[tuple[str, str], ...]
+) -> Iterator[Fix]:
     ontology, stating = actions.ontology, statements.iri
     stated: dict[str, SubAction] = {}
     for one in statements.sub_actions:
@@ -115,7 +118,7 @@ def _orders(actions: Actions, statements: Statements, recipe: Recipe) -> Iterato
     if task is None or not subs:
         return
     last, sub_action = constraints or subs, subs[0]
-    for before, after, why in wise_orderings(actions, recipe):
+    for before, after, why in wise_orderings(actions, recipe, added):
         suffix = _free_suffix(ontology, stating, f"_{_plain(before)}_{_plain(after)}")
         anchors = Anchors(
             task,
