@@ -26,6 +26,8 @@ SEEN_SHARE = 0.3
 """Share of an object that must be visible for a place to count as one from where it is seen."""
 BEYOND = 0.2
 """How far the neck's limits may keep an object from the middle of the picture [rad]."""
+LEANING = 0.05
+"""How far a top may lean to count as level [rad]."""
 CLOSING_STEPS = 24
 """In how many steps closing fingers are looked at."""
 
@@ -183,6 +185,15 @@ class BelievedSurroundings:
         """What a body is believed to rest on."""
         found = self.world.support(name)
         return found if found in self.world.names() else None
+
+    def rests_at(self, name: str) -> float | None:
+        """Height of the level top on which things can rest, of a room its floor [m]; None for what has none."""
+        shape, block = self.world.scene.body(name).shape, self.block(name)
+        if shape == "room":
+            return block.low
+        leans = np.abs(self.pose(name).matrix()[2, :3]).max() < math.cos(LEANING)
+        lying = shape == "cylinder" and not block.round
+        return None if shape in ("person", "marker") or leans or lying else block.high
 
     def is_solid(self, name: str) -> bool:
         """Whether a body can be touched: a marker cannot."""

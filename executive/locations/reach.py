@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.candidates import InverseMap, blocks
+from executive.locations.hand import HandTerm
 from executive.locations.own_body import OwnBody
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections, first_body
@@ -44,8 +45,10 @@ class Reach:
     """Of the lowest point over the body's top, for "above" [m]."""
     inside: bool = False
     """For "place": in the body, not on it."""
-    also: tuple[tuple[str, str, float | None, float | None, bool], ...] = ()
-    """What else holds of the hand: relation or kind of reach, body, two bounds, whether it is negated."""
+    also: tuple[HandTerm, ...] = ()
+    """What else holds of the hand."""
+    before: bool = False
+    """For "grasp" and "retreat": where the hand stands before the thing, not at it, is where that holds."""
 
 
 @dataclass(frozen=True, slots=True)

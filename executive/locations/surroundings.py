@@ -140,6 +140,9 @@ class Surroundings(Protocol):
     def support(self, name: str) -> str | None:
         """What a body is believed to rest on."""
 
+    def rests_at(self, name: str) -> float | None:
+        """Height of the level top on which things can rest, of a room its floor [m]; None for what has none."""
+
     def is_solid(self, name: str) -> bool:
         """Whether a body can be touched: a marker cannot."""
 
