@@ -92,7 +92,9 @@ def _reach(
 ) -> Reach:
     low, high = heights
     named = None if some is None else tuple(map(str, some))
-    terms = tuple(HandTerm(*term) for term in also)
+    terms = tuple(
+        HandTerm(*facts, None if viewer is None else (float(viewer[0]), float(viewer[1]))) for *facts, viewer in also
+    )
     return Reach(kind, body, grasp, named, (float(low), float(high)), inside, terms, before)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.field import Field
-from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
+from executive.locations.inverse_map import InverseMaps, Rows
 from executive.locations.surroundings import ArmModel
 from executive.locations.ways import CLASSES, Ways
 from planlang.protocols import Array
@@ -27,93 +27,9 @@ ROOMY = 0.3
 SPREAD = 0.1
 """Of places of one way in a square of this side only the best is kept [m]."""
 
-MOST_MAPS = 24
-"""Maps that are kept prepared."""
-
 Indices = NDArray[np.intp]
 Weigh = Callable[[Array], Array]
 """Bases (m, 3) -> weights (m,), 0 where a place will not do."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """Rows of a map that a way can use at its height, best first."""
-
-    v: Array
-    """(n, 2) [m]."""
-    yaw: Array
-    score: Array
-    row: Indices
-    torso: Array
-
-    def of(self, torsos: list[float]) -> _Rows:
-        """Those for some torso positions."""
-        kept = np.isin(self.torso, torsos)
-        if kept.all():
-            return self
-        return _Rows(self.v[kept], self.yaw[kept], self.score[kept], self.row[kept], self.torso[kept])
-
-
-class InverseMap:
-    """A reachability map prepared for inversion."""
-
-    def __init__(self, forward: ReachabilityMap) -> None:
-        self.forward = forward
-        rows = forward.rows
-        yaw = rows["yaw"].astype(float) * (2 * math.pi / YAWS)
-        c, s = np.cos(yaw), np.sin(yaw)
-        x, y = CELL * rows["x"].astype(float), CELL * rows["y"].astype(float)
-        self._v = np.stack([c * x + s * y, c * y - s * x], axis=1)
-        self._yaw = yaw
-        self._score = rows["score"].astype(float).round(6)
-        self._roll = rows["roll"].astype(np.int64)
-        self._level = rows["z"].astype(np.int64)
-        self.reach = float(np.linalg.norm(self._v, axis=1).max()) if len(rows) else 0.0
-        """Farthest that a base is from a point that it reaches, horizontally [m]."""
-        self._known: dict[tuple[float, int, float, int], _Rows] = {}
-
-    def rows(self, z: float, roll: int, least: float, most: int) -> _Rows:
-        """Rows for a height [m] and roll, of at least a score, no more than ``most`` for each torso position."""
-        key = (round(z, 6), roll, least, most)
-        if key not in self._known:
-            if len(self._known) > 64:
-                self._known.clear()
-            self._known[key] = self._find(z, roll, least, most)
-        return self._known[key]
-
-    def _find(self, z: float, roll: int, least: float, most: int) -> _Rows:
-        forward = self.forward
-        flipped = forward.grasp is GraspClass.TOP and roll == -1
-        chosen: list[Indices] = []
-        torsos: list[Array] = []
-        for torso in forward.heights(z):
-            rise = float(forward.lift.rise(torso)) if forward.lift is not None else 0.0
-            level = round((z - rise) / CELL)
-            fitting = (self._level == level) & (self._score >= least) & (flipped | (self._roll == roll))
-            index = np.flatnonzero(fitting)
-            index = index[np.argsort(-self._score[index], kind="stable")][:most]
-            chosen.append(index)
-            torsos.append(np.full(len(index), torso))
-        rows = np.concatenate(chosen) if chosen else np.zeros(0, np.intp)
-        heights = np.concatenate(torsos) if torsos else np.zeros(0)
-        order = np.argsort(-self._score[rows], kind="stable")
-        rows, heights = rows[order], heights[order]
-        v, yaw = self._v[rows], self._yaw[rows]
-        if flipped:  # a turned hand is the same as another heading
-            v, yaw = -v, yaw - math.pi
-        return _Rows(v, yaw, self._score[rows], rows, heights)
-
-
-_prepared: dict[tuple[object, ...], InverseMap] = {}
-
-
-def inverse_map(forward: ReachabilityMap, facts: tuple[object, ...]) -> InverseMap:
-    """The map of an arm prepared for inversion, once in a process for all maps of the same ``facts``."""
-    if facts not in _prepared:
-        while len(_prepared) >= MOST_MAPS:
-            del _prepared[next(iter(_prepared))]
-        _prepared[facts] = InverseMap(forward)
-    return _prepared[facts]
 
 
 @dataclass(slots=True)
@@ -147,7 +63,7 @@ class Candidates:
 
 def invert(
     hands: Sequence[tuple[ArmModel, Ways]],
-    inverse: Callable[[ArmModel, GraspClass], InverseMap],
+    inverse: InverseMaps,
     room: Field,
     weigh: Weigh | None,
     lifts: Callable[[ArmModel, float], bool],
@@ -190,7 +106,7 @@ def invert(
 
 
 def _one(
-    ways: Ways, way: int, chosen: _Rows, room: Field, weigh: Weigh | None, each: int, found: Candidates
+    ways: Ways, way: int, chosen: Rows, room: Field, weigh: Weigh | None, each: int, found: Candidates
 ) -> tuple[Array, Array, Indices] | None:
     """The best places of one way: bases, scores, and which rows they come from."""
     heading = float(ways.headings[way])

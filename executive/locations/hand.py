@@ -39,6 +39,8 @@ class HandTerm(NamedTuple):
     within: float | None = None
     beyond: float | None = None
     negated: bool = False
+    viewer: tuple[float, float] | None = None
+    """Whose left and right is meant, where the body has no front of its own."""
 
 
 @dataclass(frozen=True, slots=True)

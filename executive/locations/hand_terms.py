@@ -29,9 +29,9 @@ HAIR = 1e-6
 Mask = NDArray[np.bool_]
 
 
-def hand_holds(location: Location, arm: ArmModel, around: Surroundings) -> bool:
+def hand_holds(location: Location, arm: ArmModel, around: Surroundings, viewer: tuple[float, float]) -> bool:
     """Whether an arm's hand is at a location now; raises LocationUnresolvable for what means nothing of a hand."""
-    terms = hand_terms(location, around)
+    terms = hand_terms(location, around, viewer)
     tip = around.tip(arm)
     points, rotations = tip[None, :3, 3], tip[None, :3, :3]
     if location.grasp is not None and CLASSES[classified(tip[:3, :3], arm.frame)[0]] is not GraspClass(location.grasp):
@@ -77,8 +77,8 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, aroun
             return np.asarray(near & (ahead[:, 2] >= -AT_POSE) & (ahead[:, 2] <= raised + AT_POSE))
         case name:
             limits = bounds(term.within, term.beyond, OF_A_THING[name])
-            x, y, _ = around.base()
-            area = area_of(name, name, term.body, block, around.front(term.body), (x, y), 0.0, limits)
+            viewer = term.viewer or around.base()[:2]
+            area = area_of(name, name, term.body, block, around.front(term.body), viewer, 0.0, limits)
             return np.asarray(area.score(middles[:, :2]) > 0)
 
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.candidates import InverseMap, blocks
+from executive.locations.candidates import blocks
 from executive.locations.hand import HandTerm
+from executive.locations.inverse_map import InverseMaps
 from executive.locations.own_body import OwnBody
-from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections, first_body
 from executive.locations.solids import Solids
 from executive.locations.surroundings import ArmModel, Base, Surroundings
@@ -27,8 +27,6 @@ INSIDE = 0.001
 """How far a sphere of the arm must be inside something to count [m]."""
 ON_LATTICE, OFF_LATTICE = 0.005, 0.04
 """The same for a posture of a map whose height is that of the target, or is not [m]."""
-
-Inverse = Callable[[ArmModel, GraspClass], InverseMap]
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +207,7 @@ def from_base(
     arm: ArmModel,
     ways: Ways,
     around: Surroundings,
-    inverse: Inverse,
+    inverse: InverseMaps,
     rejections: Rejections,
     *,
     seed: Array | None = None,
@@ -263,7 +261,7 @@ def from_base(
                     rejections.collision(body)
 
 
-def _looked_up(ways: Ways, base: Array, arm: ArmModel, inverse: Inverse) -> tuple[NDArray[np.intp], Array, Array]:
+def _looked_up(ways: Ways, base: Array, arm: ArmModel, inverse: InverseMaps) -> tuple[NDArray[np.intp], Array, Array]:
     """For one base the ways that the maps know a posture for, one entry for each torso position: way, score, seed."""
     c, s = math.cos(base[2]), math.sin(base[2])
     local = ways.points - np.array([base[0], base[1], 0.0])

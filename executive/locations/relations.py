@@ -60,6 +60,8 @@ TABLE: Mapping[str, Meaning] = {
 }
 """Distances are defaults; a designator may say others (within, beyond). A negated relation is the complement."""
 
+Viewer = tuple[float, float]
+"""Where somebody looks from, in the map [m]."""
 NEEDS_SIZE = ("visible_from", "in_center_of", "clear_of")
 """Relations to a thing that can be touched."""
 
@@ -89,19 +91,21 @@ class ThingDemand:
     """Bodies on which, or (True) in which, it does not rest."""
 
 
-def base_demand(location: Location, around: Surroundings) -> BaseDemand:
-    """What a location asks of the base; raises LocationUnresolvable for what means nothing, or contradicts itself."""
+def base_demand(location: Location, around: Surroundings, viewer: Viewer) -> BaseDemand:
+    """What a location asks of the base; raises LocationUnresolvable for what means nothing, or contradicts itself.
+
+    ``viewer``: whose left and right is meant where a thing has no front.
+    """
     check_consistent(location, OF_A_BASE)
     reaches: dict[Reach, None] = {}
     unreached: dict[Reach, None] = {}
     seen: dict[str, None] = {}
     unseen: dict[str, None] = {}
     areas: dict[Area | Facing | Clear, None] = {}
-    x, y, _ = around.base()
     for relation in location.relations:
         match relation.name, relation.reference:
             case "in_reach_of", Location() as hand:
-                reach = hand_demand(replace(hand, device=hand.device or location.device), around)
+                reach = hand_demand(replace(hand, device=hand.device or location.device), around, viewer)
                 (unreached if relation.negated else reaches)[reach] = None
             case "in_reach_of", Object() as what:
                 reach = _for_body(what, location, around)
@@ -115,7 +119,7 @@ def base_demand(location: Location, around: Surroundings) -> BaseDemand:
                 areas[_clear(relation, _body(relation, what, around), around)] = None
             case name, Object() as what if name in OF_A_BASE:
                 body = _body(relation, what, around)
-                areas[_area(relation, body, (x, y), around.radius(), OF_A_BASE[name], around)] = None
+                areas[_area(relation, body, viewer, around.radius(), OF_A_BASE[name], around)] = None
             case _:
                 raise _meaningless(relation, "base")
     return BaseDemand(tuple(reaches), tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
@@ -128,13 +132,13 @@ KINDS = ("retreat", "grasp", "offer", "place", "above")
 """What a hand location is made from, first, and then filtered by its other conjuncts."""
 
 
-def hand_demand(location: Location, around: Surroundings) -> Reach:
+def hand_demand(location: Location, around: Surroundings, viewer: Viewer) -> Reach:
     """What a location asks of a hand; raises LocationUnresolvable for what means nothing, and for a posture."""
     if not location.relations:
         raise LocationUnresolvable(f"{location} is no place of a hand", designator=str(location))
     check_consistent(location, OF_A_HAND)
     made: dict[HandTerm, Reach] = {}
-    terms = hand_terms(location, around)
+    terms = hand_terms(location, around, viewer)
     for relation, term in zip(location.relations, terms, strict=True):
         if not relation.negated and (reach := _made(relation, term.body, location, around)) is not None:
             made[term] = reach
@@ -153,18 +157,19 @@ def hand_demand(location: Location, around: Surroundings) -> Reach:
     return replace(first, grasp=location.grasp, arms=arms, also=also, before=before)
 
 
-def hand_terms(location: Location, around: Surroundings) -> tuple[HandTerm, ...]:
+def hand_terms(location: Location, around: Surroundings, viewer: Viewer) -> tuple[HandTerm, ...]:
     """What each conjunct of a location says of a hand; raises LocationUnresolvable for what means nothing."""
     terms = []
     for relation in location.relations:
         if not isinstance(relation.reference, Object) or TABLE[relation.name].hand is None:
             raise _meaningless(relation, "hand")
         body = _body(relation, relation.reference, around)
-        terms.append(HandTerm(relation.name, body, relation.within, relation.beyond, relation.negated))
+        from_there = viewer if relation.name in SIDES and around.front(body) is None else None
+        terms.append(HandTerm(relation.name, body, relation.within, relation.beyond, relation.negated, from_there))
     return tuple(terms)
 
 
-def thing_demand(location: Location, around: Surroundings, radius: float, viewer: tuple[float, float]) -> ThingDemand:
+def thing_demand(location: Location, around: Surroundings, radius: float, viewer: Viewer) -> ThingDemand:
     """What a location asks of an object whose outline has a radius [m]; raises LocationUnresolvable as above."""
     check_consistent(location, OF_A_THING)
     on: list[str] = []
@@ -272,7 +277,7 @@ def _body(relation: Relation, what: Object, around: Surroundings) -> str:
 def _area(
     relation: Relation,
     body: str,
-    viewer: tuple[float, float],
+    viewer: Viewer,
     radius: float,
     default: tuple[float, float],
     around: Surroundings,
