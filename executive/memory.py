@@ -92,10 +92,13 @@ def _reach(
 ) -> Reach:
     low, high = heights
     named = None if some is None else tuple(map(str, some))
-    terms = tuple(
-        HandTerm(*facts, None if viewer is None else (float(viewer[0]), float(viewer[1]))) for *facts, viewer in also
-    )
+    terms = tuple(_term(*term) for term in also)
     return Reach(kind, body, grasp, named, (float(low), float(high)), inside, terms, before)
+
+
+def _term(name: str, body: str, within: float | None, beyond: float | None, negated: bool, viewer: Any) -> HandTerm:
+    seen = None if viewer is None else (float(viewer[0]), float(viewer[1]))
+    return HandTerm(name, body, within, beyond, negated, seen)
 
 
 def _ways(states: Any, arms: Mapping[str, ArmModel]) -> Iterator[ReachSolution]:

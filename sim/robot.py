@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from planlang.diagnostics import BadInput, Span, error
 from planlang.protocols import Array, Configuration, Pose
 from sim.engine import bullet, quiet
-from sim.geometry import rotation, rotations
+from sim.geometry import corners, rotation, rotations
 from sim.scene import RobotBody
 from sim.self_contact import TOLERANCE as TOLERANCE
 from sim.self_contact import watched_pairs
@@ -275,12 +275,22 @@ class Robot:
     def hand_radius(self, link: str, axis: tuple[float, float, float]) -> float:
         """How far the hand at a link extends around an axis through the link's frame, in its present posture [m]."""
         rows = sorted(self.hand_of(link))
-        lower, upper = (corners[rows] for corners in self.boxes())
-        corners = np.array([np.where(side, lower, upper) for side in np.ndindex(2, 2, 2)]).reshape(-1, 3)
+        lower, upper = (ends[rows] for ends in self.boxes())
+        points = np.array([np.where(side, lower, upper) for side in np.ndindex(2, 2, 2)]).reshape(-1, 3)
         pose = self.link_pose(link)
-        away = (corners - np.asarray(pose.position)) @ rotation(pose)
+        away = (points - np.asarray(pose.position)) @ rotation(pose)
         across = away - np.outer(away @ np.asarray(axis), axis)
         return float(np.linalg.norm(across, axis=1).max())
+
+    def hand_corners(self, link: str) -> Array:
+        """Corners (n, 3) [m] of boxes around the pieces of the hand at a link, in its frame, in the present posture."""
+        back = self.link_pose(link).inverse()
+        found = [np.zeros((0, 3))]
+        for number in sorted(self.hand_of(link)):
+            at = back @ self.link_pose(self.solid_names[number])
+            for _, size, offset in self.shapes(number):
+                found.append(corners(at @ offset, size))
+        return np.concatenate(found)
 
     def near_pairs(self, pairs: list[tuple[int, int]] | tuple[tuple[int, int], ...]) -> list[tuple[int, int]]:
         """Those pairs whose boxes overlap."""

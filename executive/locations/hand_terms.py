@@ -57,7 +57,7 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, aroun
             return np.asarray(np.linalg.norm(points - block.centre, axis=1) <= AT_CENTRE)
         case "in_reach_of" | "above":
             low, high = bounds(term.within, term.beyond, HEIGHTS) if term.name == "above" else HEIGHTS
-            over = points[:, 2] + _lowest(rotations, arm, held) - block.high
+            over = points[:, 2] + arm.lowest(rotations, held) - block.high
             inside = block.distance(middles[:, :2]) <= 0
             return np.asarray((over >= low - HAIR) & (over <= high + HAIR) & inside & _level(rotations, arm, held))
         case "on" | "in_":
@@ -88,11 +88,6 @@ def _level(rotations: Array, arm: ArmModel, held: Held | None) -> Mask:
         return np.asarray((rotations @ held.pose.matrix()[:3, 2])[:, 2] >= math.cos(LEVEL))
     axes = [rotations @ np.asarray(axis) for axis in (arm.frame.approach, arm.frame.closing)]
     return np.asarray(np.max([np.abs(axis[:, 2]) for axis in axes], axis=0) <= math.sin(LEVEL))
-
-
-def _lowest(rotations: Array, arm: ArmModel, held: Held | None) -> Array:
-    """Height of the lowest point of the hand, or of what it holds, relative to the tip (n,) [m]."""
-    return np.full(len(rotations), -arm.hand_radius) if held is None else held.lowest_of(rotations)
 
 
 def _matrix(rotation: Array, point: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -53,8 +54,9 @@ def _made(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejecti
         case "retreat":
             return retreat_ways(reach.body, around.grasped_at(reach.body), arm.frame)
         case "above":
+            block, lowest = block_of(reach.body, around), partial(arm.lowest, held=held)
             ways = above_ways(
-                reach.body, block_of(reach.body, around), arm.frame, held, arm.hand_radius, reach.heights, fine=fine
+                reach.body, block, arm.frame, held, lowest, reach.heights, inset=arm.hand_radius, fine=fine
             )
             return _of_class(ways, reach)
         case "offer":

@@ -25,6 +25,8 @@ RESTING = 0.02
 """How far an object's lowest point may be off the surface that it rests on [m]."""
 ABOVE_SURFACE = 0.002
 """How far above the surface an object is put [m]."""
+EDGE = 0.03
+"""How far from the edge of a surface a place is as good as can be [m]."""
 HAIR = 1e-6
 
 Size = tuple[float, float, float]
@@ -39,7 +41,7 @@ def thing_poses(
         rejections.add("too small for the object")
     for area in demand.areas:
         wanted = area.score(centres[:, :2]) > 0
-        rejections.add(f"not {area.words}", int((~wanted).sum()))
+        rejections.add(f"not {area.words}".replace("not not ", ""), int((~wanted).sum()))
         centres = centres[wanted]
     for person, inside in demand.people:
         zone = around.zone(person)
@@ -59,6 +61,9 @@ def thing_poses(
     for body in _crowding(name, size, centres[crowded], demand, around):
         rejections.blocking[body] += 1
     score = np.clip(room, 0.0, 0.1) / 0.1
+    if where := demand.on or demand.inside:  # rather not at the very edge
+        spare = -_overhang(upright, centres[:, :2], block_of(where, around))
+        score = score * (0.3 + 0.7 * np.clip(spare, 0.0, EDGE) / EDGE)
     for area in demand.areas:
         score = score * area.score(centres[:, :2])
     x, y, _ = around.base()
