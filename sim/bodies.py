@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planlang.protocols import Array, Pose
 from sim.engine import bullet
-from sim.geometry import rotation
+from sim.geometry import overlaps, rotation
 from sim.scene import Body, Scene
 
 FLOOR = "floor"
@@ -160,10 +161,9 @@ class Bodies:
         index = self._index.get(uid)
         return None if index is None else self.pieces[index].body
 
-    def near(self, lower: Array, upper: Array) -> Array:
+    def near(self, lower: Array, upper: Array) -> NDArray[np.bool_]:
         """(n, m) booleans: which of n boxes overlap the boxes of which pieces."""
-        overlap: Array = np.all((lower[:, None] <= self.upper[None]) & (upper[:, None] >= self.lower[None]), axis=2)
-        return overlap
+        return overlaps(lower, upper, self.lower, self.upper)
 
     def box_of(self, name: str) -> tuple[Array, Array]:
         """Lower and upper corner of the box around the body along the map's axes; a removed one has none (inf)."""

@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.protocols import Array, Configuration, Pose
 from sim.engine import bullet, quiet
-from sim.geometry import rotation, rotations
+from sim.geometry import overlaps, rotation, rotations
 from sim.scene import RobotBody
 from sim.self_contact import TOLERANCE as TOLERANCE
 from sim.self_contact import watched_pairs
 from sim.urdf import Follower, loadable, read_description
-
-Index = NDArray[np.intp]
 
 
 class Robot:
@@ -282,10 +279,11 @@ class Robot:
         across = away - np.outer(away @ np.asarray(axis), axis)
         return float(np.linalg.norm(across, axis=1).max())
 
-    def near_pairs(self, pairs: list[tuple[int, int]] | tuple[tuple[int, int], ...]) -> list[tuple[int, int]]:
+    def near_pairs(self, pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
         """Those pairs whose boxes overlap."""
         lower, upper = self.boxes()
-        return close_pairs(np.array(pairs, dtype=np.intp).reshape(-1, 2), lower, upper)
+        near = overlaps(lower, upper, lower, upper)
+        return [(a, b) for a, b in pairs if near[a, b]]
 
     def depth_between(self, a: int, b: int) -> float:
         """Penetration of two solid links [m], 0 when they are apart."""
@@ -310,13 +308,6 @@ def _support(kind: int, size: Sequence[float]) -> tuple[Array | None, float]:
         case bullet.GEOM_CYLINDER | bullet.GEOM_CAPSULE:
             return np.array([[0.0, 0.0, size[0] / 2], [0.0, 0.0, -size[0] / 2]]), size[1]
     return None, 0.0
-
-
-def close_pairs(pairs: Index, lower: Array, upper: Array) -> list[tuple[int, int]]:
-    """Rows of (n, 2) ``pairs`` whose boxes overlap."""
-    a, b = pairs[:, 0], pairs[:, 1]
-    overlap = np.all((lower[a] <= upper[b]) & (upper[a] >= lower[b]), axis=1)
-    return [(int(x), int(y)) for x, y in pairs[overlap]]
 
 
 def _text(name: bytes) -> str:
