@@ -11,7 +11,7 @@ from executive.capabilities import Robot
 from executive.knowledge import Belief
 from executive.locations import ArmModel, Base, Block, ComfortZone, Door, Held
 from executive.locations.field import Floor
-from executive.locations.own_body import OwnBody, own_body
+from executive.locations.own_body import OwnBody, OwnShapes
 from executive.locations.reachability import GraspClass, ReachabilityMap
 from executive.locations.reachability_building import reachability_maps
 from executive.locations.solids import Solids
@@ -47,6 +47,7 @@ class BelievedSurroundings:
         self._solids: tuple[object, Solids] | None = None
         self._floor: tuple[object, Floor] | None = None
         self._links = frozenset(world.robot.solid_names)
+        self._shapes: dict[str, OwnShapes] = {}
         self._own: dict[str, tuple[object, OwnBody]] = {}
         self._lifts: tuple[object, dict[tuple[str, float], bool]] = (None, {})
 
@@ -138,8 +139,10 @@ class BelievedSurroundings:
         state = tuple(self.world.configuration().joints.items())
         known = self._own.get(arm.name)
         if known is None or known[0] != state:
-            known = state, own_body(self.world, arm.joints, arm.spheres, self.robot.torso, arm.lift)
-            self._own[arm.name] = known
+            if arm.name not in self._shapes:
+                shapes = OwnShapes(self.world, arm.joints, arm.spheres, self.robot.torso, arm.lift)
+                self._shapes[arm.name] = shapes
+            known = self._own[arm.name] = state, self._shapes[arm.name].now(self.world)
         return known[1]
 
     def lifts(self, arm: ArmModel, torso: float) -> bool:

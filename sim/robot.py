@@ -15,6 +15,9 @@ from sim.self_contact import TOLERANCE as TOLERANCE
 from sim.self_contact import watched_pairs
 from sim.urdf import Follower, loadable, read_description
 
+Shape = tuple[str, tuple[float, float, float], Pose]
+"""Kind, extents [m] and pose of a primitive."""
+
 
 class Robot:
     """A URDF in a client, its base frame placed in the plane.
@@ -31,6 +34,7 @@ class Robot:
         self._read_joints()
         self._read_links()
         self.shown: dict[str, float] = {}
+        self._shapes: dict[int, tuple[Shape, ...]] = {}
         self.base = (0.0, 0.0, 0.0)
         self.show(Configuration(self.base, {name: min(max(0.0, lo), hi) for name, (lo, hi) in self.limits.items()}))
         self._measure()
@@ -152,8 +156,8 @@ class Robot:
         state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
         return Pose(tuple(state[4]), tuple(state[5]))
 
-    def _frames(self) -> Array:
-        """(n, 7) positions and quaternions of the frames of the solid links."""
+    def frames(self) -> Array:
+        """(n, 7) positions and quaternions in the map of the frames of the solid links."""
         rows = []
         if self._moving_solid:
             states = bullet.getLinkStates(
@@ -167,7 +171,7 @@ class Robot:
 
     def _measure(self) -> None:
         """A box around each solid link, in its frame: the map-aligned one at this configuration, taken along."""
-        frames = self._frames()
+        frames = self.frames()
         axes = rotations(frames[:, 3:])
         around = [bullet.getAABB(self.uid, index, physicsClientId=self.client) for index in self.solid]
         corners = np.array(around, dtype=float).reshape(-1, 2, 3)
@@ -177,7 +181,7 @@ class Robot:
 
     def boxes(self) -> tuple[Array, Array]:
         """(n, 3) lower and upper corners of map-aligned boxes around the solid links."""
-        frames = self._frames()
+        frames = self.frames()
         axes = rotations(frames[:, 3:])
         center = frames[:, :3] + np.einsum("nij,nj->ni", axes, self._center)
         half = np.einsum("nij,nj->ni", np.abs(axes @ self._axes), self._half)
@@ -235,11 +239,16 @@ class Robot:
             away = max(away, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
         return away
 
-    def shapes(self, number: int) -> list[tuple[str, tuple[float, float, float], Pose]]:
+    def shapes(self, number: int) -> tuple[Shape, ...]:
         """Primitives of a solid link: "box", "cylinder", "sphere" or "mesh", extents [m], pose in the link's frame.
 
         A cylinder lies along z (a capsule is told as one, without its caps); of a mesh it is a box around it.
         """
+        if number not in self._shapes:
+            self._shapes[number] = self._read_shapes(number)
+        return self._shapes[number]
+
+    def _read_shapes(self, number: int) -> tuple[Shape, ...]:
         index = self.solid[number]
         frame = self.link_pose(self.link_names[index])
         if index == -1:
@@ -262,8 +271,8 @@ class Robot:
                     matrix = np.eye(4)
                     matrix[:3, :3], matrix[:3, 3] = self._axes[number], self._center[number]
                     x, y, z = (2 * self._half[number]).tolist()
-                    return [("mesh", (x, y, z), Pose.from_matrix(matrix))]
-        return found
+                    return (("mesh", (x, y, z), Pose.from_matrix(matrix)),)
+        return tuple(found)
 
     def hand_links(self, link: str) -> frozenset[str]:
         """Names of the solid links of the hand at a link."""

@@ -15,6 +15,7 @@ from sim.camera import Camera, Picture
 from sim.contact import PARTED, Contacts, Held, Ignored, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
+from sim.geometry import rotations
 from sim.outline import Size, Solid, bands, boxes_around, solids
 from sim.people import People
 from sim.person import Reach, parts_of
@@ -103,6 +104,14 @@ class PyBulletWorld:
         """Pose of a link frame in the map, now or at another configuration; ``KeyError`` for an unknown link."""
         self._show(configuration or self._now)
         return self.robot.link_pose(link)
+
+    def solid_frames(self, configuration: Configuration | None = None) -> Array:
+        """(n, 4, 4) frames in the map of the robot's solid links, in their order, now or at another configuration."""
+        self._show(configuration or self._now)
+        places = self.robot.frames()
+        frames = np.zeros((len(places), 4, 4))
+        frames[:, :3, :3], frames[:, :3, 3], frames[:, 3, 3] = rotations(places[:, 3:]), places[:, :3], 1.0
+        return frames
 
     def start(self, group: str, trajectory: Trajectory) -> None:
         """Begin a motion. A joint obeys the newest motion: another group that moves one of these joints is halted.
