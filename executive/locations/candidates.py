@@ -19,6 +19,8 @@ from executive.locations.surroundings import ArmModel
 from executive.locations.ways import CLASSES, Ways
 from planlang.protocols import Array
 
+TIE = 1e-9
+"""Of places whose scores differ by less than this the one of the better row comes first."""
 AT_ONCE = 200_000
 """Places that are looked at in one go: more would not stay in the processor's memory."""
 
@@ -174,14 +176,10 @@ def _best(scores: Array, squares: Indices, each: int) -> tuple[Indices, Indices,
     ``squares`` (n,) number the squares of :data:`SPREAD` that the columns are in: the best of each come first.
     """
     few = min(8 * each, scores.shape[1])
-    top = (
-        np.argpartition(-scores, few - 1, axis=1)[:, :few]
-        if few < scores.shape[1]
-        else np.tile(np.arange(few), (len(scores), 1))
-    )
+    worse = TIE * np.arange(scores.shape[1]) - scores
+    top = np.argpartition(worse, few - 1, axis=1)[:, :few]
+    top = np.take_along_axis(top, np.argsort(np.take_along_axis(worse, top, 1), axis=1), 1)
     values = np.take_along_axis(scores, top, 1)
-    order = np.lexsort((top, -values.round(6)), axis=1)
-    top, values = np.take_along_axis(top, order, 1), np.take_along_axis(values, order, 1)
     keys = (np.arange(len(top))[:, None] * (1 << 24) + squares[top]).ravel()
     again = np.ones(keys.shape, bool)
     again[np.unique(keys, return_index=True)[1]] = False

@@ -40,14 +40,15 @@ class Field:
         x, y = points[:, 0] - self.x, points[:, 1] - self.y
         turns = headings - self.yaw
         cosine, sine = np.cos(turns)[:, None] / CELL, np.sin(turns)[:, None] / CELL
-        # cells are numbered from 0 at the border, whose places have no room; + 0.5 rounds
-        row, column = (c * x + s * y + self.half + 1.5)[:, None], (c * y - s * x + self.half + 1.5)[:, None]
-        rows = row - (cosine * v[:, 0] - sine * v[:, 1])
-        columns = column - (sine * v[:, 0] + cosine * v[:, 1])
-        side = 2 * self.half + 3
-        np.clip(rows, 0, side - 1, out=rows)
-        np.clip(columns, 0, side - 1, out=columns)
-        return np.asarray(self.factors.take(rows.astype(np.int32) * side + columns.astype(np.int32)))
+        rows = (c * x + s * y)[:, None] - (cosine * v[:, 0] - sine * v[:, 1])
+        columns = (c * y - s * x)[:, None] - (sine * v[:, 0] + cosine * v[:, 1])
+        # rounded about the middle, so that mirrored places are in mirrored cells; the border is cells without room
+        most = self.half + 1
+        for cells in (rows, columns):
+            np.rint(cells, out=cells)
+            np.clip(cells, -most, most, out=cells)
+        cells = (rows + most) * (2 * most + 1) + (columns + most)
+        return np.asarray(self.factors.take(cells.astype(np.intp)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
