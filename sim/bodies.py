@@ -123,8 +123,7 @@ class Bodies:
         piece = self.pieces[index]
         if piece.body in self.removed:
             return
-        body = self.poses[piece.body]
-        pose = body if piece.offset == _HERE else body @ piece.offset
+        pose = self.place_of(piece)
         bullet.resetBasePositionAndOrientation(piece.uid, pose.position, pose.orientation, physicsClientId=self.client)
         x, y, z = piece.part.size
         if piece.part.kind != "box":
@@ -132,6 +131,11 @@ class Bodies:
         reach = np.abs(rotation(pose)) @ np.array([x / 2, y / 2, z / 2])
         self.lower[index] = np.asarray(pose.position) - reach
         self.upper[index] = np.asarray(pose.position) + reach
+
+    def place_of(self, piece: Piece) -> Pose:
+        """Where a piece is in the map, with its body."""
+        body = self.poses[piece.body]
+        return body if piece.offset == _HERE else body @ piece.offset
 
     def remove(self, name: str) -> None:
         """Take a body out of the world: it touches nothing and is not seen."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.protocols import Array, Configuration, Pose
@@ -181,11 +182,25 @@ class Robot:
 
     def boxes(self) -> tuple[Array, Array]:
         """(n, 3) lower and upper corners of map-aligned boxes around the solid links."""
-        frames = self.frames()
+        return self._boxes(self.frames(), slice(None))
+
+    def _boxes(self, frames: Array, numbers: slice | NDArray[np.intp]) -> tuple[Array, Array]:
+        """The same for frames (m, 7) of links of some numbers (m,)."""
         axes = rotations(frames[:, 3:])
-        center = frames[:, :3] + np.einsum("nij,nj->ni", axes, self._center)
-        half = np.einsum("nij,nj->ni", np.abs(axes @ self._axes), self._half)
+        center = frames[:, :3] + np.einsum("nij,nj->ni", axes, self._center[numbers])
+        half = np.einsum("nij,nj->ni", np.abs(axes @ self._axes[numbers]), self._half[numbers])
         return center - half, center + half
+
+    def boxes_along(self, numbers: Sequence[int], steps: Iterable[Mapping[str, float]]) -> tuple[Array, Array]:
+        """The same for some links, no base link among them, at joint values that are shown one after another."""
+        indices = [self.solid[number] for number in numbers]
+        frames = []
+        for joints in steps:
+            self.show(Configuration(self.base, joints))
+            states = bullet.getLinkStates(self.uid, indices, computeForwardKinematics=True, physicsClientId=self.client)
+            frames += [state[4] + state[5] for state in states]
+        every = np.tile(np.array(numbers, np.intp), len(frames) // max(len(indices), 1))
+        return self._boxes(np.array(frames, dtype=float).reshape(-1, 7), every)
 
     def ancestors(self, index: int) -> list[int]:
         """A link and those it hangs from, by index."""
