@@ -12,6 +12,8 @@ from executive.locations.reachability import CELL, YAWS, GraspClass, Reachabilit
 from executive.locations.surroundings import ArmModel, Surroundings
 from planlang.protocols import Array
 
+SPREAD = 0.1
+"""Of places of one way in a square of this side the best comes first [m]."""
 MOST_MAPS = 24
 """Maps that are kept prepared."""
 
@@ -28,13 +30,18 @@ class Rows:
     score: Array
     row: Indices
     torso: Array
+    squares: Indices
+    """Number of the square of side :data:`SPREAD` that v is in."""
+    torsos: tuple[float, ...]
+    """Torso positions, lowest first."""
 
-    def of(self, torsos: list[float]) -> Rows:
+    def of(self, torsos: tuple[float, ...]) -> Rows:
         """Those for some torso positions."""
-        kept = np.isin(self.torso, torsos)
-        if kept.all():
+        if torsos == self.torsos:
             return self
-        return Rows(self.v[kept], self.yaw[kept], self.score[kept], self.row[kept], self.torso[kept])
+        kept = np.isin(self.torso, torsos)
+        v, yaw, score = self.v[kept], self.yaw[kept], self.score[kept]
+        return Rows(v, yaw, score, self.row[kept], self.torso[kept], self.squares[kept], torsos)
 
 
 class InverseMap:
@@ -84,7 +91,9 @@ class InverseMap:
         v, yaw = self._v[rows], self._yaw[rows]
         if flipped:  # a turned hand is the same as another heading
             v, yaw = -v, yaw - math.pi
-        return Rows(v, yaw, self._score[rows], rows, heights)
+        cells = np.rint(v / SPREAD).astype(np.intp)
+        squares = (cells[:, 0] + 1024) * 2048 + cells[:, 1] + 1024
+        return Rows(v, yaw, self._score[rows], rows, heights, squares, tuple(np.unique(heights).tolist()))
 
 
 _prepared: dict[tuple[object, ...], InverseMap] = {}

@@ -87,12 +87,14 @@ class ReachingSearch:
         log.scored.append((found.bases, found.scores))
         log.add("no room for the base", found.without_room)
         log.add("not where the other conjuncts say", found.unwanted)
-        judge.name_crowding(found.crowded, log)
-        if not len(found):
-            if not found.without_room and not found.unwanted:
-                log.add("out of reach", sum(len(ways) for _, ways in hands))
-            return
-        yield from self._in_blocks(found, hands, middle, spread + reach)
+        if not len(found) and not found.without_room and not found.unwanted:
+            log.add("out of reach", sum(len(ways) for _, ways in hands))
+        if log.explained:
+            judge.name_crowding(found.crowded, log)
+        if len(found):
+            yield from self._in_blocks(found, hands, middle, spread + reach)
+        if not log.explained:
+            judge.name_crowding(found.crowded, log)
 
     def _in_blocks(
         self,
