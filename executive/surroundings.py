@@ -363,7 +363,8 @@ class BelievedSurroundings:
             return ""
         joints = {**self.world.configuration().joints, **dict(zip(self.gaze.joints, map(float, neck), strict=True))}
         configuration = Configuration(base, joints)
-        if self.world.visible(name, configuration=configuration) >= SEEN_SHARE:
+        share, lines = self.world.sight(name, configuration)
+        if share >= SEEN_SHARE:
             return None
-        hits = {hit: lines for hit, lines in self.world.hiding(name, configuration).items() if hit != name}
+        hits = {hit: number for hit, number in lines.items() if hit != name}
         return max(hits, key=lambda hit: hits[hit]) if hits else ""

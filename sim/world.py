@@ -334,20 +334,21 @@ class PyBulletWorld:
         self.scene.body(name)
         if isinstance(camera, Pose):
             self._here()
-            return self._camera.visible(name, self._optics(), camera, self._rays.seeing_through_the_robot)
+            return self._camera.sight(name, self._optics(), camera, self._rays.seeing_through_the_robot)[0]
         self._show(configuration or self._now)
         pose = self.robot.link_pose(camera or self._optics().link)
-        return self._camera.visible(name, self._optics(), pose, self._rays.cast)
+        return self._camera.sight(name, self._optics(), pose, self._rays.cast)[0]
 
-    def hiding(self, name: str, configuration: Configuration | None = None) -> Mapping[str, int]:
-        """What is hit first on straight lines from the camera to the side of a body that faces it: name -> lines.
+    def sight(self, name: str, configuration: Configuration | None = None) -> tuple[float, Mapping[str, int]]:
+        """What is :meth:`visible` of a body by the robot's camera, and what lines to the side that faces it hit first.
 
-        The robot's own links are told by their names; lines that reach the body count for it.
+        The latter as name -> lines; the robot's own links are told by their names, and lines that reach the body count
+        for it.
         """
         self.scene.body(name)
         self._show(configuration or self._now)
         pose = self.robot.link_pose(self._optics().link)
-        return self._camera.hits(name, self._optics(), pose, self._rays.cast)
+        return self._camera.sight(name, self._optics(), pose, self._rays.cast)
 
     def _optics(self) -> CameraModel:
         return self.robot.body.camera

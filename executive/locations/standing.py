@@ -48,7 +48,8 @@ def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> It
         place = bases[row].round(4)
         base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
         worth = float(total[row])
-        if not judge.stands(base, worth, demand, log) or not judge.sees(base, worth, demand, log):
+        # there is room by the field: what is seen decides more often
+        if not judge.sees(base, worth, demand, log) or not judge.stands(base, worth, demand, log):
             continue
         answer = judge.answer(base, float(total[row]), {}, demand, log)
         if answer is not None:
