@@ -147,7 +147,7 @@ def _resolved(
     found: list[Diagnostic],
     options: LocateOptions,
 ) -> Answer:
-    log, failure = Rejections(), None
+    log, failure = Rejections(explained=True), None
     places: list[tuple[str, dict[str, Any]]] = []
     try:
         if what is None:

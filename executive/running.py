@@ -21,7 +21,7 @@ from executive.knowledge import Belief, SemanticMap, read_map, scene_of
 from executive.outputs import replace as write_complete
 from executive.plan_actions import judged, needs_of
 from executive.plan_files import bound_parameters, compiled_plan, import_plan, line_in, main_plan
-from executive.progress import HeedingWorld, ToldTrace, progress_lines
+from executive.progress import ToldTrace, progress_lines
 from executive.resuming import bring_back, past_of, refuse_other, sha256, told_parameters
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
@@ -167,7 +167,7 @@ def _execute(
     try:
         run(
             _budgeted(plan, bound, executive),
-            host=SimulationHost(HeedingWorld(world, trace)),
+            host=SimulationHost(world),
             executive=executive,
             seed=options.seed,
             schedule=options.schedule,
@@ -176,7 +176,6 @@ def _execute(
             resumable=True,
             resume=past,
         )
-        trace.heed()
     except PlanFailure as failure:
         code, outcome = FAILED, explain(failure)
         chain = tuple(type(link).__name__ for link in failure.chain())

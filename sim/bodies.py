@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planlang.protocols import Array, Pose
 from sim.engine import bullet
-from sim.geometry import rotation
+from sim.geometry import overlaps, rotation
 from sim.scene import Body, Scene
 
 FLOOR = "floor"
@@ -122,8 +123,7 @@ class Bodies:
         piece = self.pieces[index]
         if piece.body in self.removed:
             return
-        body = self.poses[piece.body]
-        pose = body if piece.offset == _HERE else body @ piece.offset
+        pose = self.place_of(piece)
         bullet.resetBasePositionAndOrientation(piece.uid, pose.position, pose.orientation, physicsClientId=self.client)
         x, y, z = piece.part.size
         if piece.part.kind != "box":
@@ -131,6 +131,11 @@ class Bodies:
         reach = np.abs(rotation(pose)) @ np.array([x / 2, y / 2, z / 2])
         self.lower[index] = np.asarray(pose.position) - reach
         self.upper[index] = np.asarray(pose.position) + reach
+
+    def place_of(self, piece: Piece) -> Pose:
+        """Where a piece is in the map, with its body."""
+        body = self.poses[piece.body]
+        return body if piece.offset == _HERE else body @ piece.offset
 
     def remove(self, name: str) -> None:
         """Take a body out of the world: it touches nothing and is not seen."""
@@ -160,10 +165,9 @@ class Bodies:
         index = self._index.get(uid)
         return None if index is None else self.pieces[index].body
 
-    def near(self, lower: Array, upper: Array) -> Array:
+    def near(self, lower: Array, upper: Array) -> NDArray[np.bool_]:
         """(n, m) booleans: which of n boxes overlap the boxes of which pieces."""
-        overlap: Array = np.all((lower[:, None] <= self.upper[None]) & (upper[:, None] >= self.lower[None]), axis=2)
-        return overlap
+        return overlaps(lower, upper, self.lower, self.upper)
 
     def box_of(self, name: str) -> tuple[Array, Array]:
         """Lower and upper corner of the box around the body along the map's axes; a removed one has none (inf)."""

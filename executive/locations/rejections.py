@@ -29,6 +29,8 @@ class Judged:
 class Rejections:
     """Counts of one resolution, for the failure and the trace."""
 
+    explained: bool = False
+    """Whether people will see them even if a place is found: then what takes the room of others is looked at, too."""
     counts: Counter[str] = field(default_factory=Counter)
     blocking: Counter[str] = field(default_factory=Counter)
     places: list[Judged] = field(default_factory=list)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
+
+import numpy as np
 
 from executive.locations.block import Block
 from executive.locations.field import Floor
@@ -48,6 +50,13 @@ class ArmModel:
     spheres: ArmSpheres = NO_SPHERES
     lift: Lift | None = None
     """The torso that lifts it straight up."""
+    hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
+    """Corners of boxes around the hand's pieces in the tip frame, (n, 3)."""
+
+    def lowest(self, rotations: Array, held: Held | None) -> Array:
+        """Height of the lowest point of hand and held object over the tip (m,) [m], for tip rotations (m, 3, 3)."""
+        hand = (self.hand_corners @ rotations[:, 2, :, None])[..., 0].min(axis=1)
+        return np.asarray(hand if held is None else np.minimum(hand, held.lowest_of(rotations)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +131,8 @@ class Surroundings(Protocol):
     def own_body(self, arm: ArmModel) -> OwnBody:
         """The rest of the robot in its present posture, as an arm meets it."""
 
-    def lifts(self, arm: ArmModel, torso: float) -> bool:
-        """Whether the rest of the robot, in its present posture, does not touch itself with the torso at a position."""
+    def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
+        """Positions of the torso at which the rest of the robot, in its present posture, does not touch itself."""
 
     def names(self) -> Sequence[str]:
         """All bodies."""
@@ -139,6 +148,9 @@ class Surroundings(Protocol):
 
     def support(self, name: str) -> str | None:
         """What a body is believed to rest on."""
+
+    def rests_at(self, name: str) -> float | None:
+        """Height of the level top on which things can rest, of a room its floor [m]; None for what has none."""
 
     def is_solid(self, name: str) -> bool:
         """Whether a body can be touched: a marker cannot."""

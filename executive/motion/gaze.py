@@ -49,11 +49,12 @@ class Gaze:
         self._q = q
         self._origin = poses[:, :3, 3]
         self._axis = poses[:, :3, :3] @ np.asarray(axis, float)
+        self._behind = np.einsum("ij,ij->i", self._origin, self._axis)
+        self._square = np.einsum("ij,ij->i", self._origin, self._origin)
 
     def at(self, point: Array) -> tuple[Array, float, Array]:
         """Neck joint values (k,), by how much the view misses a point (3,) [rad], and the camera's place (3,)."""
-        arrow = point - self._origin
-        away = np.linalg.norm(arrow, axis=1)
-        cosine = np.einsum("ij,ij->i", arrow, self._axis) / np.maximum(away, 1e-9)
+        away = np.sqrt(np.maximum(point @ point - 2 * (self._origin @ point) + self._square, 1e-18))
+        cosine = (self._axis @ point - self._behind) / away
         best = int(np.argmax(cosine))
         return self._q[best], math.acos(float(np.clip(cosine[best], -1.0, 1.0))), self._origin[best]
