@@ -9,10 +9,9 @@ from difflib import get_close_matches
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, note
 from planlang.ontology import Ontology
-from planlang.recipe.graph import recipe_graph, shortest_cycle
+from planlang.recipe.graph import recipe_cycle, recipe_order
 from planlang.recipe.intervals import Intervals
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe
-from planlang.recipe.precedence import Precedence
 from planlang.recipe.statements import LooseEnd, Statements
 
 
@@ -21,7 +20,7 @@ def check_orderings(ontology: Ontology, statements: Statements, recipe: Recipe) 
     for loose in statements.loose:
         yield _incomplete(ontology, statements, loose)
     yield from _strangers(ontology, statements, recipe)
-    cycle: tuple[str, ...] | None = shortest_cycle(recipe_graph(recipe))
+    cycle = recipe_cycle(recipe)
     if cycle:
         yield _cycle(recipe, cycle)
     yield from _repeated(recipe)
@@ -133,11 +132,13 @@ def _constraints(recipe: Recipe) -> Iterator[Ordering]:
 
 
 def _redundant(recipe: Recipe) -> Iterator[Diagnostic]:
-    graph = recipe_graph(replace(recipe, orderings=tuple(_constraints(recipe))))
-    order: Precedence[str] = Precedence(graph)
-    extra = graph.number_of_edges() - sum(1 for _ in order.reduction())
-    if extra and order.number_of_pairs() != graph.number_of_edges():
-        message = f"{extra} of the {graph.number_of_edges()} orderings of `{recipe.name}` follow from the others"
+    constraints = tuple(_constraints(recipe))
+    if len(constraints) < len(recipe.orderings):
+        recipe = replace(recipe, orderings=constraints)
+    order = recipe_order(recipe)
+    extra = order.number_of_edges - sum(1 for _ in order.reduction())
+    if extra and order.number_of_pairs() != order.number_of_edges:
+        message = f"{extra} of the {order.number_of_edges} orderings of `{recipe.name}` follow from the others"
         yield note("R014", message, recipe.span)
 
 
