@@ -29,11 +29,11 @@ def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> It
     score = np.ones(len(bases))
     for term in terms:
         score = score * scored(term, bases)
-        log.add(f"not {term.words}".replace("not not ", ""), int((scored(term, bases) <= 0).sum()))
+        log.refuse(f"not {term.words}".replace("not not ", ""), bases[scored(term, bases) <= 0])
     for name in demand.seen:
         score = score * sight_score(bases, block_of(name, around), around.camera_range())
     roomy = room > 0
-    log.add("no room for the base", int((~roomy & (score > 0)).sum()))
+    log.refuse("no room for the base", bases[~roomy & (score > 0)])
     x, y, _ = around.base()
     travel = np.hypot(bases[:, 0] - x, bases[:, 1] - y)
     total = score * (0.4 + np.clip(room, 0.0, 0.3)) * np.exp(-travel / TRAVEL)
