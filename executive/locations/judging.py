@@ -15,7 +15,9 @@ from executive.locations.reach import (
     Reach,
     ReachSolution,
     from_base,
+    is_among,
     touched_at,
+    touched_by,
     touched_on_the_way,
     unblocked,
 )
@@ -191,6 +193,9 @@ class BaseJudge:
                 way = next(from_base(reach, base, arm, ways, self.around, self.inverse, log), None)
                 if way is not None:
                     return way
+                known = self.reached(arm.name, base).get(reach)  # for an arm that can do little else from here
+                if known is not None and is_among(known, ways) and touched_by(known, base, self.around) is None:
+                    return known
         return None
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:

@@ -181,6 +181,14 @@ def _none_inside(
     return np.asarray(~inside.any(axis=1))
 
 
+def is_among(known: ReachSolution, ways: Ways) -> bool:
+    """Whether a way's poses are those of one of some ways."""
+    poses = ways.poses(np.arange(len(ways)))
+    if poses.shape[1:] != known.plan.poses.shape:
+        return False
+    return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
+
+
 def touched_by(solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
     """The body that is in the way of a solution, judged exactly; None if it is free."""
     return touched_at(solution.joints, solution, base, around) or touched_on_the_way(solution, base, around)
