@@ -79,7 +79,7 @@ class ReachingSearch:
             self.inverse,
             room,
             weigh if terms or others else None,
-            around.lifts,
+            around.lifted,
             least=effort.least,
             rows=effort.rows,
             each=effort.each,
