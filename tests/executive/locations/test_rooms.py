@@ -118,8 +118,8 @@ def test_random_questions_failing_and_interrupted_ones_too_change_nothing() -> N
     assert asked_many.changed == ()
     assert asked_many.other_failures == ()
     told = asked_many.endings
-    assert min(told["interrupted"], told["closed after one"], told["given up after one"]) > 2
-    assert sum(told[ending] for ending in told if ending.startswith("evaporated")) > 2
+    assert min(told["interrupted"], told["closed after one"], told["given up after one"]) > 0
+    assert sum(told[ending] for ending in told if ending.startswith("evaporated")) > 0
     assert told["LocationUnresolvable"] > 5
 
 
