@@ -97,7 +97,7 @@ def snapshot(stage: Stage) -> tuple[object, ...]:
     belief = stage.platform.belief
     return (
         stage.world.state(),
-        _physics(stage.world.robot.client),
+        physics(stage.world.robot.client),
         belief.revision,
         tuple((name, belief.pose(name)) for name in belief.names()),
         tuple(belief.held.items()),
@@ -107,7 +107,7 @@ def snapshot(stage: Stage) -> tuple[object, ...]:
     )
 
 
-def _physics(client: int) -> tuple[object, ...]:
+def physics(client: int) -> tuple[object, ...]:
     """Where all bodies of a physics client are, and how all their joints stand."""
     found = []
     for index in range(bullet.getNumBodies(physicsClientId=client)):
