@@ -24,6 +24,8 @@ from executive.locations.relations import KINDS, BaseDemand, block_of, is_held
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from planlang.protocols import Array, Solution
 
+PLACES = 6
+"""Decimals of places [m, rad]: so few that two machines tell the same, so many that nothing depends on the origin."""
 ANOTHER_PLACE = 0.4
 """Whatever was not seen from one place is looked for from places at least this far away [m]."""
 MOST_CROWDED = 48

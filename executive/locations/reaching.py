@@ -16,7 +16,7 @@ from executive.locations.blind import Blind
 from executive.locations.candidates import Candidates, blocks, invert
 from executive.locations.effort import Effort
 from executive.locations.hand_ways import ways_of
-from executive.locations.judging import BaseJudge, scored
+from executive.locations.judging import PLACES, BaseJudge, scored
 from executive.locations.reach import OFF_LATTICE, ON_LATTICE, Reach, ReachSolution, solve, unblocked
 from executive.locations.rejections import Rejections
 from executive.locations.relations import BaseDemand, block_of
@@ -107,7 +107,7 @@ class ReachingSearch:
         x, y, _ = around.base()
         order = found.order(np.exp(-np.hypot(found.bases[:, 0] - x, found.bases[:, 1] - y) / TRAVEL))[: effort.most]
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
-        bases = bases.round(4)  # as they are told
+        bases = bases.round(PLACES)  # as they are told
         solids = around.solids().near(middle, radius)
         floor, judged, failed = around.floor(), 0, list[tuple[int, Array, float]]()
         blind = Blind(middle[:2], strict=effort.fine)
