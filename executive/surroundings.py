@@ -46,7 +46,7 @@ class BelievedSurroundings:
         self._bodies: tuple[object, Boxes, Solids] | None = None
         self._floor: tuple[object, Floor] | None = None
         self._links = frozenset(world.robot.solid_names)
-        self._shapes: dict[str, OwnShapes] = {}
+        self._shapes = {arm.name: OwnShapes(world, arm.joints, arm.spheres, robot.torso, arm.lift) for arm in self.arms}
         self._own: dict[str, tuple[object, OwnBody]] = {}
         self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
 
@@ -135,31 +135,25 @@ class BelievedSurroundings:
         state = tuple(self.world.configuration().joints.items())
         known = self._own.get(arm.name)
         if known is None or known[0] != state:
-            if arm.name not in self._shapes:
-                shapes = OwnShapes(self.world, arm.joints, arm.spheres, self.robot.torso, arm.lift)
-                self._shapes[arm.name] = shapes
             known = self._own[arm.name] = state, self._shapes[arm.name].now(self.world)
         return known[1]
 
-    def lifts(self, arm: ArmModel, torso: float) -> bool:
-        """Whether the rest of the robot, in its present posture, does not touch itself with the torso at a position."""
+    def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
+        """Positions of the torso at which the rest of the robot, in its present posture, does not touch itself."""
         if arm.lift is None:
-            return True
+            return tuple(torsos)
         now = self.world.configuration()
         state = tuple(now.joints.items())
         if self._lifts[0] != state:
             self._lifts = state, {}
-        known = self._lifts[1]
-        if (arm.lift.joint, torso) not in known:
-            there = Configuration(now.base, {**now.joints, arm.lift.joint: torso})
-            found = self.world.contacts(there)
-            known[arm.lift.joint, torso] = [(c.part, c.body) for c in found if {c.part, c.body} <= self._links]
-        if not (touching := known[arm.lift.joint, torso]):
-            return True
-        robot = self.world.robot
-        own = frozenset[int]().union(*(robot.moved_by(name) for name in arm.joints if name != arm.lift.joint))
+        known, joint, robot = self._lifts[1], arm.lift.joint, self.world.robot
+        own = frozenset[int]().union(*(robot.moved_by(name) for name in arm.joints if name != joint))
         rest = {name for number, name in enumerate(robot.solid_names) if number not in own}
-        return not any(rest.issuperset(pair) for pair in touching)
+        for torso in torsos:
+            if (joint, torso) not in known:
+                found = self.world.contacts(Configuration(now.base, {**now.joints, joint: torso}))
+                known[joint, torso] = [(c.part, c.body) for c in found if {c.part, c.body} <= self._links]
+        return tuple(torso for torso in torsos if not any(rest.issuperset(pair) for pair in known[joint, torso]))
 
     def boxes_but(self, without: Sequence[str]) -> tuple[Boxes, tuple[str, ...]]:
         """Boxes around the pieces of all bodies that are not held, some left out; and whose they are."""

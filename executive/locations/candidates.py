@@ -69,7 +69,7 @@ def invert(
     inverse: InverseMaps,
     room: Field,
     weigh: Weigh | None,
-    lifts: Callable[[ArmModel, float], bool],
+    lifted: Callable[[ArmModel, Sequence[float]], tuple[float, ...]],
     *,
     misses: Misses | None = None,
     least: float,
@@ -79,23 +79,24 @@ def invert(
     """Places for some arms and their ways.
 
     Of each way those ``each`` with the best score are kept, well spread. ``weigh`` is the other conjuncts' opinion.
-    ``lifts`` tells whether the torso may be somewhere with the rest of the robot as it is, ``misses`` from where the
-    robot would not see what it has to. ``least`` and ``rows`` bound the rows of the maps by score, and by number for
-    each torso position.
+    ``lifted`` tells where the torso may be with the rest of the robot as it is, ``misses`` from where the robot would
+    not see what it has to. ``least`` and ``rows`` bound the rows of the maps by score, and by number for each torso
+    position.
     """
     found = Candidates()
     parts: list[_Part] = []
     for number, (arm, ways) in enumerate(hands):
-        alike = np.column_stack([ways.points[:, 2].round(6), ways.grasps, ways.rolls])
-        kinds, kind = np.unique(alike, axis=0, return_inverse=True)
-        for index, (z, grasp, roll) in enumerate(kinds.tolist()):
-            chosen = inverse(arm, CLASSES[int(grasp)]).rows(z, int(roll), least, rows)
-            chosen = chosen.of(tuple(torso for torso in chosen.torsos if lifts(arm, torso)))
+        alike: dict[tuple[float, int, int], list[int]] = {}
+        heights = ways.points[:, 2].round(6).tolist()
+        for way, kind in enumerate(zip(heights, ways.grasps.tolist(), ways.rolls.tolist(), strict=True)):
+            alike.setdefault(kind, []).append(way)
+        for (z, grasp, roll), mine in alike.items():
+            chosen = inverse(arm, CLASSES[grasp]).rows(z, roll, least, rows)
+            chosen = chosen.of(lifted(arm, chosen.torsos))
             if not len(chosen.row):
                 continue
-            mine = np.flatnonzero(kind.ravel() == index)
             for some in blocks(len(mine), max(1, AT_ONCE // len(chosen.row))):
-                part = _Part.of(ways, mine[some], chosen, room, weigh, misses, each, number)
+                part = _Part.of(ways, np.array(mine[some], np.intp), chosen, room, weigh, misses, each, number)
                 parts.append(part)
     found.without_room = sum(part.without_room for part in parts)
     found.unwanted = sum(part.unwanted for part in parts)

@@ -34,7 +34,8 @@ class Field:
     def looked_up(self, points: Array, headings: Array, v: Array) -> Array:
         """How good the room is at points (w, 2) - Rz(headings (w,)) v (n, 2), (w, n): 0 where there is none.
 
-        In the field's own frame and cells: neither places nor distances are computed for what is only looked at.
+        All have to be within the reach that the field was made for. It is done in the field's own frame and cells, as
+        what is only looked at needs neither places nor distances.
         """
         c, s = math.cos(self.yaw) / CELL, math.sin(self.yaw) / CELL
         x, y = points[:, 0] - self.x, points[:, 1] - self.y
@@ -42,13 +43,13 @@ class Field:
         cosine, sine = np.cos(turns)[:, None] / CELL, np.sin(turns)[:, None] / CELL
         rows = (c * x + s * y)[:, None] - (cosine * v[:, 0] - sine * v[:, 1])
         columns = (c * y - s * x)[:, None] - (sine * v[:, 0] + cosine * v[:, 1])
-        # rounded about the middle, so that mirrored places are in mirrored cells; the border is cells without room
-        most = self.half + 1
-        for cells in (rows, columns):
-            np.rint(cells, out=cells)
-            np.clip(cells, -most, most, out=cells)
-        cells = (rows + most) * (2 * most + 1) + (columns + most)
-        return np.asarray(self.factors.take(cells.astype(np.intp)))
+        # rounded about the middle, so that mirrored places are in mirrored cells
+        np.rint(rows, out=rows)
+        np.rint(columns, out=columns)
+        rows *= 2 * self.half + 3
+        rows += columns
+        rows += (2 * self.half + 4) * (self.half + 1)  # the middle cell
+        return np.asarray(self.factors[rows.astype(np.intp)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

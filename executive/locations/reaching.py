@@ -80,7 +80,7 @@ class ReachingSearch:
             self.inverse,
             room,
             weigh if terms or others else None,
-            around.lifts,
+            around.lifted,
             misses=self._unseen() if effort.fine else None,
             least=effort.least,
             rows=effort.rows,

@@ -123,8 +123,8 @@ class Surroundings(Protocol):
     def own_body(self, arm: ArmModel) -> OwnBody:
         """The rest of the robot in its present posture, as an arm meets it."""
 
-    def lifts(self, arm: ArmModel, torso: float) -> bool:
-        """Whether the rest of the robot, in its present posture, does not touch itself with the torso at a position."""
+    def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
+        """Positions of the torso at which the rest of the robot, in its present posture, does not touch itself."""
 
     def names(self) -> Sequence[str]:
         """All bodies."""
