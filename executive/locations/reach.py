@@ -211,6 +211,18 @@ def touched_at(rows: Array, solution: ReachSolution, base: Base, around: Surroun
     return None
 
 
+def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings) -> bool:
+    """Whether the hand itself is in something at a pose of a solution, or when it closes: wherever the base stands."""
+    plan, hand, bodies = solution.plan, solution.arm.hand_links, around.names()
+    for q in solution.joints:
+        contacts = around.contacts(base, solution.arm, q, plan.touches, plan.opened)
+        if any(contact.part in hand and contact.body in bodies for contact in contacts):
+            return True
+    if solution.reach.kind != "grasp":
+        return False
+    return around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body) is not None
+
+
 def between(joints: Array) -> Array:
     """Points on the lines between neighbouring rows (k, d): the middles, then the quarters, (3 (k - 1), d)."""
     first, step = joints[:-1], np.diff(joints, axis=0)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.grid import around_places
-from executive.locations.judging import MOST_CROWDED, BaseJudge, scored
+from executive.locations.judging import MOST_CROWDED, PLACES, BaseJudge, scored
 from executive.locations.reaching import TRAVEL
 from executive.locations.rejections import Rejections
 from executive.locations.relations import BaseDemand, block_of
@@ -45,7 +45,7 @@ def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> It
     log.scored.append((bases[good], total[good]))
     order = good[np.argsort(-total[good].round(9), kind="stable")]
     for row in islice(_spread(squares[order], order), MOST_AREAS):
-        place = bases[row].round(4)
+        place = bases[row].round(PLACES)
         base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
         worth = float(total[row])
         # there is room by the field: what is seen decides more often
