@@ -9,7 +9,7 @@ import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import typer
@@ -70,13 +70,18 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool) -> None:
 
 
 def show(diagnostics: Iterable[Diagnostic]) -> None:
-    """Print diagnostics to stderr, in their order, and how many there are of each severity."""
+    """Print diagnostics to stderr, in their order, and how many there are of each severity.
+
+    What helps several of them is told once.
+    """
     counts: Counter[Severity] = Counter()
+    told: set[str | None] = {None}
     for diagnostic in diagnostics:
         severity = diagnostic.severity
         counts[severity] += 1
         label = f"{severity.value} {diagnostic.code}"
-        text = str(diagnostic)
+        text = str(diagnostic if diagnostic.help not in told else replace(diagnostic, help=None))
+        told.add(diagnostic.help)
         if _is_colourful():
             text = text.replace(label, typer.style(label, fg=_COLOURS[severity], bold=True), 1)
         typer.echo(text, err=True)

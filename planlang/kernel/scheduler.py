@@ -248,9 +248,8 @@ class Scheduler:
 
     def _untold(self, error: BaseException) -> None:
         """The trace cannot be written any further: the run ends, for nobody could tell what it did."""
-        if self.untold is None:
-            error.add_note(f"raised by the trace at world step {self.now}; the run was ended")
-            self.untold = error
+        error.add_note(f"raised by the trace at world step {self.now}; the run was ended")
+        self.untold = self.untold or error
 
     # -- Ctrl-C and the watchdog
 

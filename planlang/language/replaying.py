@@ -55,13 +55,15 @@ class Replay:
 def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     """Run a plan on what is recorded of an earlier run of it, and compare; stops at the first difference.
 
-    Raises ValueError when the records are not those of a run that can be replayed (``resumable=True``).
+    Raises ValueError when such a run cannot be replayed: it was not ``resumable``, or in real time.
     """
     check("replay", (plan,))
     header = recorded.header
     rate, seed, schedule = header.get("rate"), header.get("seed"), header.get("schedule")
     if header.get("resumable") is not True:
         raise ValueError("the trace does not tell what the plan was told: it was not written with resumable=True")
+    if header.get("real_time"):
+        raise ValueError("a run in real time can be resumed, not replayed: what threads did to it is not in its trace")
     if not isinstance(rate, int) or not isinstance(seed, int):
         raise ValueError("the header of the trace does not tell rate and seed")
     trace = Compared(recorded)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -30,6 +29,7 @@ from planlang.ontology.terms import (
     Triple,
     expand,
 )
+from planlang.ontology.triples import Triples
 
 _CLASS_KINDS = frozenset((CLASS, RDFS + "Class"))
 _LANGUAGE = (OWL, RDF, RDFS)
@@ -44,24 +44,24 @@ def load(path: Path, *, folders: Sequence[Path] = (), builtin: bool = True) -> O
     return Ontology(read_all(Path(path), tuple(map(Path, folders)), builtin=builtin))
 
 
-@dataclass(frozen=True, slots=True)
-class _Index:
-    by_subject: dict[str | BNode, list[Triple]]
-    by_predicate: dict[str, list[Triple]]
-    by_object: dict[str | BNode, list[Triple]]
-
-
 class Ontology:
     """What the documents say together, in document order, the main document first.
 
-    Classes, properties and individuals are given by IRI, prefixed name, or bare name of the vocabulary.
+    Classes, properties and individuals are given by IRI, prefixed name, or bare name of the vocabulary. ``store`` holds
+    the triples of all documents.
     """
 
     def __init__(self, readings: Sequence[Reading]) -> None:
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
-        self._triples: tuple[Triple, ...] = tuple(triple for reading in readings for triple in reading.triples)
-        self._restrictions: dict[str | BNode, tuple[Restriction, ...]] = {}
-        self._main_subjects = frozenset(triple.subject for triple in readings[0].triples)
+        self.store = Triples.joined([reading.triples for reading in readings])
+        self._main = self.store.ranges[0]
+        self._restrictions: dict[int, tuple[Restriction, ...]] = {}
+        self._kind = self.store.number(TYPE)
+        self._class_kinds = frozenset(map(self.store.number, _CLASS_KINDS))
+        self._above = frozenset(map(self.store.number, (SUBCLASS_OF, EQUIVALENT_CLASS)))
+        self._defining = self._above | {self._kind, self.store.number(SUBPROPERTY_OF)}
+        self._subclass_of = self.store.number(SUBCLASS_OF)
+        self._classes: dict[str, bool] = {}
         found = [diagnostic for reading in readings for diagnostic in reading.diagnostics]
         self.diagnostics: tuple[Diagnostic, ...] = (*found, *checked(self, readings))
 
@@ -72,37 +72,45 @@ class Ontology:
 
     # triples
 
-    @cached_property
-    def _index(self) -> _Index:
-        index = _Index({}, {}, {})
-        for triple in self._triples:
-            index.by_subject.setdefault(triple.subject, []).append(triple)
-            index.by_predicate.setdefault(triple.predicate, []).append(triple)
-            if not isinstance(triple.object, Literal):
-                index.by_object.setdefault(triple.object, []).append(triple)
-        return index
-
     def triples(self, s: str | BNode | None = None, p: str | None = None, o: Term | None = None) -> Iterator[Triple]:
         """The triples with this subject, predicate and object (None: any), in document order."""
-        s, p = _name(s), expand(p) if p is not None else None
-        candidates: Sequence[Triple] = self._triples
-        if s is not None:
-            candidates = self._index.by_subject.get(s, ())
-        elif o is not None and not isinstance(o, Literal):
-            candidates = self._index.by_object.get(o, ())
+        return map(self.store.triple, self._rows(s, p, o))
+
+    def _rows(self, s: str | BNode | None, p: str | None, o: Term | None) -> Iterator[int]:
+        store, numbers = self.store, []
+        for term in (s, p, o):
+            number = None if term is None else self._number(term)
+            if term is not None and number is None:
+                return
+            numbers.append(number)
+        subject, predicate, value = numbers
+        rows: Iterable[int] = range(len(store))
+        if subject is not None:
+            rows = store.about(subject)
+        elif value is not None:
+            rows = store.with_object(value)
         elif p is not None:
-            candidates = self._index.by_predicate.get(p, ())
-        for triple in candidates:
-            fits = (s is None or triple.subject == s) and (p is None or triple.predicate == p)
-            if fits and (o is None or triple.object == o):
-                yield triple
+            rows = store.by(expand(p))
+        for row in rows:
+            if (predicate is None or store.predicates[row] == predicate) and (
+                value is None or store.objects[row] == value
+            ):
+                yield row
+
+    def _number(self, term: Term) -> int | None:
+        return self.store.find(expand(term) if isinstance(term, str) else term)
+
+    def _about(self, term: Term) -> Iterator[int]:
+        """The rows that have a term as their subject."""
+        number = self._number(term)
+        return iter(()) if number is None else self.store.about(number)
 
     def values(self, s: str | BNode, p: str, *, subproperties: bool = False) -> tuple[Term, ...]:
         """What the property has as values for a subject, in document order, each once."""
-        subject, wanted = _name(s), frozenset(self.subproperties(p) if subproperties else (expand(p),))
-        assert subject is not None
-        found = (t.object for t in self._index.by_subject.get(subject, ()) if t.predicate in wanted)
-        return tuple(dict.fromkeys(found))
+        store = self.store
+        wanted = {store.find(name) for name in (self.subproperties(p) if subproperties else (expand(p),))}
+        rows = (row for row in self._about(s) if store.predicates[row] in wanted)
+        return tuple(map(store.term, dict.fromkeys(store.objects[row] for row in rows)))
 
     def value(self, s: str | BNode, p: str, *, subproperties: bool = False) -> Term | None:
         """The first value of a property, or None."""
@@ -118,19 +126,31 @@ class Ontology:
 
     def is_class(self, iri: str) -> bool:
         """True if it is declared a class, or stated to be below, above or the same as one."""
-        iri = self._twin_or_itself(expand(iri))
-        if any(
-            triple.predicate in (SUBCLASS_OF, EQUIVALENT_CLASS)
-            or (triple.predicate == TYPE and triple.object in _CLASS_KINDS)
-            for triple in self._index.by_subject.get(iri, ())
-        ):
-            return True
-        return any(triple.predicate == SUBCLASS_OF for triple in self._index.by_object.get(iri, ()))
+        found = self._classes.get(iri)
+        if found is None:
+            found = self._classes[iri] = self._is_class(iri)
+        return found
+
+    def _is_class(self, iri: str) -> bool:
+        store, number = self.store, self._number(self._twin_or_itself(expand(iri)))
+        if number is None:
+            return False
+        for row in store.about(number):
+            predicate = store.predicates[row]
+            if predicate in self._above or (predicate == self._kind and store.objects[row] in self._class_kinds):
+                return True
+        return any(store.predicates[row] == self._subclass_of for row in store.with_object(number))
 
     def class_names(self) -> tuple[str, ...]:
         """All classes that are declared, in document order."""
-        found = (t.subject for t in self._index.by_predicate.get(TYPE, ()) if t.object in _CLASS_KINDS)
-        return tuple(dict.fromkeys(name for name in found if isinstance(name, str)))
+        names = map(self.store.name, self._of_kinds(self._class_kinds))
+        return tuple(name for name in names if name is not None)
+
+    def _of_kinds(self, kinds: Iterable[int]) -> dict[int, None]:
+        """What is said to be of one of these kinds, in document order."""
+        store = self.store
+        rows = [row for kind in kinds for row in store.with_object(kind) if store.predicates[row] == self._kind]
+        return dict.fromkeys(map(store.subjects.__getitem__, sorted(rows)))
 
     def is_individual(self, iri: str) -> bool:
         """True if it has a class, or is declared an individual. A class may be one too."""
@@ -145,36 +165,31 @@ class Ontology:
 
     def defined(self, iri: str) -> bool:
         """True if any document says what it is: declares it, gives it a class, or places it below one."""
-        iri = self._twin_or_itself(expand(iri))
-        return any(
-            triple.predicate in (TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, SUBPROPERTY_OF)
-            for triple in self._index.by_subject.get(iri, ())
-        )
+        predicates = self.store.predicates
+        return any(predicates[row] in self._defining for row in self._about(self._twin_or_itself(expand(iri))))
 
     def _twin_or_itself(self, iri: str) -> str:
         """KnowRob's class for one of RoboEarth's about which no document says anything."""
-        return iri if iri in self._index.by_subject else twin(iri) or iri
+        return iri if next(self._about(iri), None) is not None else twin(iri) or iri
 
     def individuals(self, cls: str) -> tuple[str, ...]:
         """The individuals of a class and of its subclasses, in document order."""
-        wanted = frozenset(self.subclasses(cls))
-        return tuple(
-            dict.fromkeys(
-                triple.subject
-                for triple in self._index.by_predicate.get(TYPE, ())
-                if isinstance(triple.subject, str) and triple.object in wanted
-            )
-        )
+        wanted = (self.store.find(name) for name in self.subclasses(cls))
+        names = map(self.store.name, self._of_kinds(number for number in wanted if number is not None))
+        return tuple(name for name in names if name is not None)
 
     def main(self, iri: str) -> bool:
         """True if the main document says something about it."""
-        return expand(iri) in self._main_subjects
+        return next(self._about(iri), len(self.store)) in self._main
 
     def span(self, iri: str) -> Span | None:
         """Where it is defined: its first type, else the first statement about it."""
-        statements = self._index.by_subject.get(expand(iri), ())
-        typed = next((triple.span for triple in statements if triple.predicate == TYPE), None)
-        return typed or next((triple.span for triple in statements), None)
+        first = None
+        for row in self._about(iri):
+            if self.store.predicates[row] == self._kind:
+                return self.store.span(row)
+            first = row if first is None else first
+        return None if first is None else self.store.span(first)
 
     def label(self, iri: str) -> str | None:
         """Its label: one in English or without language before others."""
@@ -187,8 +202,8 @@ class Ontology:
     @cached_property
     def taxonomy(self) -> Taxonomy:
         """The class hierarchy, with the owlready2 world that holds it."""
-        mentioned = (name for t in self._triples for name in (t.subject, t.object) if isinstance(name, str))
-        return Taxonomy((*edges(self), *alias_edges(self, mentioned)))
+        mentioned = (term for term in self.store.terms if isinstance(term, str))
+        return Taxonomy((*edges(self.store), *alias_edges(self, mentioned)))
 
     def ancestors(self, cls: str) -> tuple[str, ...]:
         """The class itself, then its superclasses, nearest first."""
@@ -219,15 +234,11 @@ class Ontology:
 
     @cached_property
     def _property_edges(self) -> list[tuple[str, str]]:
-        found = [
-            (t.subject, t.object)
-            for t in self._index.by_predicate.get(SUBPROPERTY_OF, ())
-            if isinstance(t.subject, str) and isinstance(t.object, str)
-        ]
-        for t in self._index.by_predicate.get(OWL + "equivalentProperty", ()):
-            if isinstance(t.subject, str) and isinstance(t.object, str):
-                found += [(t.subject, t.object), (t.object, t.subject)]
-        return found
+        same = OWL + "equivalentProperty"
+        stated = [(t, t.subject, t.object) for p in (SUBPROPERTY_OF, same) for t in self.triples(p=p)]
+        named = [(t, one, two) for t, one, two in stated if isinstance(one, str) and isinstance(two, str)]
+        found = [[(one, two), (two, one)] if t.predicate == same else [(one, two)] for t, one, two in named]
+        return [edge for edges in found for edge in edges]
 
     @cached_property
     def _property_children(self) -> dict[str, list[str]]:
@@ -247,16 +258,18 @@ class Ontology:
 
     def restrictions(self, cls: str | BNode) -> tuple[Restriction, ...]:
         """The restrictions that a class states itself, in source order; of a nameless one those that it consists of."""
-        name = _name(cls)
-        assert name is not None
-        found = self._restrictions.get(name)
+        number = self._number(cls)
+        if number is None:
+            return ()
+        found = self._restrictions.get(number)
         if found is None:
-            found = self._restrictions[name] = tuple(restrictions_of(self, name))
+            found = self._restrictions[number] = tuple(restrictions_of(self.store, number))
         return found
 
     def members(self, expression: Term) -> tuple[Term, ...]:
         """The members of an intersection, nested ones opened; of anything else the expression itself."""
-        return tuple(conjuncts(self, expression))
+        number = self.store.find(expression) if isinstance(expression, BNode) else None
+        return (expression,) if number is None else tuple(map(self.store.term, conjuncts(self.store, number)))
 
     def inherited_restrictions(self, cls: str, p: str | None = None) -> tuple[Restriction, ...]:
         """The restrictions of a class and its ancestors, nearest first; of ``p`` and what is below it, if given."""
@@ -279,7 +292,3 @@ class Ontology:
                 if isinstance(value, str):
                     found |= dict.fromkeys(self.subproperties(value))
         return tuple(found)
-
-
-def _name(term: str | BNode | None) -> str | BNode | None:
-    return expand(term) if isinstance(term, str) else term

@@ -108,6 +108,7 @@ class Triple:
 
 
 _PREFIXED = re.compile(r"([A-Za-z][\w.-]*):(?!//)(.*)", re.DOTALL)
+_ABSOLUTE = ("http://", "https://")
 _FRAME = re.compile(
     r"^(?:Class|ObjectProperty|DataProperty|AnnotationProperty|Individual|Datatype):[ \t]+(\S+)", re.MULTILINE
 )
@@ -118,6 +119,8 @@ def expand(name: str) -> str:
 
     A bare name that the vocabulary does not define is taken as one of KnowRob's.
     """
+    if name.startswith(_ABSOLUTE):
+        return name
     if ":" not in name:
         return _other_names().get(name) or KNOWROB + name
     if match := _PREFIXED.fullmatch(name):

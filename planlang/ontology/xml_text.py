@@ -9,10 +9,11 @@ from xml.parsers import expat
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 
-LARGEST_FILE = 32_000_000
-"""Bytes; the largest ontology of its kind that is in use has 0.7 MB."""
+LARGEST_FILE = 64_000_000
+"""Bytes: room for 100,000 orderings in RDF/XML; the largest ontology of its kind that is in use has 0.7 MB."""
 
 _DECLARATION = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
+_SOMETHING = re.compile(rb"[^ \t\r\n\xef\xbb\xbf\xff\xfe\x00]")
 _ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "ascii", "iso8859-1", "iso8859-15", "cp1252")
 
 
@@ -23,7 +24,7 @@ def decode(content: bytes, file: str) -> str:
     """
     if len(content) > LARGEST_FILE:
         raise BadInput([error("O003", f"the file is larger than {LARGEST_FILE // 1_000_000} MB", Span(file))])
-    if not content.strip(b" \t\r\n\xef\xbb\xbf\xff\xfe\x00"):
+    if not _SOMETHING.search(content):
         raise BadInput([error("O002", "the file is empty", Span(file))])
     name = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):

@@ -6,10 +6,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from difflib import get_close_matches
 
+import networkx as nx
+
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, note
 from planlang.ontology import Ontology
 from planlang.recipe.graph import recipe_graph, shortest_cycle
+from planlang.recipe.guesses import guess
 from planlang.recipe.intervals import Intervals
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe
 from planlang.recipe.precedence import Precedence
@@ -51,15 +54,15 @@ def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> 
     both = " and ".join(loose.missing)
     if len(loose.missing) < 2:
         return error("R011", f"the constraint `{name}` has no {both}", loose.span, f"add {both} to it")
-    known = {
-        local_name(triple.subject): None
+    known = [
+        triple.subject
         for word in loose.missing
         for triple in ontology.triples(p=word)
         if isinstance(triple.subject, str)
-    }
+    ]
     message = f"`{local_name(statements.iri)}` names the constraint `{name}`, which relates nothing"
-    similar = get_close_matches(name, known, n=1)
-    return error("R011", message, loose.span, f"did you mean `{similar[0]}`?" if similar else f"give it {both}")
+    meant = guess(loose.what, known)
+    return error("R011", message, loose.span, f"did you mean {meant}?" if meant else f"give it {both}", meant)
 
 
 def _strangers(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
@@ -117,7 +120,7 @@ def _cycle(recipe: Recipe, cycle: tuple[str, ...]) -> Diagnostic:
 
 def _repeated(recipe: Recipe) -> Iterator[Diagnostic]:
     first: dict[tuple[str, str], Ordering] = {}
-    for ordering in _constraints(recipe):
+    for ordering in constraints_of(recipe):
         earlier = first.setdefault((ordering.before, ordering.after), ordering)
         if earlier is not ordering:
             message = (
@@ -127,18 +130,36 @@ def _repeated(recipe: Recipe) -> Iterator[Diagnostic]:
             yield note("R013", message, ordering.span, "remove one of them")
 
 
-def _constraints(recipe: Recipe) -> Iterator[Ordering]:
+def constraints_of(recipe: Recipe) -> Iterator[Ordering]:
     """The orderings that the file states as such."""
     yield from (ordering for ordering in recipe.orderings if ordering.reason is Reason.CONSTRAINT)
 
 
 def _redundant(recipe: Recipe) -> Iterator[Diagnostic]:
-    graph = recipe_graph(replace(recipe, orderings=tuple(_constraints(recipe))))
-    order: Precedence[str] = Precedence(graph)
+    graph, order = _stated(recipe)
     extra = graph.number_of_edges() - sum(1 for _ in order.reduction())
     if extra and order.number_of_pairs() != graph.number_of_edges():
         message = f"{extra} of the {graph.number_of_edges()} orderings of `{recipe.name}` follow from the others"
-        yield note("R014", message, recipe.span)
+        yield note("R014", message, recipe.span, "remove them: the plan stays the same")
+
+
+def _stated(recipe: Recipe) -> tuple[nx.DiGraph, Precedence[str]]:
+    """The orders of steps that the file states as such; they are acyclic."""
+    graph = recipe_graph(replace(recipe, orderings=tuple(constraints_of(recipe))))
+    return graph, Precedence(graph)
+
+
+def follow_from_others(recipe: Recipe) -> frozenset[tuple[str, str]]:
+    """The stated orders of steps (IRIs) that follow from other stated ones; none if all that follow are stated.
+
+    Some tools state every order that follows: then that is how the file is meant. The orders are acyclic, or the
+    answer is none.
+    """
+    if shortest_cycle(recipe_graph(recipe)):
+        return frozenset()
+    graph, order = _stated(recipe)
+    extra = frozenset(graph.edges) - frozenset(order.reduction())
+    return extra if extra and order.number_of_pairs() != graph.number_of_edges() else frozenset()
 
 
 def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:

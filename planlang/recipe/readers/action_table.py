@@ -15,10 +15,10 @@ from planlang.recipe.statements import Filling, Statements, SubAction, facts, na
 
 _SUBS = ("subAction", "subEvents")
 _ROLES = {
-    "adtMainObject": "objectActedOn",
-    "adtSecondaryObject": "toLocation",
+    "objectActedOn": ("adtMainObject", "adtPrimaryObject"),
+    "toLocation": ("adtSecondaryObject",),
 }
-"""Role of an object in a table -> property of the action."""
+"""Property of the action -> roles of an object in a table; the first that is filled counts."""
 
 
 def tasks(ontology: Ontology) -> Iterator[str]:
@@ -61,9 +61,9 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
         tuple(SubAction(chunk, (), span) for chunk, span in chunks.items()),
         tuple(orderings[pair] for pair in sorted(orderings)),
         fillings=tuple(
-            Filling(expand(_ROLES[role]), fact.term, fact.span)
-            for role in _ROLES
-            for fact in facts(ontology, iri, role)
+            Filling(expand(property_name), fact.term, fact.span)
+            for property_name, roles in _ROLES.items()
+            for fact in next(filter(None, (facts(ontology, iri, role) for role in roles)), ())
         ),
     )
 

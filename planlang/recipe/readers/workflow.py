@@ -112,6 +112,11 @@ def relations(ontology: Ontology, names: list[str]) -> Iterator[tuple[str, str, 
                 yield name, local_name(triple.predicate), triple.object, filling
 
 
+def is_interval_relation(property_name: str) -> bool:
+    """True for a property that says how two intervals relate."""
+    return _relation(property_name) is not None
+
+
 def workflows_of(ontology: Ontology, iri: str) -> list[str]:
     """The workflows that perform a task, sorted; of a workflow itself that one."""
     if _linked(ontology, iri, _STEPS, _STEP_OF):

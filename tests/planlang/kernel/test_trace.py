@@ -19,6 +19,8 @@ from planlang import TaskTree, Trace, VirtualHost, an_object, par, plan, run, se
 from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, ObjectUnfetchable, PlanFailure
 from planlang.kernel import with_paths
 from planlang.kernel.encoding import encode
+from planlang.kernel.past import Past
+from planlang.kernel.recorded import RecordedRun
 from planlang.protocols import Configuration, Pose
 
 
@@ -338,8 +340,13 @@ def test_a_pipe_is_written_to_and_not_renamed(tmp_path: Path) -> None:
     reader = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)
     try:
         with Trace.at(pipe) as trace:
-            run(partial(sleep, 1), host=VirtualHost(), trace=trace)
-        assert os.read(reader, 100_000).startswith(b'{"step": 0, "event": "header"')
+            run(partial(sleep, 1), host=VirtualHost(), trace=trace, resumable=True)
+        lines = os.read(reader, 100_000)
+        assert lines.startswith(b'{"step": 0, "event": "header"')
+        past = Past(RecordedRun.of([json.loads(line) for line in lines.splitlines()]))
+        with Trace.at(pipe, past=past) as trace:
+            run(partial(sleep, 1), host=VirtualHost(), trace=trace, resumable=True, resume=past)
+        assert b'"event": "resumed"' in os.read(reader, 100_000)
     finally:
         os.close(reader)
     assert [path.name for path in tmp_path.iterdir()] == ["run.jsonl"]

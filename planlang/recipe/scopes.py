@@ -10,11 +10,13 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import networkx as nx
 
-from planlang.recipe.actions import Movers
-from planlang.recipe.graph import order_graph
+from planlang.recipe.actions import Actions, Movers
+from planlang.recipe.graph import order_graph, recipe_graph
+from planlang.recipe.model import Place, Recipe, RecipeSet, Thing
 from planlang.recipe.precedence import Precedence
 
 
@@ -47,6 +49,34 @@ def single_steps(stated: Precedence[str]) -> Scoping:
     index = {step: number for number, step in enumerate(stated.nodes)}
     units = tuple(Unit(None, (step,)) for step in stated.nodes)
     return Scoping(units, order_graph(index.values(), ((index[a], index[b]) for a, b in stated.reduction())), ())
+
+
+def scopes_of(actions: Actions, recipe: Recipe, recipes: RecipeSet, stated: Precedence[str]) -> Scoping:
+    """The units of a recipe. What overlaps a base motion has to run beside it: then there are no scopes."""
+    movers = actions.movers(recipe, recipes)
+    overlapping = {iri for overlap in recipe.overlaps for iri in (overlap.first, overlap.second)}
+    return single_steps(stated) if overlapping & movers.opening else scoping(stated, movers, placed(recipe))
+
+
+def added_by_scopes(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> tuple[tuple[str, str], ...]:
+    """The orders of steps (IRIs) that scopes add; none where base motions are unordered. Stated orders are acyclic."""
+    movers = actions.movers(recipe, recipes)
+    if not movers.opening:
+        return ()
+    order: Precedence[str] = Precedence(recipe_graph(recipe))
+    moving = [step for step in order.extension if step in movers.opening | movers.ending]
+    if not all(order.before(first, second) for first, second in pairwise(moving)):
+        return ()
+    return scopes_of(actions, recipe, recipes, order).added
+
+
+def placed(recipe: Recipe) -> frozenset[str]:
+    """The steps that have a location or an object."""
+    return frozenset(
+        step.iri
+        for step in recipe.steps
+        if any(isinstance(parameter.filler, (Thing, Place)) for parameter in step.parameters)
+    )
 
 
 def scoping(stated: Precedence[str], movers: Movers, placed: frozenset[str]) -> Scoping:
