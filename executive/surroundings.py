@@ -12,6 +12,7 @@ from executive.knowledge import Belief
 from executive.locations import ArmModel, Base, Block, ComfortZone, Door, Held
 from executive.locations.field import Floor
 from executive.locations.own_body import OwnBody, OwnShapes
+from executive.locations.own_view import OwnView, still_pieces
 from executive.locations.reachability import GraspClass, ReachabilityMap
 from executive.locations.reachability_building import reachability_maps
 from executive.locations.solids import Solids
@@ -24,8 +25,6 @@ from sim import PyBulletWorld
 
 SEEN_SHARE = 0.3
 """Share of an object that must be visible for a place to count as one from where it is seen."""
-BEYOND = 0.2
-"""How far the neck's limits may keep an object from the middle of the picture [rad]."""
 LEANING = 0.05
 """How far a top may lean to count as level [rad]."""
 CLOSING_STEPS = 24
@@ -340,6 +339,13 @@ class BelievedSurroundings:
         camera = self.robot.camera
         return (0.0, 0.0) if camera is None else (camera.near, camera.far)
 
+    def own_view(self) -> OwnView | None:
+        """What the robot's own body, neck and camera, in its present posture, leave to be seen; None without camera."""
+        camera = self.robot.camera
+        if self.gaze is None or camera is None:
+            return None
+        return OwnView(still_pieces(self.world, self.gaze.joints), self.gaze, camera.half_angle, self.camera_range())
+
     def hidden(self, base: Base, name: str) -> str | None:
         """None if the neck can turn the camera to a body from a base and nothing is in between.
 
@@ -353,7 +359,7 @@ class BelievedSurroundings:
         centre = self.block(name).centre
         neck, beyond, camera = self.gaze.at(turn.T @ (centre - np.array([x, y, 0.0])))
         away = float(np.linalg.norm(centre - (turn @ camera + np.array([x, y, 0.0]))))
-        if beyond > BEYOND or not self.robot.camera.near <= away <= self.robot.camera.far:
+        if beyond > self.robot.camera.half_angle or not self.robot.camera.near <= away <= self.robot.camera.far:
             return ""
         joints = {**self.world.configuration().joints, **dict(zip(self.gaze.joints, map(float, neck), strict=True))}
         configuration = Configuration(base, joints)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -128,6 +129,8 @@ class Robot:
             moved = [(self.joints[name], value) for name, value in changed]
             if self._followers:
                 moved += [follow for name, value in changed for follow in self._following(name, value)]
+            # until they are there nobody knows where they are: an interrupt may come at any moment
+            self.shown.update((name, math.nan) for name, _ in changed)
             bullet.resetJointStatesMultiDof(
                 self.uid,
                 [index for index, _ in moved],
@@ -137,11 +140,12 @@ class Robot:
             self.shown.update(changed)
         base = (float(configuration.base[0]), float(configuration.base[1]), float(configuration.base[2]))
         if base != self.base:
-            self.base = base
             pose = Pose.planar(*base) @ self._inertial
+            self.base = (math.nan, math.nan, math.nan)
             bullet.resetBasePositionAndOrientation(
                 self.uid, pose.position, pose.orientation, physicsClientId=self.client
             )
+            self.base = base
 
     def _following(self, name: str, value: float) -> list[tuple[int, float]]:
         """Where the joints are that mimic a joint, by index."""

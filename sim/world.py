@@ -194,6 +194,8 @@ class PyBulletWorld:
         return self._contacts.between(links)
 
     def _here(self) -> None:
+        if self._bodies.hidden:  # a query was interrupted
+            self._bodies.show(sorted(self._bodies.hidden))
         self._show(self._now)
 
     def _show(self, configuration: Configuration) -> None:

@@ -181,6 +181,14 @@ def _none_inside(
     return np.asarray(~inside.any(axis=1))
 
 
+def is_among(known: ReachSolution, ways: Ways) -> bool:
+    """Whether a way's poses are those of one of some ways."""
+    poses = ways.poses(np.arange(len(ways)))
+    if poses.shape[1:] != known.plan.poses.shape:
+        return False
+    return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
+
+
 def touched_by(solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
     """The body that is in the way of a solution, judged exactly; None if it is free."""
     return touched_at(solution.joints, solution, base, around) or touched_on_the_way(solution, base, around)
@@ -201,6 +209,18 @@ def touched_at(rows: Array, solution: ReachSolution, base: Base, around: Surroun
         if contacts := around.contacts(base, solution.arm, q, plan.touches, plan.opened):
             return first_body(contacts)
     return None
+
+
+def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings) -> bool:
+    """Whether the hand itself is in something at a pose of a solution, or when it closes: wherever the base stands."""
+    plan, hand, bodies = solution.plan, solution.arm.hand_links, around.names()
+    for q in solution.joints:
+        contacts = around.contacts(base, solution.arm, q, plan.touches, plan.opened)
+        if any(contact.part in hand and contact.body in bodies for contact in contacts):
+            return True
+    if solution.reach.kind != "grasp":
+        return False
+    return around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body) is not None
 
 
 def between(joints: Array) -> Array:

@@ -112,6 +112,19 @@ class Solids:
         gap[rows[first]], piece[rows[first]] = least[first], columns[first]
         return gap, piece
 
+    def crossed(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
+        """Which segments (n, 3) enter a piece, of a round one the box inside it, (n,); one begun inside does not."""
+        boxes = self.half.copy()
+        round_, balls = self.kinds >= 2, self.kinds == 3
+        boxes[round_, 1] = boxes[round_, 0] = self.half[round_, 0] / np.sqrt(self.kinds[round_])
+        boxes[balls, 2] = boxes[balls, 0]
+        begin = np.einsum("nki,kij->nkj", starts[:, None] - self.centres, self.axes)
+        way = np.einsum("ni,kij->nkj", ends - starts, self.axes)
+        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+        one, other = (-boxes - begin) / way, (boxes - begin) / way
+        first, last = np.minimum(one, other).max(axis=2), np.maximum(one, other).min(axis=2)
+        return np.asarray(((first <= last) & (first > 0.0) & (first <= 1.0)).any(axis=1))
+
     def _from_all(self, points: Array, raised: Array | None) -> Array:
         """Distances (n, k) of points (n, 3) from all pieces."""
         count = len(self)

@@ -12,6 +12,7 @@ from executive.locations.block import Block
 from executive.locations.field import Floor
 from executive.locations.hand import ComfortZone, HandFrame, Held
 from executive.locations.own_body import OwnBody
+from executive.locations.own_view import OwnView
 from executive.locations.reachability import GraspClass, Lift, ReachabilityMap
 from executive.locations.solids import Solids
 from executive.locations.spheres import NO_SPHERES, ArmSpheres
@@ -188,6 +189,9 @@ class Surroundings(Protocol):
 
     def sighted(self) -> bool:
         """Whether the robot has a camera; one without handles things where the map has them."""
+
+    def own_view(self) -> OwnView | None:
+        """What the robot's own body, neck and camera, in its present posture, leave to be seen; None without camera."""
 
     def hidden(self, base: Base, name: str) -> str | None:
         """None if the camera could see the body from a base; else what hides it, "" if it is out of its limits."""

@@ -122,7 +122,7 @@ def test_the_picture_shows_the_places(tmp_path: Path) -> None:
     green = (np.abs(pixels - np.array([0, 130, 60])) < 12).all(axis=2)
     place = answer["solutions"][0]
     # the first place's circle and disc are green around where the map has it: 900 pixels for the 6 m of the room
-    u, v = 24 + (place["x"] + 3) * 150, 88 + (2.5 - place["y"]) * 150
+    u, v = 24 + (place["x"] + 3) * 150, 74 + (2.5 - place["y"]) * 150
     assert green[int(v) - 10 : int(v) + 10, int(u) - 10 : int(u) + 10].sum() > 50
 
 
