@@ -46,9 +46,9 @@ from executive.locations.relations import (
 )
 from executive.locations.resting import thing_holds, thing_poses
 from executive.locations.sight import sight_score
-from executive.locations.solids import Solids
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.locations.ways import CLASSES, Ways
+from executive.motion.solids import Solids
 from planlang.designators import Device, Location, Object
 from planlang.failures import LocationUnresolvable
 from planlang.protocols import Array, Pose, Solution

@@ -50,6 +50,14 @@ class Solids:
     def __len__(self) -> int:
         return len(self.bodies)
 
+    @staticmethod
+    def joined(several: Sequence[Solids]) -> Solids:
+        """All pieces of several, one after another."""
+        every = [Solids.of(()), *several]
+        names = tuple(body for solids in every for body in solids.bodies)
+        fields = ("centres", "axes", "half", "kinds", "reach", "limbs")
+        return Solids(names, *(np.concatenate([getattr(solids, field) for solids in every]) for field in fields))
+
     def near(self, centre: Array, radius: float) -> Solids:
         """Those that a sphere meets."""
         return self.only(np.linalg.norm(self.centres - centre, axis=1) <= radius + self.reach)
