@@ -9,6 +9,7 @@ from itertools import product
 
 import numpy as np
 
+from executive.arm_choice import ArmChoices
 from executive.capabilities import Gripper, Robot
 from executive.knowledge import Belief
 from executive.locations import ArmModel, Base, Block, ReachSolution, Resolver
@@ -54,8 +55,8 @@ class Platform:
     releasing: frozenset[str]
     """Action classes that let go of something."""
     rng: np.random.Generator
-    preferred: str | None = None
-    """Arm that was chosen last where the plan left the choice; it is kept."""
+    choices: ArmChoices = field(default_factory=ArmChoices)
+    """Arms that were chosen where the plan left the choice."""
     begun_grasps: dict[str, tuple[int, Base, ReachSolution]] = field(default_factory=dict)
     """Arm -> revision, base and grasp whose pre-grasp was taken."""
 
@@ -167,12 +168,18 @@ class Platform:
     # Hands
 
     def in_order(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
-        """The arm that was chosen before first: a choice is kept."""
-        return sorted(arms, key=lambda arm: arm.name != self.preferred)
+        """The arm that was chosen before first: a choice is kept; those last that others are using."""
+        mine, others = self.choices.mine(), self.choices.others()
+        return sorted(arms, key=lambda arm: (arm.name != mine, arm.name in others))
+
+    def holding(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """Those that hold something, and not for somebody else, the one that was chosen before first."""
+        others = self.choices.others()
+        return [arm for arm in self.in_order(arms) if self.around.held(arm.name) and arm.name not in others]
 
     def use(self, arm: ArmModel, way: ReachSolution) -> None:
         """Remember which arm was chosen, and the grasp that was begun."""
-        self.preferred = arm.name
+        self.choices.choose(arm.name)
         if way.reach.kind == "grasp":
             self.begun_grasps[arm.name] = (self.belief.revision, self.base(), way)
 
