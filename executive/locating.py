@@ -163,8 +163,9 @@ def _resolved(
     }
     lines = [phrase, *(f"  {line}" for line, _ in places)]
     if not places:
-        data["failure"] = [type(failure).__name__]
-        lines = [phrase, str(failure).replace(f"{location}: ", "", 1)]  # the phrase says it already
+        said = str(failure).replace(f"{location}: ", "", 1)  # the phrase says it already
+        data |= {"failure": [type(failure).__name__], "message": said}
+        lines = [phrase, said]
     elif counts:
         lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in counts.items())}")
     if options.explain is not None:
@@ -173,8 +174,8 @@ def _resolved(
         from executive.scenery import scenery_of
 
         bases = [(place["x"], place["y"], place["yaw"]) for _, place in places]
-        said = [place.get("arm", "") for _, place in places]
-        details = [arm if not arm or arm.endswith("arm") else f"{arm} arm" for arm in said]
+        arms = [place.get("arm", "") for _, place in places]
+        details = [arm if not arm or arm.endswith("arm") else f"{arm} arm" for arm in arms]
         resolution = Resolution(options.phrase, bases, log.places, log.scored, log.refused, counts, blocking, details)
         scenery = scenery_of(platform, location, meant.values(), None if what is None else meant[what])
         write_complete(options.explain, lambda temporary: save_picture(temporary, scenery, resolution))
