@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 
+from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span
 from planlang.ontology.checks import checked
 from planlang.ontology.classes import Restriction, alias_edges, conjuncts, edges, restrictions_of, twin
@@ -75,6 +76,12 @@ class Ontology:
     def triples(self, s: str | BNode | None = None, p: str | None = None, o: Term | None = None) -> Iterator[Triple]:
         """The triples with this subject, predicate and object (None: any), in document order."""
         return map(self.store.triple, self._rows(s, p, o))
+
+    def triples_called(self, *words: str) -> Iterator[Triple]:
+        """The triples whose predicate has one of these local names, in document order."""
+        store = self.store
+        wanted = {number for number in set(store.predicates) if local_name(store.name(number) or "") in words}
+        return (store.triple(row) for row, number in enumerate(store.predicates) if number in wanted)
 
     def _rows(self, s: str | BNode | None, p: str | None, o: Term | None) -> Iterator[int]:
         store, numbers = self.store, []

@@ -21,14 +21,10 @@ def check_designators(ontology: Ontology) -> Iterator[Diagnostic]:
     """
     places: list[str] = []
     things: list[str] = []
-    for triple in ontology.triples(p=TYPE):
-        name = triple.subject
-        if (
-            not isinstance(name, str)
-            or not ontology.main(name)
-            or ontology.is_class(name)
-            or name in (*places, *things)
-        ):
+    main = str(ontology.documents[0].path)
+    typed = dict.fromkeys(triple.subject for triple in ontology.triples(p=TYPE) if triple.span.file == main)
+    for name in typed:
+        if not isinstance(name, str) or ontology.is_class(name):
             continue
         if any(other.subject != name for other in ontology.triples(o=name)):
             continue

@@ -69,9 +69,8 @@ _DEFINES, _DEFINED_BY = ("definesTask", "isPlanFor"), ("isTaskDefinedIn", "isDef
 
 def tasks(ontology: Ontology) -> Iterator[str]:
     """The tasks of the workflows of the main document; a workflow that defines none is its own task."""
-    for triple in ontology.triples():
-        name = local_name(triple.predicate)
-        workflow = triple.subject if name in _STEPS else triple.object if name in _STEP_OF else None
+    for triple in ontology.triples_called(*_STEPS, *_STEP_OF):
+        workflow = triple.subject if local_name(triple.predicate) in _STEPS else triple.object
         if isinstance(workflow, str) and ontology.main(workflow):
             yield task_of(ontology, workflow)
 
