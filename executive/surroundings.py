@@ -16,6 +16,7 @@ from executive.locations.own_view import OwnView, still_pieces
 from executive.locations.reachability import GraspClass, ReachabilityMap
 from executive.locations.reachability_building import reachability_maps
 from executive.locations.solids import Solids
+from executive.locations.spheres import PlacedSpheres
 from executive.motion import Boxes, Gaze
 from executive.motion.clearance import Band
 from planlang.designators import Device, Object
@@ -49,6 +50,7 @@ class BelievedSurroundings:
         self._floor: tuple[object, Floor] | None = None
         self._links = frozenset(world.robot.solid_names)
         self._shapes = {arm.name: OwnShapes(world, arm.joints, arm.spheres, robot.torso, arm.lift) for arm in self.arms}
+        self._placed: tuple[object, PlacedSpheres] | None = None
         self._own: dict[str, tuple[object, OwnBody]] = {}
         self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
 
@@ -131,6 +133,15 @@ class BelievedSurroundings:
         if key not in self._maps:
             self._maps[key] = reachability_maps(arm, self.robot.torso, (grasp,))[grasp]
         return self._maps[key]
+
+    def arms_as_they_are(self) -> PlacedSpheres:
+        """Spheres inside all arms in their present posture, as they stick out from the base wherever it goes."""
+        joints = self.world.configuration().joints
+        state = tuple(joints.items())
+        if self._placed is None or self._placed[0] != state:
+            postures = [(arm.spheres, np.array([joints[name] for name in arm.joints])) for arm in self.arms]
+            self._placed = state, PlacedSpheres.of(postures)
+        return self._placed[1]
 
     def own_body(self, arm: ArmModel) -> OwnBody:
         """The rest of the robot in its present posture, as an arm meets it."""

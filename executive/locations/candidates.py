@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.field import Field
-from executive.locations.inverse_map import InverseMaps, Rows
+from executive.locations.inverse_map import SQUARE_BITS, InverseMaps, Rows
 from executive.locations.surroundings import ArmModel
 from executive.locations.ways import CLASSES, Ways
 from planlang.protocols import Array
@@ -202,18 +202,23 @@ def _best(scores: Array, squares: Indices, each: int) -> tuple[Indices, Indices,
 
     ``squares`` (n,) number the squares of :data:`SPREAD` that the columns are in: the best of each come first.
     """
-    few = min(8 * each, scores.shape[1])
-    worse = TIE * np.arange(scores.shape[1]) - scores
-    top = np.argpartition(worse, few - 1, axis=1)[:, :few]
-    top = np.take_along_axis(top, np.argsort(np.take_along_axis(worse, top, 1), axis=1), 1)
-    values = np.take_along_axis(scores, top, 1)
-    keys = (np.arange(len(top))[:, None] * (1 << 24) + squares[top]).ravel()
-    again = np.ones(keys.shape, bool)
-    again[np.unique(keys, return_index=True)[1]] = False
-    order = np.argsort(np.where(values > 0, again.reshape(top.shape), 2), axis=1, kind="stable")[:, :each]
-    top, values = np.take_along_axis(top, order, 1), np.take_along_axis(values, order, 1)
-    way, rank = np.nonzero(values > 0)
-    return way, top[way, rank], rank
+    if 8 * each < scores.shape[1]:
+        worse = TIE * np.arange(scores.shape[1]) - scores
+        top = np.argpartition(worse, 8 * each - 1, axis=1)[:, : 8 * each]
+        way, place = np.nonzero(np.take_along_axis(scores, top, 1))
+        row = top[way, place]
+    else:
+        way, row = np.nonzero(scores)
+    # ways are told apart by twice their number: scores are less than 1
+    order = np.argsort(2.0 * way + (TIE * row - scores[way, row]))
+    way, row = way[order], row[order]
+    again = np.ones(len(way), np.intp)
+    again[np.unique((way << SQUARE_BITS) + squares[row], return_index=True)[1]] = 0
+    order = np.argsort(2 * way + again, kind="stable")
+    way, row = way[order], row[order]
+    rank = np.arange(len(way)) - np.searchsorted(way, way)
+    kept = rank < each
+    return way[kept], row[kept], rank[kept]
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:

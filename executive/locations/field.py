@@ -17,6 +17,8 @@ HAIR = 1e-6
 """Share of a cell by which places on the border of two are taken to be in one of them."""
 SLACK = 0.03
 """Room that may be missing in the grid, whose cells are 5 cm wide: places are judged exactly later [m]."""
+DOUBTFUL = 0.15
+"""How good a place is where the middle of the cell has no room, but its border may have."""
 ROOMY = 0.3
 """More room than this is not better [m]."""
 
@@ -76,5 +78,6 @@ class Floor:
         c, s = math.cos(yaw), math.sin(yaw)
         points = np.stack([centre[0] + c * along - s * across, centre[1] + s * along + c * across], axis=-1)
         room = self.at(points.reshape(-1, 2)).reshape(along.shape).round(9)
-        factors = np.where(room > -SLACK, 0.3 + np.clip(room, 0.0, ROOMY), 0.0)
+        roomy = np.where(room > 0.0, 0.3 + np.clip(room, 0.0, ROOMY), DOUBTFUL)
+        factors = np.where(room > -SLACK, roomy, 0.0)
         return Field(centre[0], centre[1], yaw, half, np.pad(factors, 1).ravel())

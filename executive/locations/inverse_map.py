@@ -17,6 +17,8 @@ from planlang.protocols import Array
 
 SPREAD = 0.1
 """Of places of one way in a square of this side the best comes first [m]."""
+SQUARE_BITS = 22
+"""Numbers of squares have no more bits."""
 MOST_MAPS = 24
 """Maps that are kept prepared."""
 
@@ -99,7 +101,8 @@ class InverseMap:
         if flipped:  # a turned hand is the same as another heading
             v, yaw = -v, yaw - math.pi
         cells = np.rint(v / SPREAD).astype(np.intp)
-        squares = (cells[:, 0] + 1024) * 2048 + cells[:, 1] + 1024
+        half = 1 << (SQUARE_BITS // 2 - 1)
+        squares = (cells[:, 0] + half) * 2 * half + cells[:, 1] + half
         return Rows(v, yaw, self._score[rows], rows, heights, squares, tuple(np.unique(heights).tolist()))
 
 

@@ -128,8 +128,7 @@ class BaseJudge:
                 return _reject(log, base, score, f"not {term.words}".replace("not not ", ""))
         if contacts := around.contacts(base):
             body = first_body(contacts)
-            log.add("no room for the base")
-            log.blocking[body] += 1
+            log.crowded(body)
             log.judge(base, score, "no room for the base", body)
             return False
         return True

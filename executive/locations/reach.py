@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,7 +94,7 @@ def unblocked(ways: Ways, arm: ArmModel, solids: Solids, rejections: Rejections)
     near = solids.near((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2 + 0.1)
     radii = arm.spheres.radii[arm.spheres.hand]
     found = near.hits(points, radii, np.ones(len(radii), bool), ways.touches)
-    return ways.chosen(_none_inside(*found, near, len(ways), INSIDE, rejections))
+    return ways.chosen(_none_inside(*found, near, len(ways), INSIDE, rejections.collision))
 
 
 def solve(
@@ -160,24 +160,38 @@ def _free(
     centres = arm.spheres.centres(flat)
     points = centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
     found = solids.hits(points, arm.spheres.radii, arm.spheres.hand, touches)
-    free = _none_inside(*found, solids, count, slack, rejections)
+    free = _none_inside(*found, solids, count, slack, rejections.collision)
     rest = np.repeat(free, steps)
     found = own.hits(centres[rest], arm.spheres.radii, flat[rest])
-    free[free] = _none_inside(*found, own.solids, int(free.sum()), slack, rejections)
+    free[free] = _none_inside(*found, own.solids, int(free.sum()), slack, rejections.collision)
     return free
 
 
+def arms_have_room(bases: Array, around: Surroundings, solids: Solids, rejections: Rejections) -> NDArray[np.bool_]:
+    """At which bases (n, 3) no arm, in its present posture, is inside something as far as spheres tell.
+
+    Others are counted.
+    """
+    arms = around.arms_as_they_are()
+    if not len(bases) or not len(arms.radii):
+        return np.ones(len(bases), bool)
+    matrices = base_matrices(bases)
+    points = arms.centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+    found = solids.hits(points, arms.radii, arms.hand, None)
+    return _none_inside(*found, solids, len(bases), INSIDE, rejections.crowded)
+
+
 def _none_inside(
-    gap: Array, piece: NDArray[np.intp], solids: Solids, count: int, slack: float, rejections: Rejections
+    gap: Array, piece: NDArray[np.intp], solids: Solids, count: int, slack: float, reject: Callable[[str], None]
 ) -> NDArray[np.bool_]:
-    """Which of ``count`` places keep their gaps in all postures; of others what the first is inside of is counted."""
+    """Which of ``count`` places keep their gaps in all postures; of others the first body they are inside is told."""
     if not count:
         return np.zeros(0, bool)
     inside = (gap <= -slack).reshape(count, -1)
     first = np.argmax(inside, axis=1)
     blocked = np.flatnonzero(inside.any(axis=1))
     for number in piece.reshape(inside.shape)[blocked, first[blocked]].tolist():
-        rejections.collision(solids.bodies[number])
+        reject(solids.bodies[number])
     return np.asarray(~inside.any(axis=1))
 
 

@@ -18,11 +18,20 @@ from executive.locations.effort import Effort
 from executive.locations.hand_ways import ways_of
 from executive.locations.judging import PLACES, BaseJudge, scored
 from executive.locations.own_view import Unseen
-from executive.locations.reach import OFF_LATTICE, ON_LATTICE, Reach, ReachSolution, hand_is_stopped, solve, unblocked
+from executive.locations.reach import (
+    OFF_LATTICE,
+    ON_LATTICE,
+    Reach,
+    ReachSolution,
+    arms_have_room,
+    hand_is_stopped,
+    solve,
+    unblocked,
+)
 from executive.locations.rejections import Rejections
 from executive.locations.relations import BaseDemand, block_of
 from executive.locations.solids import Solids
-from executive.locations.surroundings import ArmModel
+from executive.locations.surroundings import ArmModel, Base
 from executive.locations.ways import CLASSES, Ways
 from planlang.protocols import Array, Solution
 
@@ -124,8 +133,16 @@ class ReachingSearch:
         floor, judged = around.floor(), 0
         blind = Blind(middle[:2], strict=effort.fine)
         failed = _Failed()
+        failures: dict[tuple[int, int], tuple[ReachSolution, Base]] = {}
         stopped: dict[tuple[int, int], bool] = {}
         postponed: list[tuple[int, ReachSolution]] = []
+
+        def is_stopped(number: int, way: int) -> bool:
+            """Whether the hand itself is in something, so that no place of a way that has failed before will do."""
+            key = (number, way)
+            if key in failures and key not in stopped:
+                stopped[key] = hand_is_stopped(*failures[key], around)
+            return stopped.get(key, False)
 
         def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
             """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
@@ -134,7 +151,8 @@ class ReachingSearch:
                 roomy = floor.at(bases[rows, :2]) > 0.0
                 log.add("no room for the base", int((~roomy).sum()))
                 rows = rows[roomy]
-                rows = rows[[not stopped.get((int(found.arms[row]), int(found.ways[row])), False) for row in rows]]
+                rows = rows[arms_have_room(bases[rows], around, solids, log)]
+                rows = rows[[not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]]
                 ways_ok, joints = self._solved(found, rows, bases, hands, solids)
                 for row in rows[ways_ok].tolist():
                     arm, ways = hands[int(found.arms[row])]
@@ -149,7 +167,7 @@ class ReachingSearch:
             base = bases[row]
             place = (float(base[0]), float(base[1]), float(base[2]))
             heading = float(hands[number][1].headings[way])
-            if stopped.get((number, way), False):
+            if is_stopped(number, way):
                 continue
             if first and (failed.near(number, base, heading) or blind.covers(base)):
                 postponed.append((row, solution))
@@ -164,8 +182,7 @@ class ReachingSearch:
             else:
                 judged += 1
                 failed.add(number, base, heading)
-                if (number, way) not in stopped:
-                    stopped[number, way] = hand_is_stopped(solution, place, around)
+                failures.setdefault((number, way), (solution, place))
 
     def _solved(
         self,

@@ -56,6 +56,11 @@ class Rejections:
         self.add("in collision")
         self.blocking[body] += 1
 
+    def crowded(self, body: str) -> None:
+        """Count one candidate rejected because a body leaves the robot no room to stand there."""
+        self.add("no room for the base")
+        self.blocking[body] += 1
+
     def judge(self, base: Base, score: float, reason: str = "", body: str | None = None) -> None:
         """Remember a place and what became of it."""
         if len(self.places) < MOST_PLACES:

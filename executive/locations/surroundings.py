@@ -15,7 +15,7 @@ from executive.locations.own_body import OwnBody
 from executive.locations.own_view import OwnView
 from executive.locations.reachability import GraspClass, Lift, ReachabilityMap
 from executive.locations.solids import Solids
-from executive.locations.spheres import NO_SPHERES, ArmSpheres
+from executive.locations.spheres import NO_SPHERES, ArmSpheres, PlacedSpheres
 from executive.motion import Boxes, InverseKinematics
 from planlang.designators import Device, Object
 from planlang.protocols import Array, Contact, Pose
@@ -128,6 +128,9 @@ class Surroundings(Protocol):
 
     def reachability(self, arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
         """The map of an arm and class of grasp."""
+
+    def arms_as_they_are(self) -> PlacedSpheres:
+        """Spheres inside all arms in their present posture, as they stick out from the base wherever it goes."""
 
     def own_body(self, arm: ArmModel) -> OwnBody:
         """The rest of the robot in its present posture, as an arm meets it."""
