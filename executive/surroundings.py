@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from executive.arm_bodies import ArmBodies, arm_bodies
 from executive.capabilities import Robot
 from executive.knowledge import Belief
 from executive.locations import ArmModel, Base, Block, ComfortZone, Door, Held
@@ -15,14 +16,15 @@ from executive.locations.own_body import OwnBody, OwnShapes
 from executive.locations.own_view import OwnView, still_pieces
 from executive.locations.reachability import GraspClass, ReachabilityMap
 from executive.locations.reachability_building import reachability_maps
-from executive.locations.solids import Solids
 from executive.locations.spheres import PlacedSpheres
-from executive.motion import Boxes, Gaze
+from executive.motion import Boxes, Gaze, QuickCheck
 from executive.motion.clearance import Band
+from executive.motion.solids import Solids
 from planlang.designators import Device, Object
 from planlang.ontology import expand
 from planlang.protocols import Array, Configuration, Contact, Pose
 from sim import PyBulletWorld
+from sim.bodies import FLOOR
 
 SEEN_SHARE = 0.3
 """Share of an object that must be visible for a place to count as one from where it is seen."""
@@ -53,6 +55,7 @@ class BelievedSurroundings:
         self._placed: tuple[object, PlacedSpheres] | None = None
         self._own: dict[str, tuple[object, OwnBody]] = {}
         self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
+        self._arm_bodies: dict[str, tuple[object, ArmBodies]] = {}
 
     def arms_of(self, device: Device) -> Sequence[ArmModel]:
         """Arms that a device designator may mean: by the robot's part, else by type and side."""
@@ -150,6 +153,19 @@ class BelievedSurroundings:
         if known is None or known[0] != state:
             known = self._own[arm.name] = state, self._shapes[arm.name].now(self.world)
         return known[1]
+
+    def quick_check(self, arm: ArmModel, touches: str | None) -> QuickCheck:
+        """What tells without PyBullet how an arm may move here; ``touches`` as in :meth:`contacts`."""
+        joints = self.world.configuration().joints
+        rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
+        state = rest, self._state(), tuple(self.belief.held.values())
+        known = self._arm_bodies.get(arm.name)
+        if known is None or known[0] != state:
+            known = state, arm_bodies(self.world, arm.solver.chain, self.robot.base_link)
+            self._arm_bodies[arm.name] = known
+        base = self.world.link_pose(self.robot.base_link).matrix()
+        floor = next((body.name for body in self.world.scene.bodies if body.shape == "room"), FLOOR)
+        return known[1].against(base, self.solids(), floor, (arm.hand_links, touches))
 
     def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
         """Positions of the torso at which the rest of the robot, in its present posture, does not touch itself."""
@@ -295,10 +311,11 @@ class BelievedSurroundings:
         q: Array | None = None,
         touches: str | None = None,
         opened: bool = False,
+        among: Collection[tuple[str, str]] | None = None,
     ) -> tuple[Contact, ...]:
         """Penetrations with an arm at ``q``, all else as it is; its hand may touch the body ``touches``.
 
-        ``opened``: with the fingers of the arm open.
+        ``opened``: with the fingers of the arm open. ``among``: the only pairs that can touch, if that is known.
         """
         joints = dict(self.world.configuration().joints)
         if arm is not None and q is not None:
@@ -306,7 +323,7 @@ class BelievedSurroundings:
             joints |= gripper.opened if opened and gripper is not None else {}
             joints |= zip(arm.joints, map(float, q), strict=True)
         ignore = [(link, touches) for link in sorted(arm.hand_links)] if arm is not None and touches is not None else []
-        return self.world.contacts(Configuration(base, joints), ignore=ignore)
+        return self.world.contacts(Configuration(base, joints), ignore=ignore, among=among)
 
     def stops_closing(self, base: Base, arm: ArmModel, q: Array, around: str) -> str | None:
         """The body that a finger of an arm at ``q`` would meet, closing from open, before it meets ``around``."""

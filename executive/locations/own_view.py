@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.block import Block
-from executive.locations.solids import Solids
 from executive.locations.spheres import CORE
 from executive.motion import Gaze
+from executive.motion.solids import Solids
 from planlang.protocols import Array, Configuration
 from sim import PyBulletWorld
 

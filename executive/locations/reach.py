@@ -14,9 +14,9 @@ from executive.locations.hand import HandTerm
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.own_body import OwnBody
 from executive.locations.rejections import Rejections, first_body
-from executive.locations.solids import Solids
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.locations.ways import CLASSES, HandPlan, Ways
+from executive.motion.solids import Solids
 from planlang.protocols import Array
 
 CHUNK = 48

@@ -30,9 +30,9 @@ from executive.locations.reach import (
 )
 from executive.locations.rejections import Rejections
 from executive.locations.relations import BaseDemand, block_of
-from executive.locations.solids import Solids
 from executive.locations.surroundings import ArmModel, Base
 from executive.locations.ways import CLASSES, Ways
+from executive.motion.solids import Solids
 from planlang.protocols import Array, Solution
 
 ALIKE = 0.06

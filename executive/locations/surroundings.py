@@ -14,9 +14,9 @@ from executive.locations.hand import ComfortZone, HandFrame, Held
 from executive.locations.own_body import OwnBody
 from executive.locations.own_view import OwnView
 from executive.locations.reachability import GraspClass, Lift, ReachabilityMap
-from executive.locations.solids import Solids
 from executive.locations.spheres import NO_SPHERES, ArmSpheres, PlacedSpheres
 from executive.motion import Boxes, InverseKinematics
+from executive.motion.solids import Solids
 from planlang.designators import Device, Object
 from planlang.protocols import Array, Contact, Pose
 

@@ -35,6 +35,9 @@ AGENTS = frozenset({"performedBy", "doneBy"})
 """Properties whose filler is not looked up to perform the action: the robot is known without it."""
 
 
+UNDEFINED = "define it in the file, with its class, or name it as outputsCreated of the step that makes it"
+
+
 def check_ranges(actions: Actions, owner: Step | Recipe, known: frozenset[str]) -> Iterator[Diagnostic]:
     """Judge the fillers of a step, or of a task itself, after repairs; ``known`` are individuals that steps create."""
     ontology = actions.ontology
@@ -200,4 +203,4 @@ def _meant(ontology: Ontology, undefined: str) -> Rename | None:
 
 
 def _asked(meant: Rename | None) -> str:
-    return f"did you mean {meant}?" if meant else "define it in the file, with its class"
+    return f"did you mean {meant}?" if meant else UNDEFINED

@@ -23,14 +23,9 @@ _ROLES = {
 
 def tasks(ontology: Ontology) -> Iterator[str]:
     """The individuals of the main document that have sub-actions."""
-    for triple in ontology.triples():
-        if isinstance(triple.subject, str) and facts_word(triple.predicate) and ontology.main(triple.subject):
+    for triple in ontology.using(*_SUBS):
+        if isinstance(triple.subject, str) and ontology.main(triple.subject):
             yield triple.subject
-
-
-def facts_word(predicate: str) -> bool:
-    """True for a property that leads from a table to its chunks."""
-    return predicate.endswith(tuple(f"#{word}" for word in _SUBS))
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:

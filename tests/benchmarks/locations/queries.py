@@ -131,7 +131,7 @@ def snapshot(stage: Stage) -> tuple[object, ...]:
         tuple((name, belief.pose(name)) for name in belief.names()),
         tuple(belief.held.items()),
         repr(stage.platform.rng.bit_generator.state),
-        stage.platform.preferred,
+        tuple(stage.platform.choices.made.items()),
         tuple(stage.platform.begun_grasps.items()),
     )
 

@@ -78,6 +78,23 @@ def test_resumed_search_still_knows_what_an_earlier_state_made(search: CompiledP
     assert went == [SHELF]
 
 
+def test_exploration_runs_when_the_pose_that_its_file_forgets_is_made_by_a_state(corpus: Path, tmp_path: Path) -> None:
+    text = (corpus / "recipes" / "exploration-recipe@hydro.owl").read_text(encoding="utf-8")
+    made = '<owl:onProperty rdf:resource="&knowrob;outputsCreated"/>\n<owl:hasValue rdf:resource="&roboearth;{}"/>'
+    restriction = "<rdfs:subClassOf><owl:Restriction>" + made + "</owl:Restriction></rdfs:subClassOf>"
+    anchor = '<rdfs:subClassOf rdf:resource="&roboearth;re_explore"/>'
+    path = tmp_path / "exploration.owl"
+    path.write_text(text.replace(anchor, anchor + restriction.format("next-best-pose")), encoding="utf-8")
+    found = compile_recipe(path, allow_abstract=True)
+    went: list[Any] = []
+    script = script_for(found).on("explore-environment", returns=SHELF).on("check-finished", returns=False, times=1)
+    script.on("move-to-nbv", does=noting(went, "to_location"))
+    done = run_plan(plan_of(found), script=script)
+    assert done.value is None
+    assert went == [SHELF]
+    assert 'condition_evaluated="COMPLETED_OK"' in found.source
+
+
 def test_what_a_step_checks_is_told_to_its_module(search: CompiledPlan) -> None:
     assert 'action("Perceiving", object_acted_on=bottle)' in search.source
     assert "checks: VisualPerception (detectedObject: any Bottle)" in svg(task_graph(search.recipes, search.added))

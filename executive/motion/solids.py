@@ -59,6 +59,14 @@ class Solids:
     def __len__(self) -> int:
         return len(self.bodies)
 
+    @staticmethod
+    def joined(several: Sequence[Solids]) -> Solids:
+        """All pieces of several, one after another."""
+        every = [Solids.of(()), *several]
+        names = tuple(body for solids in every for body in solids.bodies)
+        fields = ("centres", "axes", "half", "kinds", "reach", "limbs")
+        return Solids(names, *(np.concatenate([getattr(solids, field) for solids in every]) for field in fields))
+
     def near(self, centre: Array, radius: float) -> Solids:
         """Those that a sphere meets."""
         return self.only(np.linalg.norm(self.centres - centre, axis=1) <= radius + self.reach)
@@ -92,7 +100,7 @@ class Solids:
         # a sphere around each set tells which pieces it has to be compared with
         lower, upper = (points - radii[:, None]).min(axis=1), (points + radii[:, None]).max(axis=1)
         around = np.linalg.norm(upper - lower, axis=1) / 2
-        compared = self._from_all((lower + upper) / 2, raised) < around[:, None]
+        compared = self.gaps((lower + upper) / 2, raised) < around[:, None]
         if apart is not None:
             compared &= ~apart.all(axis=1)
         rows, columns = np.nonzero(compared)
@@ -125,13 +133,16 @@ class Solids:
         first, last = np.minimum(one, other).max(axis=2), np.maximum(one, other).min(axis=2)
         return np.asarray(((first <= last) & (first > 0.0) & (first <= 1.0)).any(axis=1))
 
-    def _from_all(self, points: Array, raised: Array | None) -> Array:
-        """Distances (n, k) of points (n, 3) from all pieces."""
+    def gaps(self, points: Array, raised: Array | None = None) -> Array:
+        """Distances (..., k) of points (..., 3) from the surfaces of all pieces, negative inside [m].
+
+        ``raised`` (..., k): how much higher each piece is for each point [m].
+        """
         count = len(self)
         # (p - c) R, all pieces at once
         turned = self.axes.transpose(1, 0, 2).reshape(3, 3 * count)
-        local = points @ turned - np.einsum("ki,kij->kj", self.centres, self.axes).reshape(1, 3 * count)
-        local = local.reshape(-1, count, 3)
+        local = points @ turned - np.einsum("ki,kij->kj", self.centres, self.axes).reshape(3 * count)
+        local = local.reshape(*points.shape[:-1], count, 3)
         if raised is not None:
             local -= raised[..., None] * self.axes[:, 2]
         return _outside(local, self.half, self.kinds)
