@@ -94,7 +94,7 @@ def check_areas(stage: Stage, number: int, seed: int) -> Iterator[tuple[list[str
 
 
 def check_reaches(stage: Stage, oracle: Oracle, number: int, seed: int) -> Iterator[tuple[list[str], bool]]:
-    """Ask for random conjunctions with reach and sight; what places do not keep, by the oracle too; if there were any."""
+    """Ask for random conjunctions with reach and sight; what places do not keep, and if there were any."""
     rng, room = np.random.default_rng(seed), stage.room
     seen = [body for body in room.bodies if body.shape in ("box", "cylinder") and sorted(body.size)[1] > 0.15]
     for _ in range(number):
