@@ -37,23 +37,33 @@ TABLE: Mapping[str, Meaning] = {
         "X a person: what the hand holds, or the hand, is inside their comfort zone; else what the base would need",
         "X a person: inside their comfort zone",
     ),
-    "visible_from": Meaning("the camera sees X within its limits, by at least 30 % of its side that faces it"),
+    "visible_from": Meaning(
+        "the camera, turned to X as far as the neck can, sees at least 30 % of the side of X that faces it"
+    ),
     "above": Meaning(
         None, "level, lowest point of hand and held object 2 to 15 cm over X's top, what is held over X's footprint"
     ),
-    "on": Meaning(None, "puts what it holds on X, from above", "rests on X's top, the whole footprint supported"),
-    "in_": Meaning(None, "puts what it holds into X, from above", "inside X's volume, resting"),
+    "on": Meaning(
+        None,
+        "puts what it holds on X, from above",
+        "rests on X's level top, of a room on its floor, the whole footprint supported",
+    ),
+    "in_": Meaning(
+        None,
+        "puts what it holds into X, from above",
+        "inside X's volume, resting; in a solid box there is no room",
+    ),
     "in_center_of": Meaning(None, "the grip point within 1 cm of X's centre: the grasp"),
     "in_front_of": Meaning(
         f"{_SIDE}, 0.1 to 1.1 m away",
         "the pre-grasp: 8 cm back along the approach; with X in hand: raised and back as well",
-        f"on the same support, {_SIDE}",
+        f"on the same support if no other is said, {_SIDE}",
     ),
     **{
-        name: Meaning(f"{_SIDE}, 0.1 to 1.1 m away", _SIDE, f"on the same support, {_SIDE}")
+        name: Meaning(f"{_SIDE}, 0.1 to 1.1 m away", _SIDE, f"on the same support if no other is said, {_SIDE}")
         for name in ("behind", "left_of", "right_of", "next_to")
     },
-    "near": Meaning("within 1 m", "within 0.3 m", "on the same support within 0.3 m"),
+    "near": Meaning("within 1 m", "within 0.3 m", "on the same support if no other is said, within 0.3 m"),
     "far_from": Meaning("at least 2 m away", "at least 0.6 m away", "at least 0.6 m away"),
     "facing": Meaning("the heading points at X within 30 degrees"),
     "clear_of": Meaning("neither touches X nor stands in the sweep of X's doors"),

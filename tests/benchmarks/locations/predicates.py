@@ -41,7 +41,8 @@ def objections(room: Room, robot: Robot, base: Base, location: Location, viewer:
     for relation in location.relations:
         if relation.name in CHECKED and isinstance(relation.reference, Object):
             body = _body(room, relation.reference)
-            if keeps(relation, body, robot.base.radius, base, viewer) == relation.negated:
+            hair = -HAIR if relation.negated else HAIR
+            if keeps(relation, body, robot.base.radius, base, viewer, hair=hair) == relation.negated:
                 yield f"{base} is {'' if relation.negated else 'not '}{relation.name} {body.name}: {relation}"
 
 
@@ -56,6 +57,8 @@ def keeps(
     base: Base,
     viewer: tuple[float, float],
     usual: Distances = OF_A_BASE,
+    *,
+    hair: float = HAIR,
 ) -> bool:
     """Whether something round of a radius [m] keeps a relation to a body, its negation left aside."""
     gap = outline_distance(body, base[0], base[1]) - radius
@@ -64,19 +67,21 @@ def keeps(
         case "near":
             low = least or 0.0
             high = most if most is not None else math.inf if low > usual.near else usual.near
-            return low - HAIR <= max(gap, 0.0) <= high + HAIR
+            return low - hair <= max(gap, 0.0) <= high + hair
         case "far_from":
             low = least if least is not None else 0.0 if most is not None and most < usual.far else usual.far
-            return low - HAIR <= gap <= (math.inf if most is None else most) + HAIR
+            return low - hair <= gap <= (math.inf if most is None else most) + hair
         case "facing":
             x, y = body.pose.position[:2]
             miss = math.remainder(math.atan2(y - base[1], x - base[0]) - base[2], 2 * math.pi)
-            return abs(miss) <= FACING + HAIR
+            return abs(miss) <= FACING + hair
         case "clear_of":
             return gap > 0
         case "next_to":
-            return any(_at_side(relation, body, side, radius, base, viewer, usual) for side in ("left_of", "right_of"))
-    return _at_side(relation, body, relation.name, radius, base, viewer, usual)
+            return any(
+                _at_side(relation, body, side, radius, base, viewer, usual, hair) for side in ("left_of", "right_of")
+            )
+    return _at_side(relation, body, relation.name, radius, base, viewer, usual, hair)
 
 
 def outline_distance(body: Body, x: float, y: float) -> float:
@@ -97,6 +102,7 @@ def _at_side(
     base: Base,
     viewer: tuple[float, float],
     usual: Distances,
+    hair: float,
 ) -> bool:
     front, seen = _front(body, viewer)
     heading = front + (-SIDES[side] if seen else SIDES[side])
@@ -110,7 +116,7 @@ def _at_side(
         least = 0.0
     if relation.within is None and most < least:
         most = math.inf
-    return least - HAIR <= out - radius <= most + HAIR and abs(aside) <= out + HAIR
+    return least - hair <= out - radius <= most + hair and abs(aside) <= out + hair
 
 
 def _front(body: Body, viewer: tuple[float, float]) -> tuple[float, bool]:

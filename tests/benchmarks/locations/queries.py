@@ -37,6 +37,7 @@ from planlang.designators import (
 )
 from planlang.failures import PlanFailure
 from sim.engine import bullet
+from tests.benchmarks.locations.oracle import Oracle
 from tests.benchmarks.locations.predicates import CHECKED, objections
 from tests.benchmarks.locations.rooms import THE_BOTTLE, THE_PATIENT, Room, asked, room_of, thing
 from tests.benchmarks.locations.stage import Stage, robot_of
@@ -89,6 +90,34 @@ def check_areas(stage: Stage, number: int, seed: int) -> Iterator[tuple[list[str
         places = stage.ask(location, 3).solutions
         viewer = room.start[:2]
         found = [text for s in places for text in objections(room, stage.robot, s.base, location, viewer)]
+        yield found, bool(places)
+
+
+def check_reaches(stage: Stage, oracle: Oracle, number: int, seed: int) -> Iterator[tuple[list[str], bool]]:
+    """Ask for random conjunctions with reach and sight; what places do not keep, and if there were any."""
+    rng, room = np.random.default_rng(seed), stage.room
+    seen = [body for body in room.bodies if body.shape in ("box", "cylinder") and sorted(body.size)[1] > 0.15]
+    for _ in range(number):
+        relations = [Relation("in_reach_of", THE_BOTTLE)]
+        if rng.random() < 0.3:
+            relations.append(Relation("visible_from", thing(seen[int(rng.integers(len(seen)))])))
+        for _ in range(int(rng.integers(0, 3))):
+            body = room.bodies[int(rng.integers(1, len(room.bodies)))]
+            name = CHECKED[int(rng.integers(len(CHECKED)))]
+            relations.append(Relation(name, thing(body), None, None, bool(rng.random() < 0.6)))
+        location = Location(tuple(dict.fromkeys(relations)))
+        places = stage.ask(location, 2).solutions
+        found = []
+        for place in places:
+            found += objections(room, stage.robot, place.base, location, room.start[:2])
+            claim = stage.claim(place, THE_BOTTLE)
+            problem = "no way to the bottle" if claim is None else oracle.objection(claim) or oracle.is_grasp(claim)
+            found += [] if problem is None else [f"{place.base}: {problem}"]
+            for relation in relations:
+                if relation.name == "visible_from" and isinstance(relation.reference, Object):
+                    body = next(body for body in room.bodies if thing(body) == relation.reference)
+                    if not oracle.sees(place.base, body.name):
+                        found.append(f"{place.base}: {body.name} is not visible")
         yield found, bool(places)
 
 

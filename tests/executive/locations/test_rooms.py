@@ -13,7 +13,14 @@ import pytest
 from planlang.designators import Location, a_location
 from tests.benchmarks.locations.infeasible import REASONS, infeasible_rooms
 from tests.benchmarks.locations.oracle import Oracle
-from tests.benchmarks.locations.queries import Interrupter, ask_many, check_areas, resolve_again, some_stage
+from tests.benchmarks.locations.queries import (
+    Interrupter,
+    ask_many,
+    check_areas,
+    check_reaches,
+    resolve_again,
+    some_stage,
+)
 from tests.benchmarks.locations.reach import judged, told_reason
 from tests.benchmarks.locations.rooms import KINDS, SUPPORTS, THE_BOTTLE, Room, asked, box, mirrored, room_of, thing
 from tests.benchmarks.locations.sampler import Chains, by_levenberg_marquardt, sample
@@ -81,6 +88,19 @@ def test_places_keep_what_conjunctions_about_the_floor_say() -> None:
         stage.close()
     assert [text for found, _ in checked for text in found] == []
     assert sum(solved for _, solved in checked) > 5
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_places_keep_what_conjunctions_with_reach_and_sight_say(seed: int) -> None:
+    room, robot = room_of("normal", seed), robot_of("amigo")
+    stage, oracle = Stage(room, robot), Oracle(room, robot)
+    try:
+        checked = list(check_reaches(stage, oracle, 8, seed))
+    finally:
+        stage.close()
+        oracle.close()
+    assert [text for found, _ in checked for text in found] == []
+    assert sum(solved for _, solved in checked) > 3
 
 
 def test_a_thing_is_put_whole_on_what_is_asked_for() -> None:
