@@ -73,6 +73,7 @@ bench: $(VENV)/.bench-stamp
 	    test "$$benchmark" = tests/benchmarks/seeds.py && continue; \
 	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
 	done
+	@echo "== paths of an arm"; $(BIN)/python -m tests.benchmarks.paths
 
 ROOMS ?= 200
 bench-locations: $(VENV)/.bench-stamp
