@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import typer
 
-from planlang.diagnostics import BadInput, Diagnostic, Severity
+from planlang.diagnostics import BadInput, Diagnostic, Severity, error
 
 DONE, FAILED, BAD_INPUT, MISSING_CAPABILITY, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """Exit codes of the command."""
+
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
+"""What a file system answers that takes no more."""
 
 _COLOURS = {Severity.ERROR: typer.colors.RED, Severity.WARNING: typer.colors.YELLOW, Severity.NOTE: typer.colors.CYAN}
 
@@ -49,7 +53,11 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool) -> None:
     except (BrokenPipeError, typer.Exit, typer.BadParameter):
         raise
     except Exception as problem:
-        reply = _internal_error(problem)
+        if isinstance(problem, OSError) and problem.errno in _FULL:
+            told = "; ".join((f"what was to be written does not fit: {problem}", *getattr(problem, "__notes__", ())))
+            reply = Answer(BAD_INPUT, (error("C004", told, help="make room on the disk, or name another place"),))
+        else:
+            reply = _internal_error(problem)
     if as_json:
         whole = {"command": command, "exit_code": reply.exit_code, **reply.data}
         whole["diagnostics"] = [diagnostic.as_json() for diagnostic in reply.diagnostics]
@@ -62,13 +70,18 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool) -> None:
 
 
 def show(diagnostics: Iterable[Diagnostic]) -> None:
-    """Print diagnostics to stderr, in their order, and how many there are of each severity."""
+    """Print diagnostics to stderr, in their order, and how many there are of each severity.
+
+    What helps several of them is told once.
+    """
     counts: Counter[Severity] = Counter()
+    told: set[str | None] = {None}
     for diagnostic in diagnostics:
         severity = diagnostic.severity
         counts[severity] += 1
         label = f"{severity.value} {diagnostic.code}"
-        text = str(diagnostic)
+        text = str(diagnostic if diagnostic.help not in told else replace(diagnostic, help=None))
+        told.add(diagnostic.help)
         if _is_colourful():
             text = text.replace(label, typer.style(label, fg=_COLOURS[severity], bold=True), 1)
         typer.echo(text, err=True)

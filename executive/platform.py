@@ -25,7 +25,7 @@ from executive.motion import (
     time_curve,
     time_path,
 )
-from executive.surroundings import BEYOND, BelievedSurroundings
+from executive.surroundings import BelievedSurroundings
 from planlang import Fluent, checkpoint, wait_for
 from planlang.designators import Location, Object
 from planlang.failures import ActionUnresolvable, LookingGoalUnreachable
@@ -276,12 +276,13 @@ class Platform:
 
     async def look_at(self, point: Array, name: str) -> None:
         """Turn the neck so that a map point (3,) is in the picture; raises LookingGoalUnreachable."""
-        if self.around.gaze is None:
+        camera = self.robot.camera
+        if self.around.gaze is None or camera is None:
             await checkpoint()
             return
         inverse = np.linalg.inv(Pose.planar(*self.base()).matrix())
         neck, beyond, _ = self.around.gaze.at((inverse @ np.append(point, 1.0))[:3])
-        if beyond > BEYOND:
+        if beyond > camera.half_angle:
             raise LookingGoalUnreachable(what=name)
         if not self.around.gaze.joints:
             await checkpoint()

@@ -136,7 +136,26 @@ class Posture(Location):
     name: str | None = None
 
 
-Value = Object | Location | str | int | float | bool | tuple[Object | Location | str | int | float | bool, ...]
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """Any situation of a class in which properties, in snake case, sorted by name, are filled like this."""
+
+    type: str
+    properties: tuple[tuple[str, Value], ...] = ()
+
+    def get(self, property_name: str) -> Value | None:
+        """The filler of a property, or None."""
+        return dict(self.properties).get(property_name)
+
+    def __str__(self) -> str:
+        inside = ", ".join(f"{key}={value}" for key, value in self.properties)
+        return f"{local_name(self.type)}({inside})"
+
+
+Part = Object | Location | Situation | str | int | float | bool
+"""One thing that may fill a property."""
+
+Value = Part | tuple[Part, ...]
 """What may fill a property of an action; a tuple where several things do."""
 
 
@@ -245,6 +264,11 @@ def a_posture(name: str) -> Posture:
 def action(type: str, *, name: str | None = None, **properties: Value) -> Action:
     """Describe an action: ``action("Reaching", to_location=approach_pose, device_used=RIGHT_GRIPPER)``."""
     return Action(type, tuple(sorted(properties.items())), name)
+
+
+def a_situation(type: str, **properties: Value) -> Situation:
+    """Describe what may be the case: ``a_situation("VisualPerception", detected_object=bottle)``."""
+    return Situation(type, tuple(sorted(properties.items())))
 
 
 def holding(what: Object) -> Condition:

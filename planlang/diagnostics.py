@@ -28,14 +28,42 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
+class Rename:
+    """Write one name (IRI) for another that nothing defines; ``is_sure`` if no third is nearly as like it."""
+
+    written: str
+    meant: str
+    is_sure: bool = False
+
+    def __str__(self) -> str:
+        written, meant = self.written, self.meant
+        short = meant.rsplit("#", 1)[-1].rsplit("/", 1)[-1]
+        is_elsewhere = written.removesuffix(written.rsplit("#", 1)[-1]) != meant.removesuffix(meant.rsplit("#", 1)[-1])
+        return f"`{short}` ({meant})" if is_elsewhere else f"`{short}`"
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """State in a task that one step comes before another (all IRIs)."""
+
+    task: str
+    before: str
+    after: str
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One message about the user's input. ``code`` is a key of :data:`CODES`."""
+    """One message about the user's input. ``code`` is a key of :data:`CODES`.
+
+    ``suggestion`` is what the help says as a change of the file, where that can be said so.
+    """
 
     severity: Severity
     code: str
     message: str
     span: Span | None = None
     help: str | None = None
+    suggestion: Rename | Order | None = None
 
     def __str__(self) -> str:
         where = f"{self.span}: " if self.span else ""
@@ -43,13 +71,15 @@ class Diagnostic:
         return f"{text}\n    help: {self.help}" if self.help else text
 
     def as_json(self) -> dict[str, object]:
-        """A JSON object with severity, code, message, span (or null) and help (or null)."""
+        """A JSON object with severity, code, message, span (or null), help (or null); a suggestion if there is one."""
+        suggestion = {"suggestion": asdict(self.suggestion)} if self.suggestion is not None else {}
         return {
             "severity": self.severity.value,
             "code": self.code,
             "message": self.message,
             "span": asdict(self.span) if self.span else None,
             "help": self.help,
+            **suggestion,
         }
 
 
@@ -61,14 +91,26 @@ class BadInput(Exception):
         super().__init__("\n".join(map(str, diagnostics)))
 
 
-def error(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:
+def error(
+    code: str,
+    message: str,
+    span: Span | None = None,
+    help: str | None = None,
+    suggestion: Rename | Order | None = None,
+) -> Diagnostic:
     """An error: the input cannot be used."""
-    return Diagnostic(Severity.ERROR, code, message, span, help)
+    return Diagnostic(Severity.ERROR, code, message, span, help, suggestion)
 
 
-def warning(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:
+def warning(
+    code: str,
+    message: str,
+    span: Span | None = None,
+    help: str | None = None,
+    suggestion: Rename | Order | None = None,
+) -> Diagnostic:
     """A warning: usable, but probably not what was meant."""
-    return Diagnostic(Severity.WARNING, code, message, span, help)
+    return Diagnostic(Severity.WARNING, code, message, span, help, suggestion)
 
 
 def note(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:
@@ -140,8 +182,9 @@ CODES: dict[str, str] = {
     "R033": "what fills a property is not defined",
     "R034": "a thing told by its class was taken for the only individual of that class",
     "R035": "what fills a property is an expression that is not understood",
-    "R036": "a base motion goes to a place that has no relation to anything",
+    "R036": "a place has no relation to anything, and is no posture of robots",
     "R037": "a value is no number, or in a unit that does not fit the property",
+    "R038": "a statement about a step or a place is left out, as nothing is done with such a property",
     "R039": "nothing uses a location designator or a thing of the file",
     "R040": "two base motions are not ordered",
     "R041": "an order was added because a step is performed from the place of a base motion",
@@ -152,6 +195,7 @@ CODES: dict[str, str] = {
     "R046": "no robot can meet a requirement, or it depends on itself",
     "R047": "nothing orders some steps",
     "R048": "two steps have one name",
+    "R049": "nothing says what a thing is that fills a property; it is taken as an object",
     "R050": "a state is not defined",
     "R051": "a state is not among the sub-actions; it is taken as one",
     "R052": "a recipe of states does not say in which one state it begins, or where it is done",

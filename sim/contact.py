@@ -14,7 +14,8 @@ import numpy as np
 from planlang.protocols import Array, Contact, Pose
 from sim.bodies import Bodies
 from sim.engine import bullet
-from sim.robot import TOLERANCE, Robot, close_pairs
+from sim.geometry import overlaps
+from sim.robot import TOLERANCE, Robot
 
 SUPPORT_DEPTH = 0.02
 """How deep a held object may be in what it touched when it was grasped [m]."""
@@ -60,7 +61,9 @@ class Contacts:
 
     def __init__(self, robot: Robot, bodies: Bodies, held: dict[str, Held]) -> None:
         self.robot, self.bodies, self.held = robot, bodies, held
-        self._pairs = np.array(robot.self_pairs, dtype=np.intp).reshape(-1, 2)
+        self._pairs = np.zeros((len(robot.solid), len(robot.solid)), bool)
+        for pair in robot.self_pairs:
+            self._pairs[pair] = True
         hands = [robot.hand_of(link) for link in robot.body.hands]
         self._hands = frozenset().union(*hands)
 
@@ -128,7 +131,8 @@ class Contacts:
     def _of_the_robot_itself(
         self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
     ) -> None:
-        for a, b in close_pairs(self._pairs, lower, upper):
+        near = self._pairs & overlaps(lower, upper, lower, upper)
+        for a, b in zip(*(axis.tolist() for axis in np.nonzero(near)), strict=True):
             if query.links is not None and a not in query.links and b not in query.links:
                 continue
             first, second = self.robot.solid_names[a], self.robot.solid_names[b]

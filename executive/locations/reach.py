@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.candidates import InverseMap, blocks
+from executive.locations.candidates import blocks
+from executive.locations.hand import HandTerm
+from executive.locations.inverse_map import InverseMaps
 from executive.locations.own_body import OwnBody
-from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections, first_body
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.locations.ways import CLASSES, HandPlan, Ways
@@ -26,8 +27,6 @@ INSIDE = 0.001
 """How far a sphere of the arm must be inside something to count [m]."""
 ON_LATTICE, OFF_LATTICE = 0.005, 0.04
 """The same for a posture of a map whose height is that of the target, or is not [m]."""
-
-Inverse = Callable[[ArmModel, GraspClass], InverseMap]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +43,10 @@ class Reach:
     """Of the lowest point over the body's top, for "above" [m]."""
     inside: bool = False
     """For "place": in the body, not on it."""
-    also: tuple[tuple[str, str, float | None, float | None, bool], ...] = ()
-    """What else holds of the hand: relation or kind of reach, body, two bounds, whether it is negated."""
+    also: tuple[HandTerm, ...] = ()
+    """What else holds of the hand."""
+    before: bool = False
+    """For "grasp" and "retreat": where the hand stands before the thing, not at it, is where that holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,16 +88,13 @@ def unblocked(ways: Ways, arm: ArmModel, solids: Solids, rejections: Rejections)
     if not len(ways) or not len(arm.spheres.in_tip):
         return ways
     poses = ways.poses(np.arange(len(ways)))
-    count, steps = poses.shape[:2]
-    points = poses[:, :, None, :3, 3] + np.einsum("nkij,hj->nkhi", poses[..., :3, :3], arm.spheres.in_tip)
+    points = poses[..., :3, :3].reshape(-1, 3, 3) @ arm.spheres.in_tip.T + poses[..., :3, 3].reshape(-1, 3, 1)
+    points = points.transpose(0, 2, 1)
+    lower, upper = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+    near = solids.near((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2 + 0.1)
     radii = arm.spheres.radii[arm.spheres.hand]
-    points = points.reshape(count, -1, 3)
-    near = solids.near(points.reshape(-1, 3).mean(axis=0), float(np.ptp(points.reshape(-1, 3), axis=0).max()) + 0.1)
-    gap, piece = near.hits(points, np.tile(radii, steps), np.ones(points.shape[1], bool), ways.touches)
-    free = gap > -INSIDE
-    for index in np.flatnonzero(~free):
-        rejections.collision(near.bodies[int(piece[index])])
-    return ways.chosen(free)
+    found = near.hits(points, radii, np.ones(len(radii), bool), ways.touches)
+    return ways.chosen(_none_inside(*found, near, len(ways), INSIDE, rejections.collision))
 
 
 def solve(
@@ -122,7 +120,7 @@ def solve(
     targets = to_base[:, None] @ ways.poses(index)
     alive = np.arange(count)
     if slack is not None:
-        alive = alive[_free(seeds[:, 0], bases, arm, solids, ways.touches, slack, own, rejections)]
+        alive = alive[_free(seeds[:, :1], bases, arm, solids, ways.touches, slack, own, rejections)]
     q, solved = arm.solver.solve(targets[alive, ways.key], seeds[alive])
     rejections.add("out of reach", int((~solved).sum()))
     alive, q = alive[solved], q[solved]
@@ -137,8 +135,8 @@ def solve(
         whole = good.reshape(len(alive), len(others)).all(axis=1)
         rejections.add("out of reach", int((~whole).sum()))
         alive = alive[whole]
-    for step in (ways.key, *others):
-        alive = alive[_free(joints[alive, step], bases[alive], arm, solids, ways.touches, INSIDE, own, rejections)]
+    postures = joints[alive][:, [ways.key, *others]]
+    alive = alive[_free(postures, bases[alive], arm, solids, ways.touches, INSIDE, own, rejections)]
     ok = np.zeros(count, bool)
     ok[alive] = True
     return Solved(joints, ok)
@@ -154,22 +152,55 @@ def _free(
     own: OwnBody,
     rejections: Rejections,
 ) -> NDArray[np.bool_]:
-    """For which rows no sphere of the arm is inside something by more than ``slack`` [m]."""
-    if not len(q) or not len(arm.spheres.radii):
-        return np.ones(len(q), bool)
+    """At which bases (n, 3) no sphere of the arm is inside something by more than ``slack`` [m] at any q (n, s, d)."""
+    count, steps, size = q.shape
+    if not count or not len(arm.spheres.radii):
+        return np.ones(count, bool)
+    flat, matrices = q.reshape(-1, size), np.repeat(base_matrices(bases), steps, axis=0)
+    centres = arm.spheres.centres(flat)
+    points = centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+    found = solids.hits(points, arm.spheres.radii, arm.spheres.hand, touches)
+    free = _none_inside(*found, solids, count, slack, rejections.collision)
+    rest = np.repeat(free, steps)
+    found = own.hits(centres[rest], arm.spheres.radii, flat[rest])
+    free[free] = _none_inside(*found, own.solids, int(free.sum()), slack, rejections.collision)
+    return free
+
+
+def arms_have_room(bases: Array, around: Surroundings, solids: Solids, rejections: Rejections) -> NDArray[np.bool_]:
+    """At which bases (n, 3) no arm, in its present posture, is inside something as far as spheres tell.
+
+    Others are counted.
+    """
+    arms = around.arms_as_they_are()
+    if not len(bases) or not len(arms.radii):
+        return np.ones(len(bases), bool)
     matrices = base_matrices(bases)
-    centres = arm.spheres.centres(q)
-    points = np.einsum("nij,nkj->nki", matrices[:, :3, :3], centres) + matrices[:, None, :3, 3]
-    gap, piece = solids.hits(points, arm.spheres.radii, arm.spheres.hand, touches)
-    free = gap > -slack
-    rest = np.flatnonzero(free)
-    own_gap, part = own.hits(centres[rest], arm.spheres.radii, q[rest])
-    free[rest] = own_gap > -slack
-    for row in np.flatnonzero(own_gap <= -slack):
-        rejections.collision(own.solids.bodies[int(part[row])])
-    for row in np.flatnonzero(gap <= -slack):
-        rejections.collision(solids.bodies[int(piece[row])])
-    return np.asarray(free)
+    points = arms.centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+    found = solids.hits(points, arms.radii, arms.hand, None)
+    return _none_inside(*found, solids, len(bases), INSIDE, rejections.crowded)
+
+
+def _none_inside(
+    gap: Array, piece: NDArray[np.intp], solids: Solids, count: int, slack: float, reject: Callable[[str], None]
+) -> NDArray[np.bool_]:
+    """Which of ``count`` places keep their gaps in all postures; of others the first body they are inside is told."""
+    if not count:
+        return np.zeros(0, bool)
+    inside = (gap <= -slack).reshape(count, -1)
+    first = np.argmax(inside, axis=1)
+    blocked = np.flatnonzero(inside.any(axis=1))
+    for number in piece.reshape(inside.shape)[blocked, first[blocked]].tolist():
+        reject(solids.bodies[number])
+    return np.asarray(~inside.any(axis=1))
+
+
+def is_among(known: ReachSolution, ways: Ways) -> bool:
+    """Whether a way's poses are those of one of some ways."""
+    poses = ways.poses(np.arange(len(ways)))
+    if poses.shape[1:] != known.plan.poses.shape:
+        return False
+    return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
 
 
 def touched_by(solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
@@ -194,6 +225,18 @@ def touched_at(rows: Array, solution: ReachSolution, base: Base, around: Surroun
     return None
 
 
+def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings) -> bool:
+    """Whether the hand itself is in something at a pose of a solution, or when it closes: wherever the base stands."""
+    plan, hand, bodies = solution.plan, solution.arm.hand_links, around.names()
+    for q in solution.joints:
+        contacts = around.contacts(base, solution.arm, q, plan.touches, plan.opened)
+        if any(contact.part in hand and contact.body in bodies for contact in contacts):
+            return True
+    if solution.reach.kind != "grasp":
+        return False
+    return around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body) is not None
+
+
 def between(joints: Array) -> Array:
     """Points on the lines between neighbouring rows (k, d): the middles, then the quarters, (3 (k - 1), d)."""
     first, step = joints[:-1], np.diff(joints, axis=0)
@@ -206,7 +249,7 @@ def from_base(
     arm: ArmModel,
     ways: Ways,
     around: Surroundings,
-    inverse: Inverse,
+    inverse: InverseMaps,
     rejections: Rejections,
     *,
     seed: Array | None = None,
@@ -260,7 +303,7 @@ def from_base(
                     rejections.collision(body)
 
 
-def _looked_up(ways: Ways, base: Array, arm: ArmModel, inverse: Inverse) -> tuple[NDArray[np.intp], Array, Array]:
+def _looked_up(ways: Ways, base: Array, arm: ArmModel, inverse: InverseMaps) -> tuple[NDArray[np.intp], Array, Array]:
     """For one base the ways that the maps know a posture for, one entry for each torso position: way, score, seed."""
     c, s = math.cos(base[2]), math.sin(base[2])
     local = ways.points - np.array([base[0], base[1], 0.0])

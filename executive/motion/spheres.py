@@ -60,7 +60,7 @@ def spheres_in(hull: Hull) -> Spheres:
     while len(chosen) < MOST:
         gain = np.maximum(nearest[:, None] - away, 0.0).sum(axis=0)
         best = int(np.argmax(gain))
-        if gain[best] <= 1e-9:
+        if gain[best] <= 1e-9 and chosen:  # even the smallest shape has one
             break
         chosen.append(best)
         nearest = np.minimum(nearest, away[:, best])

@@ -5,17 +5,31 @@ from __future__ import annotations
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.layout import Expression, Text, call, sequence
 from planlang.compiler.symbols import Symbols, is_iri, quoted
-from planlang.compiler.tree import ActionTerm, Condition, FunctionCall, Passed, PlaceUse, Recover, Value
+from planlang.compiler.tree import (
+    ActionTerm,
+    Condition,
+    Described,
+    FunctionCall,
+    Kept,
+    Passed,
+    PlaceUse,
+    Recover,
+    Value,
+)
 from planlang.designators import local_name
 from planlang.recipe.model import Name, Thing
 
 
 class Expressions:
-    """Writes expressions with the names of one module; ``variables`` hold the results of steps (IRIs)."""
+    """Writes expressions with the names of one module.
 
-    def __init__(self, symbols: Symbols, variables: dict[str, str]) -> None:
+    ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name.
+    """
+
+    def __init__(self, symbols: Symbols, variables: dict[str, str], kept: dict[str, str]) -> None:
         self._symbols = symbols
         self._variables = variables
+        self._kept = kept
 
     def alternatives(self, calls: tuple[FunctionCall, ...]) -> Expression:
         """Called functions as one branch."""
@@ -35,12 +49,7 @@ class Expressions:
 
     def action(self, term: ActionTerm) -> CallExpression:
         """An action designator."""
-        properties: dict[str, Expression | str] = {}
-        for name, fillers in term.properties:
-            values = [self.value(filler) for filler in fillers]
-            properties[name] = values[0] if len(values) == 1 else sequence(values)
-        action_class = self._symbols.iri(term.type) if is_iri(term.type) else quoted(term.type)
-        return call(self._symbols.use("action"), action_class, **properties)
+        return self._described("action", term.type, term.properties)
 
     def value(self, value: Value) -> Expression:
         """What fills a property."""
@@ -53,12 +62,27 @@ class Expressions:
                 return call(self._symbols.place(place), *map(self._symbols.thing, arguments))
             case Passed(producer, otherwise):
                 return call(self._symbols.use("given"), self._variables[producer], self.value(otherwise))
+            case Kept(name, otherwise):
+                return call(self._symbols.use("given"), f"{self._kept[name]}.value", self.value(otherwise))
+            case Described(type, properties):
+                return self._described("a_situation", type, properties)
             case Name(iri):
                 return Text(quoted(local_name(iri)))
             case str():
                 return Text(quoted(value))
             case _:
                 return Text(repr(value))
+
+    def _described(
+        self, maker: str, type: str, properties: tuple[tuple[str, tuple[Value, ...]], ...]
+    ) -> CallExpression:
+        """A call that describes something by its class and properties."""
+        written: dict[str, Expression | str] = {}
+        for name, fillers in properties:
+            values = [self.value(filler) for filler in fillers]
+            written[name] = values[0] if len(values) == 1 else sequence(values)
+        cls = self._symbols.iri(type) if is_iri(type) else quoted(type)
+        return call(self._symbols.use(maker), cls, **written)
 
     def condition(self, condition: Condition) -> Expression:
         """A condition that the executive looks up."""

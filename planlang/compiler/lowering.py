@@ -9,7 +9,6 @@ import networkx as nx
 from planlang.compiler.machines import machine
 from planlang.compiler.overlaps import Overlaps
 from planlang.compiler.roles import Roles
-from planlang.compiler.scopes import Scoping, Unit, scoping, single_steps
 from planlang.compiler.steps import Steps
 from planlang.compiler.structure import structured
 from planlang.compiler.terms import HandUse, Terms, callees_first
@@ -21,6 +20,7 @@ from planlang.recipe.check_orderings import ordering_to_write
 from planlang.recipe.graph import order_graph
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.precedence import Precedence
+from planlang.recipe.scopes import Unit, scopes_of, single_steps
 
 
 class Lowering:
@@ -65,15 +65,15 @@ class Lowering:
         def done_in(step: Step) -> Node:
             return self._steps.with_looking(recipe, self._steps.node(recipe, step, frozenset()), [step])
 
-        return Series((machine(recipe, done_in),))
+        return Series((machine(recipe, done_in, lambda step: self._terms.kept(recipe, step)),))
 
     def _ordered(self, recipe: Recipe) -> Series:
-        found = self._scoping(recipe)
+        order = self._terms.order(recipe)
+        found = scopes_of(self._actions, recipe, self._recipes, order) if self._scopes else single_steps(order)
         self.added[recipe.iri] = found.added
         self.diagnostics += [self._said(recipe, before, after) for before, after in found.added]
-        order = self._terms.order(recipe)
         if found.added:
-            order = Precedence(order_graph(order.nodes, [*order.graph.edges, *found.added]))
+            order = Precedence.of(order.nodes, [*order.reduction(), *found.added])
         overlaps = Overlaps(recipe, order)
         holding = self._roles.held(recipe, order)
 
@@ -93,17 +93,6 @@ class Lowering:
         nodes = [unit_node(unit) for unit in found.units]
         return structured(found.graph, nodes, [self._name(recipe, unit.members()[0]) for unit in found.units])
 
-    def _scoping(self, recipe: Recipe) -> Scoping:
-        """The units of a recipe. What overlaps a base motion has to run beside it: then there are no scopes."""
-        order = self._terms.order(recipe)
-        if not self._scopes:
-            return single_steps(order)
-        movers = self._actions.movers(recipe, self._recipes)
-        overlapping = {iri for overlap in recipe.overlaps for iri in (overlap.first, overlap.second)}
-        if overlapping & movers.opening:
-            return single_steps(order)
-        return scoping(order, movers, placed(recipe))
-
     def _scope(self, recipe: Recipe, unit: Unit, nodes: list[Node]) -> Node:
         assert unit.base is not None
         small = self._reduced(recipe)
@@ -119,7 +108,8 @@ class Lowering:
         self._bases.append((use, uses))
         reaching = tuple(dict.fromkeys(where for where, _ in uses))
         attempts = self._steps.recoveries.attempts_at_places(base)
-        scope = Scope(base.name, use, reaching, attempts, body, base.label)
+        where = self._terms.place(recipe, base, use.place)
+        scope = Scope(base.name, where, reaching, attempts, body, base.label)
         return self._steps.with_looking(recipe, scope, [base, *steps])
 
     def _reduced(self, recipe: Recipe) -> nx.DiGraph:
@@ -148,12 +138,3 @@ def _destination(base: Step) -> Place:
         return filler
     iri = filler.iri or filler.stated
     return Place(f"{iri.removesuffix(filler.name)}near-{filler.name}", (("in_reach_of", filler),))
-
-
-def placed(recipe: Recipe) -> frozenset[str]:
-    """The steps that have a location or an object."""
-    return frozenset(
-        step.iri
-        for step in recipe.steps
-        if any(isinstance(parameter.filler, (Thing, Place)) for parameter in step.parameters)
-    )

@@ -6,22 +6,24 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from planlang.compiler.naming import Names, snake_case
-from planlang.compiler.tree import ActionTerm, Case, Handle, Machine, Node, State
+from planlang.compiler.tree import Case, Handle, Machine, Node, State
 from planlang.designators import local_name
 from planlang.failures import ObjectNotFound, PlanFailure
-from planlang.recipe.model import Ending, Recipe, Step, Thing, Transition
+from planlang.recipe.model import Ending, Recipe, Step, Transition
 
 DONE, TRUE, FALSE = "done", "true", "false"
 
 NOT_SEEN = ObjectNotFound.__name__
 """The failure by which a step that checks whether something is seen says that it is not."""
 
-SEEN = "detectedObject"
-"""The property of a condition that names what has to be seen."""
 
+def machine(
+    recipe: Recipe, node_of: Callable[[Step], Node], kept: Callable[[Step], tuple[str, ...]] = lambda step: ()
+) -> Machine:
+    """The state machine of a finite-state recipe; ``node_of`` says what is done in a state.
 
-def machine(recipe: Recipe, node_of: Callable[[Step], Node]) -> Machine:
-    """The state machine of a finite-state recipe; ``node_of`` says what is done in a state."""
+    ``kept`` are the names under which other states find what a state has made.
+    """
     assert recipe.machine is not None
     steps = {step.iri: step for step in recipe.steps}
     known = Names()
@@ -34,29 +36,15 @@ def machine(recipe: Recipe, node_of: Callable[[Step], Node]) -> Machine:
     states, cases = [], []
     for iri, step in steps.items():
         if iri in ends:
-            kept = [transition for transition in leaving[iri] if transition.ending is Ending.FAILED]
+            leaves = [transition for transition in leaving[iri] if transition.ending is Ending.FAILED]
             states.append(State(names[iri], node_of(step)))
         else:
-            kept = leaving[iri]
-            states.append(_state(names[iri], node_of(step), kept))
-        cases += _cases(names, iri, kept)
+            leaves = leaving[iri]
+            states.append(replace(_state(names[iri], node_of(step), leaves), keeps=kept(step)))
+        cases += _cases(names, iri, leaves)
     reached = _reached(names[recipe.machine.start], cases)
     final = tuple(names[end] for end in ends if names[end] in reached)
     return Machine(tuple(states), tuple(cases), names[recipe.machine.start], final)
-
-
-def looks_for(step: Step, term: ActionTerm) -> ActionTerm:
-    """The action of a step that checks whether something is seen: it acts on that, unless it says otherwise."""
-    if step.condition is None or any(name == "object_acted_on" for name, _ in term.properties):
-        return term
-    seen = [
-        parameter.filler
-        for parameter in step.condition.parameters
-        if local_name(parameter.property) == SEEN and isinstance(parameter.filler, Thing)
-    ]
-    if len(seen) != 1:
-        return term
-    return replace(term, properties=(("object_acted_on", (seen[0],)), *term.properties))
 
 
 def _state(name: str, body: Node, leaving: list[Transition]) -> State:

@@ -12,6 +12,7 @@ from planlang.compiler.tree import (
     Gate,
     Handle,
     Hold,
+    Kept,
     Machine,
     Node,
     Parallel,
@@ -20,6 +21,7 @@ from planlang.compiler.tree import (
     Perform,
     Scope,
     Series,
+    Value,
 )
 
 
@@ -92,7 +94,7 @@ class Passing:
             self._home[id(node)] = home
 
 
-def _all(body: Series) -> Iterator[Node]:
+def _all(body: Node) -> Iterator[Node]:
     waiting: list[Node] = [body]
     while waiting:
         node = waiting.pop()
@@ -100,14 +102,26 @@ def _all(body: Series) -> Iterator[Node]:
         waiting += inside(node)
 
 
+def uses_kept(body: Node) -> bool:
+    """True if a node, or one inside of it, uses what the states of a machine have made."""
+    return any(isinstance(value, Kept) for node in _all(body) for value in _values(node))
+
+
 def _passed(node: Node) -> Iterator[str]:
     """The steps whose results a node itself uses."""
+    return (value.producer for value in _values(node) if isinstance(value, Passed))
+
+
+def _values(node: Node) -> Iterator[Value]:
+    """What a node itself hands to actions, calls and places."""
     if isinstance(node, (Perform, Call)) and node.action is not None:
         for _, fillers in node.action.properties:
-            yield from (filler.producer for filler in fillers if isinstance(filler, Passed))
+            yield from fillers
     if isinstance(node, Call):
         for call in node.calls:
-            yield from (value.producer for _, value in call.arguments if isinstance(value, Passed))
+            yield from (value for _, value in call.arguments)
+    if isinstance(node, Scope):
+        yield node.place
 
 
 def _events(gate: Gate) -> Iterator[Event]:

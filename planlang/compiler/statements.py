@@ -9,7 +9,7 @@ from planlang.compiler.layout import INDENT, WIDTH, Display, Expression, Text, c
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.machines import DONE, FALSE, TRUE
 from planlang.compiler.naming import Names, snake_case
-from planlang.compiler.passing import Passing
+from planlang.compiler.passing import Passing, uses_kept
 from planlang.compiler.symbols import Symbols, quoted
 from planlang.compiler.tree import (
     Achieve,
@@ -23,7 +23,9 @@ from planlang.compiler.tree import (
     Node,
     Parallel,
     PartialOrder,
+    Passed,
     Perform,
+    PlaceUse,
     Scope,
     Series,
     State,
@@ -48,7 +50,9 @@ class Statements:
         self._events: dict[Event, str] = {}
         self._given: dict[str, tuple[str, ...]] = {}
         """Of a branch of a partial order the steps whose results it hands to others."""
-        self._write = Expressions(symbols, self._variables)
+        self._kept: dict[str, str] = {}
+        """Of what states make (a name) the fluent that holds the latest."""
+        self._write = Expressions(symbols, self._variables, self._kept)
 
     def lines(self) -> list[str]:
         """The statements of the function."""
@@ -235,7 +239,9 @@ class Statements:
         return lines
 
     def _scope(self, scope: Scope, depth: int) -> tuple[list[str], CallExpression]:
-        name = self._local_name(f"at_{self._symbols.place(scope.place.place)}")
+        where = scope.place.otherwise if isinstance(scope.place, Passed) else scope.place
+        assert isinstance(where, PlaceUse)
+        name = self._local_name(f"at_{self._symbols.place(where.place)}".lower())
         reaching = [self._write.value(where) for where in scope.reaching]
         more: dict[str, Expression | str] = {"attempts": str(scope.attempts)}
         if reaching:
@@ -276,16 +282,19 @@ class Statements:
         return before, call(self._symbols.use("partial_order"), steps, sequence(orderings, "[]"))
 
     def _machine(self, machine: Machine, depth: int) -> tuple[list[str], CallExpression]:
-        before: list[str] = []
+        before = self._latest(machine, depth)
         states: dict[str, Expression] = {}
         done = {case.state for case in machine.cases if case.outcome == DONE and not case.is_failure}
         for state in machine.states:
-            if state.name in machine.ends:
+            if state.name in machine.ends and not uses_kept(state.body):
                 inner, states[state.name] = self._branch(state.body, depth, state.name)
                 before += inner
                 continue
             name = self._local_name(state.name)
             states[state.name] = Text(name)
+            if state.name in machine.ends:
+                before += self._local_function(name, state.body, depth)
+                continue
             comment = _comment(state.body, depth + 1)
             first, expression = self._awaited(state.body, depth + 1)
             lines = [*comment, *first, *self._outcome(state, expression, depth + 1, has_done=state.name in done)]
@@ -301,6 +310,16 @@ class Statements:
         transitions = Display("{}", tuple(target for _, target in cases), tuple(key for key, _ in cases))
         return before, call(self._symbols.use("state_machine"), table, transitions, **more)
 
+    def _latest(self, machine: Machine, depth: int) -> list[str]:
+        """A fluent for each thing that states make and other states use; it has a name, so that a run can go on."""
+        lines: list[str] = []
+        for kept in dict.fromkeys(kept for state in machine.states for kept in state.keeps):
+            self._kept[kept] = self._local_name(f"latest_{snake_case(kept)}")
+            made = call(self._symbols.use("Fluent"), "None", quoted(kept))
+            annotation = f"{self._kept[kept]}: Fluent[{self._symbols.use('Any', 'typing')}] = "
+            lines += statement(made, depth=depth, before=annotation)
+        return [*lines, ""] if lines else []
+
     def _case(self, case: Case) -> Expression:
         if case.is_failure:
             return Text(self._symbols.use(case.outcome, "planlang.failures"))
@@ -309,21 +328,31 @@ class Statements:
     def _outcome(self, state: State, expression: CallExpression, depth: int, *, has_done: bool) -> list[str]:
         """The statements of a state that do what is done in it and return how it ended."""
         indent = INDENT * depth
+
+        def kept(result: str) -> list[str]:
+            return [f"{indent}{self._kept[name]}.set({result})" for name in state.keeps]
+
         if state.checks:
             answer = self._local_name("holds")
             return [
                 *statement(expression, depth=depth, before=f"{answer} = await "),
+                *kept(answer),
                 f"{indent}return {quoted(FALSE)} if {answer} is False else {quoted(TRUE)}",
             ]
         if state.outcomes:
             outcome = self._local_name("outcome")
-            said = statement(expression, depth=depth, before=f"{outcome} = await ")
+            said = [*statement(expression, depth=depth, before=f"{outcome} = await "), *kept(outcome)]
             if not has_done:
                 return [*said, f"{indent}return str({outcome})"]
             known = sequence([Text(quoted(one)) for one in state.outcomes])
             start, end = f"return str({outcome}) if {outcome} in ", f" else {quoted(DONE)}"
             return [*said, *statement(known, depth=depth, before=start, after=end)]
-        return [*statement(expression, depth=depth, before="await "), f"{indent}return {quoted(DONE)}"]
+        if state.keeps:
+            made = self._local_name("made")
+            said = [*statement(expression, depth=depth, before=f"{made} = await "), *kept(made)]
+        else:
+            said = statement(expression, depth=depth, before="await ")
+        return [*said, f"{indent}return {quoted(DONE)}"]
 
 
 def _comment(node: Node, depth: int) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from collections.abc import Set as AbstractSet
 
-from planlang.compiler.machines import looks_for
 from planlang.compiler.recoveries import Recoveries
 from planlang.compiler.roles import Roles
 from planlang.compiler.terms import Renaming, Terms
@@ -47,7 +46,7 @@ class Steps:
             action = self._terms.action(recipe, step) if self._terms.is_performed(step) else None
             node = Call(step.name, action, calls, step.iri)
         else:
-            node = Perform(step.name, looks_for(step, self._terms.action(recipe, step)), step.label, step.iri)
+            node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri)
         condition = self._goal(step)
         if condition is not None:
             node = Achieve(condition, node)

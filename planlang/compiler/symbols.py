@@ -10,7 +10,7 @@ from planlang.recipe.model import Kind, Place, RecipeSet, Thing
 PLANLANG = frozenset(
     (
         *("Any", "Condition", "Fluent", "Location", "Object", "Person", "Recovery"),
-        *("a_device", "a_location", "a_person", "a_posture", "action", "an_object", "holding"),
+        *("a_device", "a_location", "a_person", "a_posture", "a_situation", "action", "an_object", "holding"),
         *("achieve", "at_location", "par", "partial", "partial_order", "perform", "perform_or", "plan"),
         *("given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
         *("ignore", "look_and_repeat", "look_from_another_place"),

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from keyword import kwlist
 
 from planlang.compiler.naming import snake_case
-from planlang.compiler.tree import ActionTerm, Passed, PlaceUse, Value
+from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse, Value
 from planlang.designators import local_name
-from planlang.ontology import Ontology
+from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
-from planlang.recipe.graph import recipe_graph
-from planlang.recipe.model import Filler, Flow, Kind, Name, Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.graph import recipe_order
+from planlang.recipe.model import Description, Filler, Flow, Kind, Name, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.precedence import Precedence
+
+_T = Thing | PlaceUse | Name | str | int | float | bool
 
 Renaming = dict[Thing, Thing]
 """Parameter of a called function -> thing of its caller."""
 
 HandUse = tuple[PlaceUse | Thing, Thing | None]
 """Where a hand goes, and the device it goes with, if that is known."""
+
+SEEN = "detectedObject"
+"""The property of a condition that names what has to be seen."""
+
+ACTED_ON, CHECKED = "object_acted_on", "condition_evaluated"
 
 FIRST = ("objectActedOn", "toLocation", "fromLocation", "recipient")
 LAST = ("deviceUsed",)
@@ -46,7 +53,7 @@ class Terms:
     def order(self, recipe: Recipe) -> Precedence[str]:
         """The order of a recipe's steps (IRIs) as the recipe states it."""
         if recipe.iri not in self._orders:
-            self._orders[recipe.iri] = Precedence(recipe_graph(recipe))
+            self._orders[recipe.iri] = recipe_order(recipe)
         return self._orders[recipe.iri]
 
     def steps(self, recipe: Recipe) -> Sequence[Step]:
@@ -70,6 +77,8 @@ class Terms:
                 if not step.recipes or self.is_performed(step):
                     for parameter in _ordered(step):
                         found.update(dict.fromkeys(_things(parameter[1])))
+                    checked = step.condition.parameters if step.condition is not None else ()
+                    found.update(dict.fromkeys(_things(parameter.filler for parameter in checked)))
                 for callee in step.recipes:
                     renaming = self.renaming(recipe, step, callee)
                     found.update(dict.fromkeys(renaming.values()))
@@ -98,6 +107,8 @@ class Terms:
         device = self.device(recipe, step)
         if device is not None and "device_used" not in properties:
             properties["device_used"] = (device,)
+        if step.condition is not None:
+            properties |= self._checked(step.condition, properties)
         return ActionTerm(step.action, tuple(properties.items()))
 
     def passed(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> str | None:
@@ -118,19 +129,66 @@ class Terms:
         last = [maker for maker in makers if all(maker == other or order.before(other, maker) for other in makers)]
         return last[0] if last else None
 
-    def handed(self, recipe: Recipe, step: Step, thing: Thing) -> Thing | Passed:
+    def kept(self, recipe: Recipe, step: Step) -> tuple[str, ...]:
+        """The names under which other states of a machine find what a state has made: those of what it makes."""
+        if recipe.machine is None:
+            return ()
+        used = [flow for flow in recipe.flows if flow.producer == step.iri and flow.consumer != step.iri]
+        return tuple(dict.fromkeys(_key(flow) for flow in used if self._takes(recipe, flow)))
+
+    def handed(self, recipe: Recipe, step: Step, thing: Thing) -> Thing | Passed | Kept:
         """A thing that a step is about, or what an earlier step has handed on for it."""
         for name in dict.fromkeys(parameter.property for parameter in step.parameters if parameter.filler == thing):
-            producer = self.passed(recipe, step, name, thing)
-            if producer is not None:
-                return Passed(producer, thing)
+            found = self._from_others(recipe, step, name, thing, thing)
+            if found is not None:
+                return found
         return thing
 
+    def place(self, recipe: Recipe, step: Step, place: Place) -> PlaceUse | Passed:
+        """Where a base motion goes, or what an earlier step has handed on for it."""
+        producer = self.passed(recipe, step, "toLocation", place)
+        return Passed(producer, self.use(place)) if producer is not None else self.use(place)
+
+    def _checked(
+        self, condition: Description, properties: Mapping[str, tuple[Value, ...]]
+    ) -> dict[str, tuple[Value, ...]]:
+        """What a step checks: whether something is seen says an action that acts on it; anything else a situation."""
+        seen = [one.filler for one in condition.parameters if local_name(one.property) == SEEN]
+        if len(seen) == len(condition.parameters) == 1 and isinstance(seen[0], Thing):
+            return {} if ACTED_ON in properties else {ACTED_ON: (seen[0],)}
+        return {CHECKED: (self._described(condition) if condition.parameters else Name(condition.type),)}
+
+    def _described(self, description: Description) -> Described:
+        """A situation as plans write it."""
+        properties: dict[str, tuple[Value, ...]] = {}
+        for parameter in description.parameters:
+            filler = parameter.filler
+            key = _unclashed(snake_case(local_name(parameter.property)), ())
+            value = self.use(filler) if isinstance(filler, Place) else filler
+            properties[key] = (*properties.get(key, ()), value)
+        return Described(shorten(description.type), tuple(sorted(properties.items())))
+
     def _value(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> Value:
-        if isinstance(filler, Place):
-            return self.use(filler)
+        own = self.use(filler) if isinstance(filler, Place) else filler
+        return self._from_others(recipe, step, property_name, filler, own) or own
+
+    def _from_others(
+        self, recipe: Recipe, step: Step, property_name: str, filler: Filler, own: _T
+    ) -> Passed | Kept | None:
+        """What other steps hand on for a filler, which is ``own`` in the plan; None if they do not."""
+        if recipe.machine is not None:
+            for flow in recipe.flows:
+                if (flow.consumer, flow.consumes) == (step.iri, property_name) and flow.resource in _names(filler):
+                    return Kept(_key(flow), own)
+            return None
         producer = self.passed(recipe, step, property_name, filler)
-        return Passed(producer, filler) if producer is not None else filler
+        return Passed(producer, own) if producer is not None else None
+
+    def _takes(self, recipe: Recipe, flow: Flow) -> bool:
+        consumer = next((step for step in recipe.steps if step.iri == flow.consumer), None)
+        return consumer is not None and any(
+            flow.resource in _names(filler) for filler in consumer.fillers(flow.consumes or "")
+        )
 
     def use(self, place: Place, renaming: Renaming | None = None) -> PlaceUse:
         """A place with the things that it depends on, renamed."""
@@ -229,12 +287,17 @@ def callees_first(recipes: RecipeSet) -> list[Recipe]:
     return list(done.values())
 
 
+def _key(flow: Flow) -> str:
+    """The name of what a flow passes between states."""
+    return local_name(flow.resource or flow.producer)
+
+
 def _names(filler: Filler) -> tuple[str | None, ...]:
     """How a data flow may name a filler; None, for it does not say, names any."""
     match filler:
         case Thing():
             return (None, filler.iri) if filler.iri is not None else (None, filler.stated)
-        case Name():
+        case Name() | Place():
             return None, filler.iri
         case _:
             return (None,)

@@ -16,14 +16,30 @@ class PlaceUse:
 
 
 @dataclass(frozen=True, slots=True)
+class Described:
+    """A situation of a class (IRI, local name if of the vocabulary) in which properties are filled, in snake case."""
+
+    type: str
+    properties: tuple[tuple[str, tuple[Value, ...]], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Passed:
     """What an earlier step (IRI) handed on, or ``otherwise`` if its result is not of that kind."""
 
     producer: str
-    otherwise: Thing | Name | str | int | float | bool
+    otherwise: Thing | PlaceUse | Name | str | int | float | bool
 
 
-Value = Thing | PlaceUse | Passed | Name | str | int | float | bool
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """What the states of a machine have made last under a name, or ``otherwise`` if it is not of that kind."""
+
+    name: str
+    otherwise: Thing | PlaceUse | Name | str | int | float | bool
+
+
+Value = Thing | PlaceUse | Described | Passed | Kept | Name | str | int | float | bool
 """What fills a property of an action in a plan."""
 
 
@@ -56,7 +72,7 @@ class FunctionCall:
     """Call the plan function of a recipe (IRI) with things for some of its parameters."""
 
     recipe: str
-    arguments: tuple[tuple[Thing, Thing | Passed], ...]
+    arguments: tuple[tuple[Thing, Thing | Passed | Kept], ...]
     """Pairs (parameter of the called function, thing of the caller)."""
 
 
@@ -123,7 +139,7 @@ class Scope:
     """Run the body where the base is at ``place`` and can reach all of ``reaching``."""
 
     name: str
-    place: PlaceUse
+    place: PlaceUse | Passed
     reaching: tuple[PlaceUse | Thing, ...]
     attempts: int
     body: Series
@@ -192,13 +208,14 @@ class State:
     """A state: what is done in it, and what it returns to say how that ended.
 
     With ``checks`` that is "true", or "false" if the body's result is False. Of ``outcomes`` the one that the body's
-    result names. Else "done".
+    result names. Else "done". ``keeps`` are names under which other states find the body's result.
     """
 
     name: str
     body: Node
     checks: bool = False
     outcomes: tuple[str, ...] = ()
+    keeps: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

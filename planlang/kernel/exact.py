@@ -17,7 +17,7 @@ from enum import Enum
 from functools import cache
 from typing import Any
 
-from planlang.designators import Action, Condition, Device, Location, Object, Person, Posture, Relation
+from planlang.designators import Action, Condition, Device, Location, Object, Person, Posture, Relation, Situation
 from planlang.failures import PlanFailure, Where
 
 DEEPEST = 50
@@ -157,9 +157,8 @@ def _name(value: object) -> bool:
 
 
 def _filler(value: object) -> bool:
-    if isinstance(value, tuple):
-        return all(isinstance(one, (Object, Location)) for one in value)
-    return isinstance(value, (Object, Location, str, int, float, bool))
+    parts = value if isinstance(value, tuple) else (value,)
+    return all(isinstance(one, (Object, Location, Situation, str, int, float, bool)) for one in parts)
 
 
 def _is_object(one: Object) -> bool:
@@ -176,13 +175,12 @@ def _is_location(one: Location) -> bool:
     )
 
 
-def _is_action(one: Action) -> bool:
+def _is_described(one: Action | Situation) -> bool:
     pairs = one.properties
     return (
         isinstance(one.type, str)
         and isinstance(pairs, tuple)
         and all(isinstance(p, tuple) and len(p) == 2 and isinstance(p[0], str) and _filler(p[1]) for p in pairs)
-        and _name(one.name)
     )
 
 
@@ -204,7 +202,8 @@ def _checks() -> dict[type[Any], Callable[[Any], bool]]:
         Relation: lambda one: isinstance(one.name, str) and isinstance(one.reference, (Object, Location)),
         Location: _is_location,
         Posture: _is_location,
-        Action: _is_action,
+        Action: lambda one: _is_described(one) and _name(one.name),
+        Situation: _is_described,
         Condition: lambda one: isinstance(one.predicate, str) and isinstance(one.arguments, tuple),
     }
 

@@ -15,8 +15,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from planlang.diagnostics import Span
-from planlang.ontology.terms import BNode, Literal, Term, Triple
+from planlang.ontology.terms import BNode, Literal, Term
+from planlang.ontology.triples import Triples
 
 LARGEST_ENTRY = 50_000_000
 """Bytes; a larger file in the cache folder is none of ours."""
@@ -37,7 +37,7 @@ def folder() -> Path | None:
         return None
 
 
-def fetch(content: bytes, file: str) -> list[Triple] | None:
+def fetch(content: bytes, file: str) -> Triples | None:
     """The triples of a file with this content, their positions in ``file``; None if they are not kept."""
     entry = _entry(content)
     if entry is None:
@@ -53,7 +53,7 @@ def fetch(content: bytes, file: str) -> list[Triple] | None:
         return None
 
 
-def keep(content: bytes, triples: list[Triple]) -> None:
+def keep(content: bytes, triples: Triples) -> None:
     """Keep the triples for the next run; another process that does the same at the same time does no harm."""
     entry = _entry(content)
     if entry is None:
@@ -96,41 +96,35 @@ def _reader() -> bytes:
     return digest.digest()
 
 
-def _pack(triples: list[Triple]) -> dict[str, Any]:
-    """Terms once each, and five numbers for every triple."""
-    numbers: dict[Term, int] = {}
-    terms: list[Any] = []
-    rows: list[int] = []
-
-    def number(term: Term) -> int:
-        if term not in numbers:
-            numbers[term] = len(terms)
-            match term:
-                case BNode(label):
-                    terms.append([label])
-                case Literal(value, datatype, language):
-                    terms.append([value, datatype, language])
-                case _:
-                    terms.append(term)
-        return numbers[term]
-
-    for triple in triples:
-        rows += (number(triple.subject), number(triple.predicate), number(triple.object))
-        rows += (triple.span.line, triple.span.column)
-    return {"terms": terms, "rows": rows}
+_COLUMNS = ("subjects", "predicates", "objects", "lines", "columns")
 
 
-def _unpack(packed: dict[str, Any], file: str) -> list[Triple]:
-    terms: list[Any] = [
-        term if isinstance(term, str) else BNode(*term) if len(term) == 1 else Literal(*term)
+def _pack(triples: Triples) -> dict[str, Any]:
+    """Terms and columns as JSON has them."""
+    return {
+        "label": triples.label,
+        "terms": [_packed(term) for term in triples.terms],
+        **{name: getattr(triples, name).tolist() for name in _COLUMNS},
+    }
+
+
+def _packed(term: Term | None) -> Any:
+    match term:
+        case BNode(label):
+            return [label]
+        case Literal(value, datatype, language):
+            return [value, datatype, language]
+        case _:
+            return term
+
+
+def _unpack(packed: dict[str, Any], file: str) -> Triples:
+    triples = Triples(file, packed["label"])
+    triples.terms = [
+        term if term is None or isinstance(term, str) else BNode(*term) if len(term) == 1 else Literal(*term)
         for term in packed["terms"]
     ]
-    rows = iter(packed["rows"])
-    spans: dict[tuple[int, int], Span] = {}
-    triples = []
-    for subject, predicate, value, line, column in zip(rows, rows, rows, rows, rows, strict=True):
-        span = spans.get((line, column))
-        if span is None:
-            span = spans[line, column] = Span(file, line, column)
-        triples.append(Triple(terms[subject], terms[predicate], terms[value], span))
+    triples.numbers = {term: number for number, term in enumerate(triples.terms) if term is not None}
+    for name in _COLUMNS:
+        getattr(triples, name).extend(packed[name])
     return triples

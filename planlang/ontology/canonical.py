@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
-from planlang.ontology.terms import Literal, Term, Triple
+from planlang.diagnostics import Diagnostic, note
+from planlang.ontology.triples import Triples
 
 OLD_HOST = "http://ias.cs.tum.edu/kb/"
 HOST = "http://knowrob.org/kb/"
@@ -38,16 +39,37 @@ def canonical(iri: str) -> str:
     return f"{_RENAMED.get(document, document)}{hash_sign}{name}"
 
 
-def canonical_triples(triples: Iterable[Triple]) -> Iterator[Triple]:
-    """The same triples under canonical names; those that have them already are passed on as they are, not copied."""
-    for triple in triples:
-        subject, predicate, value = _term(triple.subject), canonical(triple.predicate), _term(triple.object)
-        if subject is triple.subject and predicate is triple.predicate and value is triple.object:
-            yield triple
-        else:
-            assert not isinstance(subject, Literal)
-            yield Triple(subject, predicate, value, triple.span)
+def use_canonical_names(triples: Triples) -> Iterator[Diagnostic]:
+    """Give the terms their canonical names; a note for each vocabulary that is renamed, where it is used first."""
+    old = {number: term for number, term in enumerate(triples.terms) if isinstance(term, str) and _is_old(term)}
+    if not old:
+        return
+    notes = list(_notes(triples, old))
+    same: dict[int, int] = {}
+    """Number of an old name -> that of the new one, where the file has both."""
+    for number, term in old.items():
+        name = canonical(term)
+        del triples.numbers[term]
+        triples.terms[number] = name
+        if triples.numbers.setdefault(name, number) != number:
+            same[number] = triples.numbers[name]
+    if same:
+        triples.renumber(same)
+    yield from notes
 
 
-def _term(term: Term) -> Term:
-    return canonical(term) if isinstance(term, str) else term
+def _is_old(term: str) -> bool:
+    return term.startswith(OLD_HOST) and canonical(term) != term
+
+
+def _notes(triples: Triples, old: dict[int, str]) -> Iterator[Diagnostic]:
+    documents = {number: term.partition("#")[0] for number, term in old.items()}
+    left = {document for document in documents.values() if canonical(document) != document}
+    for row, terms in enumerate(zip(triples.subjects, triples.predicates, triples.objects, strict=True)):
+        for number in terms:
+            if number in documents and (document := documents[number]) in left:
+                left.remove(document)
+                message = f"names of {document} are read as those of {canonical(document)}"
+                yield note("O015", message, triples.span(row))
+        if not left:
+            return

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.ontology.documents import Reading
-from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, SUBCLASS_OF, XSD, Triple
+from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, SUBCLASS_OF, XSD
+from planlang.ontology.triples import Triples
 from planlang.resources import bundled
 
 if TYPE_CHECKING:
@@ -36,12 +37,17 @@ def checked(ontology: Ontology, readings: Sequence[Reading]) -> Iterator[Diagnos
             yield from _classes_as_individuals(ontology, reading.triples)
 
 
-def _undefined_superclasses(ontology: Ontology, triples: Sequence[Triple]) -> Iterator[Diagnostic]:
-    first: dict[str, Triple] = {}
-    for triple in triples:
-        name = triple.object
-        if triple.predicate == SUBCLASS_OF and isinstance(name, str) and not name.startswith(_W3C):
-            first.setdefault(name, triple)
+def _named_objects(triples: Triples, predicate: str) -> dict[str, int]:
+    """The IRIs that are objects of a predicate, each with the first row that has it."""
+    found: dict[int, int] = {}
+    for row in triples.by(predicate):
+        found.setdefault(triples.objects[row], row)
+    return {name: row for number, row in found.items() if (name := triples.name(number)) is not None}
+
+
+def _undefined_superclasses(ontology: Ontology, triples: Triples) -> Iterator[Diagnostic]:
+    named = _named_objects(triples, SUBCLASS_OF)
+    first = {name: row for name, row in named.items() if not name.startswith(_W3C)}
     undefined = [name for name in first if not ontology.defined(name)]
     for place, name in enumerate(undefined[:MOST_WARNINGS]):
         advice = "import the file that defines it, or correct the name"
@@ -49,7 +55,7 @@ def _undefined_superclasses(ontology: Ontology, triples: Sequence[Triple]) -> It
         if similar:
             advice = f"did you mean {similar}? {advice}"
         message = f"nothing defines the superclass {local_name(name)} ({name})"
-        yield warning("O041", message, first[name].span, advice)
+        yield warning("O041", message, triples.span(first[name]), advice)
 
 
 def _similar(ontology: Ontology, name: str) -> str | None:
@@ -60,34 +66,22 @@ def _similar(ontology: Ontology, name: str) -> str | None:
     return next(iter(get_close_matches(local, others, n=1, cutoff=0.75)), None)
 
 
-def _individuals_as_classes(ontology: Ontology, triples: Sequence[Triple]) -> Iterator[Diagnostic]:
-    found = [
-        t
-        for t in triples
-        if t.predicate == OWL + "someValuesFrom"
-        and isinstance(t.object, str)
-        and ontology.is_individual(t.object)
-        and not ontology.is_class(t.object)
-    ]
+def _individuals_as_classes(ontology: Ontology, triples: Triples) -> Iterator[Diagnostic]:
+    named = _named_objects(triples, OWL + "someValuesFrom")
+    found = [name for name in named if ontology.is_individual(name) and not ontology.is_class(name)]
     if found:
         message = f"someValuesFrom with an individual is read as hasValue: {_names(found)}"
-        yield note("O042", message, found[0].span)
+        yield note("O042", message, triples.span(named[found[0]]))
 
 
-def _classes_as_individuals(ontology: Ontology, triples: Sequence[Triple]) -> Iterator[Diagnostic]:
-    found = [
-        t
-        for t in triples
-        if t.predicate == OWL + "hasValue"
-        and isinstance(t.object, str)
-        and ontology.is_class(t.object)
-        and not ontology.is_individual(t.object)
-    ]
+def _classes_as_individuals(ontology: Ontology, triples: Triples) -> Iterator[Diagnostic]:
+    named = _named_objects(triples, OWL + "hasValue")
+    found = [name for name in named if ontology.is_class(name) and not ontology.is_individual(name)]
     if found:
         message = f"hasValue with a class is read as someValuesFrom: {_names(found)}"
-        yield note("O043", message, found[0].span)
+        yield note("O043", message, triples.span(named[found[0]]))
 
 
-def _names(triples: Sequence[Triple]) -> str:
-    names = list(dict.fromkeys(local_name(str(triple.object)) for triple in triples))
+def _names(iris: Sequence[str]) -> str:
+    names = list(dict.fromkeys(map(local_name, iris)))
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")

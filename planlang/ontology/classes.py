@@ -19,11 +19,10 @@ from planlang.ontology.terms import (
     ROBOEARTH,
     SUBCLASS_OF,
     THING,
-    BNode,
     Literal,
     Term,
-    Triple,
 )
+from planlang.ontology.triples import Triples
 
 if TYPE_CHECKING:
     from planlang.ontology.ontology import Ontology
@@ -57,42 +56,40 @@ class Restriction:
     form: str
 
 
-def restrictions_of(ontology: Ontology, cls: str | BNode) -> Iterator[Restriction]:
-    """The restrictions of a class in source order; of a nameless one those that it consists of."""
-    if isinstance(cls, BNode):
-        for member in conjuncts(ontology, cls):
-            if isinstance(member, BNode):
-                yield from _restriction(ontology, member, "intersection")
+def restrictions_of(triples: Triples, cls: int) -> Iterator[Restriction]:
+    """The restrictions of a class in source order; of a nameless one those that it consists of. Terms by number."""
+    if triples.is_node(cls):
+        for member in conjuncts(triples, cls):
+            if triples.is_node(member):
+                yield from _restriction(triples, member, "intersection")
         return
-    for triple in ontology.triples(s=cls):
-        form = _SUPERCLASS_FORMS.get(triple.predicate)
-        if form is None or not isinstance(triple.object, BNode):
+    forms = {triples.find(predicate): form for predicate, form in _SUPERCLASS_FORMS.items()}
+    intersection = triples.find(INTERSECTION_OF)
+    for row in triples.about(cls):
+        form, value = forms.get(triples.predicates[row]), triples.objects[row]
+        if form is None or not triples.is_node(value):
             continue
-        if triple.predicate == INTERSECTION_OF:
-            parts: Iterable[Term] = _opened(ontology, items(ontology, triple.object))
-        else:
-            parts = conjuncts(ontology, triple.object)
-        for part in parts:
-            if isinstance(part, BNode):
-                nested = "intersection" if form == "flat" and part != triple.object else form
-                yield from _restriction(ontology, part, nested)
+        for part in _opened(triples, items(triples, value) if triples.predicates[row] == intersection else (value,)):
+            if triples.is_node(part):
+                nested = "intersection" if form == "flat" and part != value else form
+                yield from _restriction(triples, part, nested)
 
 
-def _restriction(ontology: Ontology, node: BNode, form: str) -> Iterator[Restriction]:
-    statements = list(ontology.triples(s=node))
-    prop = next((t.object for t in statements if t.predicate == ON_PROPERTY), None)
-    if not isinstance(prop, str):
+def _restriction(triples: Triples, node: int, form: str) -> Iterator[Restriction]:
+    rows = list(triples.about(node))
+    stated: list[str] = [triples.terms[triples.predicates[row]] for row in rows]  # type: ignore[misc]
+    prop = triples.name(triples.objects[rows[stated.index(ON_PROPERTY)]]) if ON_PROPERTY in stated else None
+    if prop is None:
         return
-    for triple in statements:
-        if (kind := _FILLERS.get(triple.predicate)) is not None:
-            yield Restriction(prop, kind, triple.object, None, triple.span, form)
-        elif (kind := _CARDINALITIES.get(triple.predicate)) is not None:
-            number = _whole(triple.object)
-            filler = next(
-                (t.object for t in statements if t.predicate in (OWL + "onClass", OWL + "onDataRange")), THING
-            )
+    for row, predicate in zip(rows, stated, strict=True):
+        if (kind := _FILLERS.get(predicate)) is not None:
+            yield Restriction(prop, kind, triples.term(triples.objects[row]), None, triples.span(row), form)
+        elif (kind := _CARDINALITIES.get(predicate)) is not None:
+            number = _whole(triples.term(triples.objects[row]))
+            ranges = (r for r, p in zip(rows, stated, strict=True) if p in (OWL + "onClass", OWL + "onDataRange"))
+            filler = next((triples.term(triples.objects[r]) for r in ranges), THING)
             if number is not None:
-                yield Restriction(prop, kind, filler, number, triple.span, form)
+                yield Restriction(prop, kind, filler, number, triples.span(row), form)
 
 
 def _whole(term: Term) -> int | None:
@@ -101,62 +98,68 @@ def _whole(term: Term) -> int | None:
     return None
 
 
-def conjuncts(ontology: Ontology, expression: Term) -> Iterator[Term]:
-    """The members of an intersection, nested ones opened; of anything else the expression itself."""
-    yield from _opened(ontology, [expression])
+def conjuncts(triples: Triples, expression: int) -> Iterator[int]:
+    """The members of an intersection, nested ones opened; of anything else the expression itself. Terms by number."""
+    return _opened(triples, [expression])
 
 
-def _opened(ontology: Ontology, expressions: Iterable[Term]) -> Iterator[Term]:
+def _opened(triples: Triples, expressions: Iterable[int]) -> Iterator[int]:
     """The expressions in their order, intersections among them opened, each once however they are nested."""
-    opened: set[Term] = set()
-    stack = [*expressions][::-1]
-    while stack:
-        expression = stack.pop()
-        if isinstance(expression, BNode) and expression not in opened:
-            members = next(ontology.triples(s=expression, p=INTERSECTION_OF), None)
-            if members is not None:
-                opened.add(expression)
-                stack += [*items(ontology, members.object)][::-1]
-                continue
-        if expression not in opened:
+    lists = triples.intersections
+    opened: set[int] = set()
+    for expression in expressions:
+        if expression not in lists:
             yield expression
+            continue
+        stack = [expression]
+        while stack:
+            inner = stack.pop()
+            if inner not in lists:
+                yield inner
+            elif inner not in opened:
+                opened.add(inner)
+                stack += [*items(triples, lists[inner])][::-1]
 
 
-def items(ontology: Ontology, cell: Term) -> Iterator[Term]:
-    """The items of an RDF list; a list that bites its own tail ends there."""
-    seen: set[Term] = set()
-    while isinstance(cell, (str, BNode)) and cell != NIL and cell not in seen:
+def items(triples: Triples, cell: int) -> Iterator[int]:
+    """The items of an RDF list; a list that bites its own tail ends there. Terms by number."""
+    first, rest, end = triples.find(FIRST), triples.find(REST), triples.find(NIL)
+    seen: set[int] = set()
+    while cell != end and cell not in seen:
         seen.add(cell)
-        following: Term = NIL
-        for triple in ontology.triples(s=cell):
-            if triple.predicate == FIRST:
-                yield triple.object
-            elif triple.predicate == REST:
-                following = triple.object
+        following = end
+        for row in triples.about(cell):
+            if triples.predicates[row] == first:
+                yield triples.objects[row]
+            elif triples.predicates[row] == rest:
+                following = triples.objects[row]
+        if following is None:
+            return
         cell = following
 
 
-def edges(ontology: Ontology) -> Iterator[tuple[str, str]]:
+def edges(triples: Triples) -> Iterator[tuple[str, str]]:
     """Pairs (class, superclass) of named classes, in document order; equivalent names are below each other."""
-    for triple in ontology.triples():
-        if triple.predicate in _SUPERCLASS_FORMS and isinstance(triple.subject, str):
-            yield from _edges(ontology, triple)
-
-
-def _edges(ontology: Ontology, triple: Triple) -> Iterator[tuple[str, str]]:
-    assert isinstance(triple.subject, str)
-    if isinstance(triple.object, str) and triple.predicate != INTERSECTION_OF:
-        yield triple.subject, triple.object
-        if triple.predicate == EQUIVALENT_CLASS:
-            yield triple.object, triple.subject
-        return
-    if triple.predicate == INTERSECTION_OF:
-        members: Iterator[Term] = _opened(ontology, items(ontology, triple.object))
-    else:
-        members = conjuncts(ontology, triple.object)
-    for member in members:
-        if isinstance(member, str):
-            yield triple.subject, member
+    intersection, equivalent = triples.find(INTERSECTION_OF), triples.find(EQUIVALENT_CLASS)
+    for row in triples.by(*_SUPERCLASS_FORMS):
+        lower, value = triples.name(triples.subjects[row]), triples.objects[row]
+        if lower is None:
+            continue
+        upper = triples.name(value)
+        if upper is not None and triples.predicates[row] != intersection:
+            yield lower, upper
+            if triples.predicates[row] == equivalent:
+                yield upper, lower
+            continue
+        if triples.predicates[row] == intersection:
+            members = _opened(triples, items(triples, value))
+        elif value in triples.intersections:
+            members = conjuncts(triples, value)
+        else:
+            continue
+        for member in map(triples.name, members):
+            if member is not None:
+                yield lower, member
 
 
 def alias_edges(ontology: Ontology, names: Iterable[str]) -> Iterator[tuple[str, str]]:

@@ -8,21 +8,22 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology import cache as kept
-from planlang.ontology.canonical import canonical, canonical_triples
+from planlang.ontology.canonical import use_canonical_names
 from planlang.ontology.imports import ImportMap
 from planlang.ontology.repairs import repair
 from planlang.ontology.structure import malformed
 from planlang.ontology.syntaxes import read_syntax
 from planlang.ontology.terms import IMPORTS, ONTOLOGY, TYPE, BNode, Triple
+from planlang.ontology.triples import Triples
 from planlang.ontology.xml_text import LARGEST_FILE
 from planlang.resources import bundled
 
 MOST_DOCUMENTS = 200
 """Files that one ontology may be made of."""
 
-VOCABULARY = ("knowrob", "srdl", "roboearth", "primitives", "recovery")
+VOCABULARY = ("knowrob", "srdl", "roboearth", "dul", "primitives", "recovery")
 """Bundled files that every ontology has, then objects/."""
 
 
@@ -40,7 +41,7 @@ class Reading:
     """A document with what it says, after repair, under canonical names."""
 
     document: Document
-    triples: tuple[Triple, ...]
+    triples: Triples
     diagnostics: tuple[Diagnostic, ...]
 
 
@@ -69,28 +70,11 @@ def _read(path: Path, content: bytes) -> Reading:
     triples = kept.fetch(content, file) if ours else None
     if triples is None:
         parsed = read_syntax(content, file, base=base, label=label)
-        diagnostics += parsed.diagnostics
-        triples = list(canonical_triples(parsed.triples))
-        diagnostics += _renamed(parsed.triples, triples)
-        triples, repairs = repair(triples)
-        diagnostics += (*repairs, *malformed(triples))
+        triples = parsed.triples
+        diagnostics += (*parsed.diagnostics, *use_canonical_names(triples), *repair(triples), *malformed(triples))
         if ours and not diagnostics:
             kept.keep(content, triples)
-    document = Document(path, _own_iri(triples), digest)
-    return Reading(document, tuple(triples), tuple(diagnostics))
-
-
-def _renamed(written: Sequence[Triple], read: Sequence[Triple]) -> Iterator[Diagnostic]:
-    """A note for each vocabulary whose names were changed, where it is used first."""
-    known: set[str] = set()
-    for before, after in zip(written, read, strict=True):
-        if before is not after:
-            for old in (before.subject, before.predicate, before.object):
-                namespace = old.partition("#")[0] if isinstance(old, str) else ""
-                if namespace not in known and canonical(namespace) != namespace:
-                    known.add(namespace)
-                    message = f"names of {namespace} are read as those of {canonical(namespace)}"
-                    yield note("O015", message, before.span)
+    return Reading(Document(path, _own_iri(triples), digest), triples, tuple(diagnostics))
 
 
 def _is_ours(path: Path) -> bool:
@@ -98,11 +82,11 @@ def _is_ours(path: Path) -> bool:
     return path.suffix == ".omn" and any(path.resolve().is_relative_to(folder) for folder in folders)
 
 
-def _own_iri(triples: Sequence[Triple]) -> str | None:
-    for triple in triples:
-        if triple.predicate == TYPE and triple.object == ONTOLOGY and isinstance(triple.subject, str):
-            return triple.subject
-    return None
+def _own_iri(triples: Triples) -> str | None:
+    ontology = triples.find(ONTOLOGY)
+    rows = (row for row in triples.by(TYPE) if triples.objects[row] == ontology) if ontology is not None else ()
+    names = (triples.name(triples.subjects[row]) for row in rows)
+    return next((name for name in names if name is not None), None)
 
 
 def read_all(path: Path, folders: Sequence[Path], *, builtin: bool) -> list[Reading]:
@@ -156,8 +140,9 @@ def read_all(path: Path, folders: Sequence[Path], *, builtin: bool) -> list[Read
 
 def _imports(reading: Reading) -> Iterator[Triple]:
     seen: set[str] = set()
-    for triple in reading.triples:
-        if triple.predicate == IMPORTS and not isinstance(triple.object, BNode) and str(triple.object) not in seen:
+    for row in reading.triples.by(IMPORTS):
+        triple = reading.triples.triple(row)
+        if not isinstance(triple.object, BNode) and str(triple.object) not in seen:
             seen.add(str(triple.object))
             yield triple
 

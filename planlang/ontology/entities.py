@@ -7,7 +7,7 @@ import re
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 
 LARGEST_EXPANSION = 10_000_000
-"""Characters that all references of a file may expand to together."""
+"""Characters that all references of a file may expand to together, if the file itself is not longer."""
 
 LARGEST_FACTOR = 100
 """The same in multiples of the file's length."""
@@ -31,7 +31,7 @@ class EntityTable:
     @property
     def limit(self) -> int:
         """Characters that the references may expand to; a short file may use a few declared prefixes freely."""
-        return min(LARGEST_EXPANSION, LARGEST_FACTOR * len(self._text))
+        return min(max(LARGEST_EXPANSION, len(self._text)), LARGEST_FACTOR * len(self._text))
 
     @property
     def names(self) -> frozenset[str]:
@@ -46,14 +46,14 @@ class EntityTable:
         """Raise BadInput if the references of the file expand to more than the limit, or into themselves."""
         for name in self._values:
             self._measure(name)
-        total = 0
+        total, limit, lengths = 0, self.limit, self._lengths
         for match in _REFERENCE.finditer(self._text):  # those between declarations count too: a little too much
-            total += self._lengths.get(match[1], 0)
-            if total > self.limit:
+            total += lengths.get(match[1], 0)
+            if total > limit:
                 before = match.start()
                 line = self._text.count("\n", 0, before) + 1
                 span = Span(self._file, line, before - self._text.rfind("\n", 0, before))
-                raise BadInput([_too_much(match[1], self.limit, span)])
+                raise BadInput([_too_much(match[1], limit, span)])
 
     def _measure(self, root: str) -> None:
         """Compute the lengths of an entity and of those it refers to, the innermost first, without recursion."""

@@ -26,8 +26,8 @@ from planlang.ontology.terms import (
     BNode,
     Literal,
     Term,
-    Triple,
 )
+from planlang.ontology.triples import Triples
 
 DATATYPE = RDFS + "Datatype"
 BOOLEAN = XSD + "boolean"
@@ -71,17 +71,16 @@ class Statements:
     """Collects triples in the order of the text, with labels for the nameless nodes."""
 
     def __init__(self, file: str, label: str, data_properties: frozenset[str], datatypes: frozenset[str]) -> None:
-        self.triples: list[Triple] = []
-        self._file = file
+        self.triples = Triples(file, label)
         self._label = label
-        self._count = 0
         self._data_properties = data_properties
         self._datatypes = datatypes
 
     def fresh(self) -> BNode:
         """A new nameless node."""
-        self._count += 1
-        return BNode(f"{self._label}{self._count}")
+        node = self.triples.term(self.triples.fresh())
+        assert isinstance(node, BNode)
+        return node
 
     def named_node(self, name: str) -> BNode:
         """The node that the file calls ``_:name``."""
@@ -91,7 +90,7 @@ class Statements:
         """Add one triple; returns its object. Raises BadInput when there are too many."""
         if len(self.triples) >= MOST_TRIPLES:
             raise BadInput([error("O003", f"the file has more than {MOST_TRIPLES:,} triples", span)])
-        self.triples.append(Triple(subject, predicate, value, span))
+        self.triples.state(subject, predicate, value, span)
         return value
 
     def place(self, subject: str | BNode, predicate: str, expression: Expression, *, data: bool = False) -> Term:

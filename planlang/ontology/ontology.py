@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Iterable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
+from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span
 from planlang.ontology.checks import checked
 from planlang.ontology.classes import Restriction, alias_edges, conjuncts, edges, restrictions_of, twin
@@ -30,6 +31,7 @@ from planlang.ontology.terms import (
     Triple,
     expand,
 )
+from planlang.ontology.triples import Triples
 
 _CLASS_KINDS = frozenset((CLASS, RDFS + "Class"))
 _LANGUAGE = (OWL, RDF, RDFS)
@@ -44,24 +46,27 @@ def load(path: Path, *, folders: Sequence[Path] = (), builtin: bool = True) -> O
     return Ontology(read_all(Path(path), tuple(map(Path, folders)), builtin=builtin))
 
 
-@dataclass(frozen=True, slots=True)
-class _Index:
-    by_subject: dict[str | BNode, list[Triple]]
-    by_predicate: dict[str, list[Triple]]
-    by_object: dict[str | BNode, list[Triple]]
-
-
 class Ontology:
     """What the documents say together, in document order, the main document first.
 
-    Classes, properties and individuals are given by IRI, prefixed name, or bare name of the vocabulary.
+    Classes, properties and individuals are given by IRI, prefixed name, or bare name of the vocabulary. ``store`` holds
+    the triples of all documents.
     """
 
     def __init__(self, readings: Sequence[Reading]) -> None:
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
-        self._triples: tuple[Triple, ...] = tuple(triple for reading in readings for triple in reading.triples)
-        self._restrictions: dict[str | BNode, tuple[Restriction, ...]] = {}
-        self._main_subjects = frozenset(triple.subject for triple in readings[0].triples)
+        self.store = Triples.joined([reading.triples for reading in readings])
+        self.kept: dict[object, Any] = {}
+        """What others have worked out about it and keep as long as it lives, under keys of their own."""
+        self._main = self.store.ranges[0]
+        self._restrictions: dict[int, tuple[Restriction, ...]] = {}
+        self._kind = self.store.number(TYPE)
+        self._class_kinds = frozenset(map(self.store.number, _CLASS_KINDS))
+        defining = (TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, SUBPROPERTY_OF)
+        self._defining = frozenset(map(self.store.number, defining))
+        self._listed: dict[tuple[str, ...], tuple[str, ...]] = {}
+        self._kinds: dict[tuple[str, ...], dict[int, int]] = {}
+        self._words: dict[tuple[str, ...], dict[int, None]] = {}
         found = [diagnostic for reading in readings for diagnostic in reading.diagnostics]
         self.diagnostics: tuple[Diagnostic, ...] = (*found, *checked(self, readings))
 
@@ -72,37 +77,91 @@ class Ontology:
 
     # triples
 
-    @cached_property
-    def _index(self) -> _Index:
-        index = _Index({}, {}, {})
-        for triple in self._triples:
-            index.by_subject.setdefault(triple.subject, []).append(triple)
-            index.by_predicate.setdefault(triple.predicate, []).append(triple)
-            if not isinstance(triple.object, Literal):
-                index.by_object.setdefault(triple.object, []).append(triple)
-        return index
-
     def triples(self, s: str | BNode | None = None, p: str | None = None, o: Term | None = None) -> Iterator[Triple]:
         """The triples with this subject, predicate and object (None: any), in document order."""
-        s, p = _name(s), expand(p) if p is not None else None
-        candidates: Sequence[Triple] = self._triples
-        if s is not None:
-            candidates = self._index.by_subject.get(s, ())
-        elif o is not None and not isinstance(o, Literal):
-            candidates = self._index.by_object.get(o, ())
+        return map(self.store.triple, self._rows(s, p, o))
+
+    def _rows(self, s: str | BNode | None, p: str | None, o: Term | None) -> Iterator[int]:
+        store, numbers = self.store, []
+        for term in (s, p, o):
+            number = None if term is None else self._number(term)
+            if term is not None and number is None:
+                return
+            numbers.append(number)
+        subject, predicate, value = numbers
+        rows: Iterable[int] = range(len(store))
+        if subject is not None:
+            rows = store.about(subject)
+        elif value is not None:
+            rows = store.with_object(value)
         elif p is not None:
-            candidates = self._index.by_predicate.get(p, ())
-        for triple in candidates:
-            fits = (s is None or triple.subject == s) and (p is None or triple.predicate == p)
-            if fits and (o is None or triple.object == o):
-                yield triple
+            rows = store.by(expand(p))
+        for row in rows:
+            if (predicate is None or store.predicates[row] == predicate) and (
+                value is None or store.objects[row] == value
+            ):
+                yield row
+
+    def _number(self, term: Term) -> int | None:
+        return self.store.numbers.get(expand(term)) if isinstance(term, str) else self.store.find(term)
+
+    def _about(self, term: Term) -> Iterator[int]:
+        """The rows that have a term as their subject."""
+        number = self._number(term)
+        return iter(()) if number is None else self.store.about(number)
+
+    def said(self, s: str | BNode, *names: str) -> Iterator[Triple]:
+        """What is said of a subject by properties with one of these local names, in document order."""
+        named, predicates = self._named(names), self.store.predicates
+        if not named:
+            return iter(())
+        return map(self.store.triple, [row for row in self._about(s) if predicates[row] in named])
+
+    def using(self, *names: str) -> Iterator[Triple]:
+        """The triples whose property has one of these local names, in document order."""
+        return map(self.store.triple, self.store.by(*self.properties_named(*names)))
+
+    def properties_named(self, *names: str) -> tuple[str, ...]:
+        """The properties that any triple uses and whose local names are among these."""
+        found = (self.store.name(number) for number in self._named(names))
+        return tuple(name for name in found if name is not None)
+
+    def _named(self, names: tuple[str, ...]) -> dict[int, None]:
+        found = self._words.get(names)
+        if found is None:
+            used = ((number, self.store.name(number) or "") for number in self.store.used)
+            found = self._words[names] = {number: None for number, name in used if local_name(name) in names}
+        return found
 
     def values(self, s: str | BNode, p: str, *, subproperties: bool = False) -> tuple[Term, ...]:
         """What the property has as values for a subject, in document order, each once."""
-        subject, wanted = _name(s), frozenset(self.subproperties(p) if subproperties else (expand(p),))
-        assert subject is not None
-        found = (t.object for t in self._index.by_subject.get(subject, ()) if t.predicate in wanted)
-        return tuple(dict.fromkeys(found))
+        if not subproperties:
+            return self._values(s, (self._number(p),))
+        return self._values(s, frozenset(map(self._number, self.subproperties(p))))
+
+    def linked(self, s: str | BNode, *names: str) -> tuple[list[str], ...]:
+        """For each of these local names what (IRIs) properties of that name link a subject to, each once."""
+        kinds = self._kinds.get(names)
+        if kinds is None:
+            kinds = self._kinds[names] = {
+                kind: place for place, name in enumerate(names) for kind in self._named((name,))
+            }
+        found: tuple[list[str], ...] = tuple([] for _ in names)
+        number, store = self._number(s), self.store
+        for row in store.about(number) if number is not None else ():
+            place = kinds.get(store.predicates[row])
+            if place is not None:
+                value = store.terms[store.objects[row]]
+                if isinstance(value, str) and value not in found[place]:
+                    found[place].append(value)
+        return found
+
+    def _values(self, s: str | BNode, wanted: Container[int | None]) -> tuple[Term, ...]:
+        store, number = self.store, self._number(s)
+        if number is None:
+            return ()
+        found = [store.objects[row] for row in store.about(number) if store.predicates[row] in wanted]
+        return tuple(map(store.term, dict.fromkeys(found) if len(found) > 1 else found))
 
     def value(self, s: str | BNode, p: str, *, subproperties: bool = False) -> Term | None:
         """The first value of a property, or None."""
@@ -113,24 +172,32 @@ class Ontology:
     def types(self, individual: str | BNode) -> tuple[str, ...]:
         """The named classes that an individual is said to be of, without those of OWL itself."""
         return tuple(
-            cls for cls in self.values(individual, TYPE) if isinstance(cls, str) and not cls.startswith(_LANGUAGE)
+            cls
+            for cls in self._values(individual, (self._kind,))
+            if isinstance(cls, str) and not cls.startswith(_LANGUAGE)
         )
 
     def is_class(self, iri: str) -> bool:
         """True if it is declared a class, or stated to be below, above or the same as one."""
-        iri = self._twin_or_itself(expand(iri))
-        if any(
-            triple.predicate in (SUBCLASS_OF, EQUIVALENT_CLASS)
-            or (triple.predicate == TYPE and triple.object in _CLASS_KINDS)
-            for triple in self._index.by_subject.get(iri, ())
-        ):
-            return True
-        return any(triple.predicate == SUBCLASS_OF for triple in self._index.by_object.get(iri, ()))
+        return self._number(self._twin_or_itself(expand(iri))) in self._classes
+
+    @cached_property
+    def _classes(self) -> frozenset[int | None]:
+        store = self.store
+        rows = store.by(SUBCLASS_OF, EQUIVALENT_CLASS)
+        found = set(map(store.subjects.__getitem__, rows)) | set(map(store.objects.__getitem__, store.by(SUBCLASS_OF)))
+        return frozenset(found.union(self._of_kinds(self._class_kinds)))
 
     def class_names(self) -> tuple[str, ...]:
         """All classes that are declared, in document order."""
-        found = (t.subject for t in self._index.by_predicate.get(TYPE, ()) if t.object in _CLASS_KINDS)
-        return tuple(dict.fromkeys(name for name in found if isinstance(name, str)))
+        names = map(self.store.name, self._of_kinds(self._class_kinds))
+        return tuple(name for name in names if name is not None)
+
+    def _of_kinds(self, kinds: Iterable[int]) -> dict[int, None]:
+        """What is said to be of one of these kinds, in document order."""
+        store = self.store
+        rows = [row for kind in kinds for row in store.with_object(kind) if store.predicates[row] == self._kind]
+        return dict.fromkeys(map(store.subjects.__getitem__, sorted(rows)))
 
     def is_individual(self, iri: str) -> bool:
         """True if it has a class, or is declared an individual. A class may be one too."""
@@ -145,36 +212,45 @@ class Ontology:
 
     def defined(self, iri: str) -> bool:
         """True if any document says what it is: declares it, gives it a class, or places it below one."""
-        iri = self._twin_or_itself(expand(iri))
-        return any(
-            triple.predicate in (TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, SUBPROPERTY_OF)
-            for triple in self._index.by_subject.get(iri, ())
-        )
+        predicates = self.store.predicates
+        return any(predicates[row] in self._defining for row in self._about(self._twin_or_itself(expand(iri))))
 
     def _twin_or_itself(self, iri: str) -> str:
         """KnowRob's class for one of RoboEarth's about which no document says anything."""
-        return iri if iri in self._index.by_subject else twin(iri) or iri
+        other = twin(iri)
+        if other is None:
+            return iri
+        number = self._number(iri)
+        return iri if number is not None and self.store.first_about(number) >= 0 else other
 
     def individuals(self, cls: str) -> tuple[str, ...]:
         """The individuals of a class and of its subclasses, in document order."""
-        wanted = frozenset(self.subclasses(cls))
-        return tuple(
-            dict.fromkeys(
-                triple.subject
-                for triple in self._index.by_predicate.get(TYPE, ())
-                if isinstance(triple.subject, str) and triple.object in wanted
-            )
-        )
+        wanted = (self.store.find(name) for name in self.subclasses(cls))
+        names = map(self.store.name, self._of_kinds(number for number in wanted if number is not None))
+        return tuple(name for name in names if name is not None)
+
+    def unused(self) -> Iterator[str]:
+        """What the main document gives a type and no document says anything with, but itself; each once."""
+        store = self.store
+        rows = (row for row in store.by(TYPE) if row in self._main)
+        for number in dict.fromkeys(map(store.subjects.__getitem__, rows)):
+            name = store.name(number)
+            if name is not None and all(store.subjects[row] == number for row in store.with_object(number)):
+                yield name
 
     def main(self, iri: str) -> bool:
         """True if the main document says something about it."""
-        return expand(iri) in self._main_subjects
+        number = self._number(iri)
+        return number is not None and self.store.first_about(number) in self._main
 
     def span(self, iri: str) -> Span | None:
         """Where it is defined: its first type, else the first statement about it."""
-        statements = self._index.by_subject.get(expand(iri), ())
-        typed = next((triple.span for triple in statements if triple.predicate == TYPE), None)
-        return typed or next((triple.span for triple in statements), None)
+        first = None
+        for row in self._about(iri):
+            if self.store.predicates[row] == self._kind:
+                return self.store.span(row)
+            first = row if first is None else first
+        return None if first is None else self.store.span(first)
 
     def label(self, iri: str) -> str | None:
         """Its label: one in English or without language before others."""
@@ -187,8 +263,8 @@ class Ontology:
     @cached_property
     def taxonomy(self) -> Taxonomy:
         """The class hierarchy, with the owlready2 world that holds it."""
-        mentioned = (name for t in self._triples for name in (t.subject, t.object) if isinstance(name, str))
-        return Taxonomy((*edges(self), *alias_edges(self, mentioned)))
+        mentioned = (term for term in self.store.terms if isinstance(term, str))
+        return Taxonomy((*edges(self.store), *alias_edges(self, mentioned)))
 
     def ancestors(self, cls: str) -> tuple[str, ...]:
         """The class itself, then its superclasses, nearest first."""
@@ -219,15 +295,11 @@ class Ontology:
 
     @cached_property
     def _property_edges(self) -> list[tuple[str, str]]:
-        found = [
-            (t.subject, t.object)
-            for t in self._index.by_predicate.get(SUBPROPERTY_OF, ())
-            if isinstance(t.subject, str) and isinstance(t.object, str)
-        ]
-        for t in self._index.by_predicate.get(OWL + "equivalentProperty", ()):
-            if isinstance(t.subject, str) and isinstance(t.object, str):
-                found += [(t.subject, t.object), (t.object, t.subject)]
-        return found
+        same = OWL + "equivalentProperty"
+        stated = [(t, t.subject, t.object) for p in (SUBPROPERTY_OF, same) for t in self.triples(p=p)]
+        named = [(t, one, two) for t, one, two in stated if isinstance(one, str) and isinstance(two, str)]
+        found = [[(one, two), (two, one)] if t.predicate == same else [(one, two)] for t, one, two in named]
+        return [edge for edges in found for edge in edges]
 
     @cached_property
     def _property_children(self) -> dict[str, list[str]]:
@@ -247,16 +319,18 @@ class Ontology:
 
     def restrictions(self, cls: str | BNode) -> tuple[Restriction, ...]:
         """The restrictions that a class states itself, in source order; of a nameless one those that it consists of."""
-        name = _name(cls)
-        assert name is not None
-        found = self._restrictions.get(name)
+        number = self._number(cls)
+        if number is None:
+            return ()
+        found = self._restrictions.get(number)
         if found is None:
-            found = self._restrictions[name] = tuple(restrictions_of(self, name))
+            found = self._restrictions[number] = tuple(restrictions_of(self.store, number))
         return found
 
     def members(self, expression: Term) -> tuple[Term, ...]:
         """The members of an intersection, nested ones opened; of anything else the expression itself."""
-        return tuple(conjuncts(self, expression))
+        number = self.store.find(expression) if isinstance(expression, BNode) else None
+        return (expression,) if number is None else tuple(map(self.store.term, conjuncts(self.store, number)))
 
     def inherited_restrictions(self, cls: str, p: str | None = None) -> tuple[Restriction, ...]:
         """The restrictions of a class and its ancestors, nearest first; of ``p`` and what is below it, if given."""
@@ -273,13 +347,19 @@ class Ontology:
 
         Sub-properties of those are valid too.
         """
-        found: dict[str, None] = {}
-        for ancestor in self.ancestors(action):
-            for value in self.values(ancestor, KNOWROB + "hasParameter"):
-                if isinstance(value, str):
-                    found |= dict.fromkeys(self.subproperties(value))
-        return tuple(found)
+        listing = tuple(ancestor for ancestor in self.ancestors(action) if ancestor in self._parameters)
+        found = self._listed.get(listing)
+        if found is None:
+            stated = (value for ancestor in listing for value in self._parameters[ancestor])
+            every = (name for value in stated for name in self.subproperties(value))
+            found = self._listed[listing] = tuple(dict.fromkeys(every))
+        return found
 
-
-def _name(term: str | BNode | None) -> str | BNode | None:
-    return expand(term) if isinstance(term, str) else term
+    @cached_property
+    def _parameters(self) -> dict[str, list[str]]:
+        """The properties that the vocabulary lists for each class."""
+        found: dict[str, list[str]] = {}
+        for triple in self.triples(p=KNOWROB + "hasParameter"):
+            if isinstance(triple.subject, str) and isinstance(triple.object, str):
+                found.setdefault(triple.subject, []).append(triple.object)
+        return found

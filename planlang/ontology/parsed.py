@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from planlang.diagnostics import Diagnostic
-from planlang.ontology.terms import Triple
+from planlang.ontology.triples import Triples
 
 MOST_TRIPLES = 1_000_000
 """Triples of one file."""
@@ -15,7 +15,7 @@ MOST_TRIPLES = 1_000_000
 class Parsed:
     """What a file says: its triples in document order, what was repaired on the way, the prefixes that it declares."""
 
-    triples: list[Triple]
+    triples: Triples
     diagnostics: list[Diagnostic] = field(default_factory=list)
     prefixes: dict[str, str] = field(default_factory=dict)
 

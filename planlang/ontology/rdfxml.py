@@ -1,13 +1,14 @@
 """RDF/XML: an expat handler that gives every triple its position.
 
 General layout: :func:`read_rdfxml` decodes the file and drives expat; ``_Handler`` keeps one frame per open element,
-and the kind of the innermost frame says what the next element means: a node, a property, an item of a list, text.
+and the kind of the innermost frame says what the next element means: a node, a property, an item of a list, text. What
+is asked of every element is asked of the numbers that stand for names and kinds.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
@@ -15,7 +16,8 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.entities import EntityTable
 from planlang.ontology.iris import resolve
 from planlang.ontology.parsed import MOST_TRIPLES, Parsed, counted
-from planlang.ontology.terms import FIRST, NIL, ONTOLOGY, RDF, REST, TYPE, BNode, Literal, Term, Triple
+from planlang.ontology.terms import FIRST, NIL, ONTOLOGY, RDF, REST, TYPE, BNode, Literal
+from planlang.ontology.triples import Triples
 from planlang.ontology.xml_repairs import repair
 from planlang.ontology.xml_text import decode, explain
 
@@ -29,37 +31,47 @@ MOST_PREFIXES = 1000
 """Prefixes of a file that are remembered."""
 
 _XML = "http://www.w3.org/XML/1998/namespace"
-_SYNTAX = frozenset(
-    RDF + name
-    for name in ("RDF", "ID", "about", "parseType", "resource", "nodeID", "datatype", "li", "Description", "bagID",
-                 "aboutEach", "aboutEachPrefix")
-)  # fmt: skip
+_ROOT, _DESCRIPTION, _LI = RDF + "RDF", RDF + "Description", RDF + "li"
+_ID, _ABOUT, _RESOURCE, _NODE_ID = RDF + "ID", RDF + "about", RDF + "resource", RDF + "nodeID"
+_PARSE_TYPE, _DATATYPE = RDF + "parseType", RDF + "datatype"
 _OUTDATED = frozenset(RDF + name for name in ("bagID", "aboutEach", "aboutEachPrefix"))
-_NOT_NODES = _SYNTAX - {RDF + "Description"}
-_NOT_PROPERTIES = (_SYNTAX - {RDF + "li"}) | _OUTDATED
+_SYNTAX = _OUTDATED | {_ROOT, _ID, _ABOUT, _PARSE_TYPE, _RESOURCE, _NODE_ID, _DATATYPE, _LI, _DESCRIPTION}
+_NOT_NODES = _SYNTAX - {_DESCRIPTION}
+_NOT_PROPERTIES = _SYNTAX - {_LI}
 _LEGAL_NAME = re.compile(r"[^\W\d][\w.\-\u00b7]*")
 _MISPLACED = {"ID", "about", "resource", "datatype", "nodeID", "parseType", "type"}
 
+_ONLY_RESOURCE = f"{RDF} resource"
+_DOCUMENT, _RDF, _NODE, _PROPERTY, _COLLECTION, _LITERAL, _SKIPPED = range(7)
+_NOTHING: dict[str, str] = {}
 
-@dataclass(slots=True)
+
 class _Frame:
-    kind: str
-    """"document", "rdf", "node", "property", "collection", "literal" or "skipped"."""
-    base: str
-    language: str | None
-    span: Span
-    subject: str | BNode | None = None
-    predicate: str = ""
-    datatype: str | None = None
-    reified: str | None = None
-    filled: bool = False
-    last_cell: BNode | None = None
-    items: int = 0
-    text: list[str] = field(default_factory=list)
-    names: int = 0
+    """An open element: its kind, the base and language inside it, and where it begins.
+
+    Terms are told by their numbers. A property has the ``subject`` that it is stated of, and is ``filled`` when its
+    value is known; ``text`` are the characters in it, ``last_cell`` the end of the list that it holds so far.
+    """
+
+    __slots__ = ("base", "column", "datatype", "filled", "items", "kind", "language", "last_cell", "line", "names",
+                 "predicate", "reified", "subject", "text")  # fmt: skip
+
+    def __init__(self, kind: int, base: str, language: str | None, line: int, column: int, subject: int = -1) -> None:
+        self.kind, self.base, self.language = kind, base, language
+        self.line, self.column = line, column
+        self.subject = subject
+        if kind == _NODE:
+            self.items = 0
+        elif kind != _SKIPPED:
+            self.filled = False
+            self.text: list[str] = []
+            self.predicate = -1
+            self.datatype: str | None = None
+            self.reified = self.last_cell = -1
+            self.names = False
 
 
-def read_rdfxml(content: bytes, file: str, *, base: str, label: str = "b") -> Parsed:
+def read_rdfxml(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
     """The triples of an RDF/XML file. ``base`` is its address unless it says ``xml:base``.
 
     ``label`` begins the labels of nameless nodes. Raises BadInput with the position of the first thing that is not XML,
@@ -88,7 +100,7 @@ def _parse(text: str, file: str, base: str, label: str) -> Parsed:
     try:
         parser.Parse(text, True)
     except expat.ExpatError as problem:
-        open_lines = [frame.span.line for frame in handler.frames[1:]]
+        open_lines = [frame.line for frame in handler.frames[1:]]
         raise BadInput([explain(problem, text, file, open_lines, handler.entities.names)]) from None
     return Parsed(handler.triples, counted(handler.diagnostics, handler.unsaid), handler.prefixes)
 
@@ -97,21 +109,29 @@ class _Handler:
     def __init__(self, parser: expat.XMLParserType, text: str, file: str, base: str, label: str) -> None:
         self.parser = parser
         self.file = file
-        self.text = text
-        self.label = label
-        self.triples: list[Triple] = []
+        self.triples = Triples(file, label)
         self.diagnostics: list[Diagnostic] = []
         self.unsaid = 0
-        self.frames = [_Frame("document", base, None, Span(file))]
-        self.nodes: dict[str, BNode] = {}
-        self.fresh = 0
+        self.frames = [_Frame(_DOCUMENT, base, None, 1, 1)]
         self.ids: dict[str, Span] = {}
         self.entities = EntityTable(text, file)
-        self.resolved: dict[tuple[str, str], str] = {}
+        self.resolved: dict[str, dict[str, int]] = {}
+        """Base -> reference -> number of the IRI that it means there."""
+        self.tags: dict[str, str] = {}
+        self.keys: dict[str, str] = {}
+        """What expat calls an element, and an attribute that says something -> its IRI."""
         self.prefixes: dict[str, str] = {}
+        self.classes: dict[str, int] = {}
+        """What expat calls an element that is a thing -> the number of its class; -1 if that tells none."""
+        self.plain: dict[str, int] = {}
+        """What expat calls a property that needs no more than a value -> the number of its IRI."""
+        self.complete = _Frame(_PROPERTY, base, None, 1, 1)
+        """The element of such a property with rdf:resource: most are this, and none is inside another."""
+        self.complete.filled = True
+        self.type, self.first, self.rest = map(self.triples.number, (TYPE, FIRST, REST))
         parser.ordered_attributes = True
-        parser.StartElementHandler = self.start
-        parser.EndElementHandler = self.end
+        parser.StartElementHandler = self._starting()
+        parser.EndElementHandler = self._ending()
         parser.StartNamespaceDeclHandler = self.namespace
         parser.CharacterDataHandler = self.characters
         parser.StartDoctypeDeclHandler = self.doctype
@@ -163,40 +183,80 @@ class _Handler:
 
     # elements
 
-    def start(self, tag: str, attributes: list[str]) -> None:
-        parent = self.frames[-1]
-        span = self.here()
-        if len(self.frames) > DEEPEST:
-            raise BadInput([error("O008", f"more than {DEEPEST} elements inside each other", span)])
-        if len(self.triples) > MOST_TRIPLES:
-            raise BadInput([error("O003", f"the file has more than {MOST_TRIPLES:,} triples", span)])
-        name = tag.replace(" ", "", 1)
-        if parent.kind == "literal":
-            self._literal_start(parent, tag, attributes)
-            self.frames.append(_Frame("literal", parent.base, parent.language, span, text=parent.text, names=1))
-            return
-        if parent.kind == "skipped":
-            self.frames.append(_Frame("skipped", parent.base, parent.language, span))
-            return
-        given, base, language = self._attributes(attributes, parent, span)
-        if parent.kind == "document" and name == RDF + "RDF":
-            self.frames.append(_Frame("rdf", base, language, span))
-        elif parent.kind in ("document", "rdf"):
-            if parent.kind == "document":
-                self._must_be_rdf(tag, span)
-            self._node(name, tag, given, base, language, span)
-        elif parent.kind == "node":
-            self._property(parent, name, tag, given, base, language, span)
-        elif parent.kind == "collection":
-            item = self._node(name, tag, given, base, language, span)
-            self._append(parent, item, span)
-        elif parent.filled:
-            self.warn("O010", "a property has one value; a second element in it is skipped", span)
-            self.frames.append(_Frame("skipped", base, language, span))
-        else:
-            self._fill(parent, name, tag, given, base, language, span)
+    def _starting(self) -> Callable[[str, list[str]], None]:
+        """What expat calls where an element begins.
 
-    def _must_be_rdf(self, tag: str, span: Span) -> None:
+        Most elements of large files are properties with rdf:resource and nothing else: these are read here, with all
+        names at hand, and left to :meth:`_start` are the others.
+        """
+        frames, triples, parser, plain, complete = self.frames, self.triples, self.parser, self.plain, self.complete
+        subjects, predicates, objects = triples.subjects, triples.predicates.append, triples.objects.append
+        lines, columns, state = triples.lines.append, triples.columns.append, triples.subjects.append
+        resolved, resolve, start, push = self.resolved, self._resolve, self._start, frames.append
+
+        def begin(tag: str, attributes: list[str]) -> None:
+            parent = frames[-1]
+            line, column = parser.CurrentLineNumber, parser.CurrentColumnNumber + 1
+            if len(frames) > DEEPEST or len(subjects) > MOST_TRIPLES:
+                self._too_much()
+            predicate = plain.get(tag, -1) if parent.kind == _NODE else -1
+            if predicate >= 0 and len(attributes) == 2 and attributes[0] == _ONLY_RESOURCE:
+                base, reference = parent.base, attributes[1]
+                known = resolved.get(base)
+                value = known.get(reference) if known is not None else None
+                complete.base, complete.language = base, parent.language
+                complete.line, complete.column = line, column
+                push(complete)
+                state(parent.subject)
+                predicates(predicate)
+                objects(resolve(base, reference) if value is None else value)
+                lines(line)
+                columns(column)
+            else:
+                start(parent, tag, attributes, line, column)
+
+        return begin
+
+    def _too_much(self) -> None:
+        if len(self.frames) > DEEPEST:
+            raise BadInput([error("O008", f"more than {DEEPEST} elements inside each other", self.here())])
+        raise BadInput([error("O003", f"the file has more than {MOST_TRIPLES:,} triples", self.here())])
+
+    def _start(self, parent: _Frame, tag: str, attributes: list[str], line: int, column: int) -> None:
+        frames, kind = self.frames, parent.kind
+        if kind == _LITERAL:
+            self._literal_start(parent, tag, attributes)
+            frame = _Frame(_LITERAL, parent.base, parent.language, line, column)
+            frame.text, frame.names = parent.text, True
+            frames.append(frame)
+            return
+        if kind == _SKIPPED:
+            frames.append(_Frame(_SKIPPED, parent.base, parent.language, line, column))
+            return
+        name = self.tags.get(tag)
+        if name is None:
+            name = self.tags[tag] = tag.replace(" ", "", 1)
+        given, base, language = _NOTHING, parent.base, parent.language
+        if attributes:
+            given, base, language = self._attributes(attributes, parent)
+        if kind == _NODE:
+            self._property(_Frame(_PROPERTY, base, language, line, column, parent.subject), parent, name, tag, given)
+            return
+        frame = _Frame(_NODE, base, language, line, column)
+        if kind == _RDF:
+            self._node(frame, name, tag, given)
+        elif kind == _COLLECTION:
+            if self._node(frame, name, tag, given):
+                self._append(parent, frame)
+        elif kind == _PROPERTY:
+            self._fill(parent, frame, name, tag, given)
+        elif name == _ROOT:
+            frames.append(_Frame(_RDF, base, language, line, column))
+        else:
+            self._must_be_rdf(tag)
+            self._node(frame, name, tag, given)
+
+    def _must_be_rdf(self, tag: str) -> None:
         namespace, _, local = tag.rpartition(" ")
         if tag.replace(" ", "") == ONTOLOGY:
             message, advice = "this is OWL/XML, another syntax", "save it as RDF/XML or in Manchester syntax"
@@ -205,184 +265,216 @@ class _Handler:
             advice = "an ontology begins with rdf:RDF or in Manchester syntax"
         else:
             return
-        raise BadInput([error("O001", message, span, advice)])
+        raise BadInput([error("O001", message, self.here(), advice)])
 
-    def _fill(
-        self, parent: _Frame, name: str, tag: str, given: dict[str, str], base: str, language: str | None, span: Span
-    ) -> None:
+    def _fill(self, parent: _Frame, frame: _Frame, name: str, tag: str, given: dict[str, str]) -> None:
         """The node element that is the value of a property: the triple first, then what is said about the node."""
+        if parent.filled:
+            self.warn("O010", "a property has one value; a second element in it is skipped", self.here())
+            frame.kind = _SKIPPED
+            self.frames.append(frame)
+            return
         parent.filled = True
         place = len(self.triples)
-        node = self._node(name, tag, given, base, language, span)
-        if node is not None:
-            said = self.triples[place:]
-            del self.triples[place:]
-            self._state(parent, node)
-            self.triples += said
+        if self._node(frame, name, tag, given):
+            self._state(parent, frame.subject, place)
 
-    def end(self, tag: str) -> None:
-        frame = self.frames.pop()
-        if frame.kind == "literal":
+    def _ending(self) -> Callable[[str], None]:
+        """What expat calls where an element ends."""
+        pop, end = self.frames.pop, self._end
+
+        def close(tag: str) -> None:
+            frame = pop()
+            kind = frame.kind
+            if kind != _NODE and (kind != _PROPERTY or not frame.filled or frame.text):
+                end(frame, tag)
+
+        return close
+
+    def _end(self, frame: _Frame, tag: str) -> None:
+        kind = frame.kind
+        if kind == _PROPERTY:
+            if not frame.filled:
+                language = None if frame.datatype else frame.language
+                self._state_literal(frame, Literal("".join(frame.text), frame.datatype, language))
+            elif stray := "".join(frame.text).strip():
+                self.warn("O010", f"text beside an element is skipped: {stray[:40]!r}", self._span(frame))
+            if frame is self.complete:
+                frame.text.clear()
+        elif kind == _LITERAL:
             if frame.names:
                 frame.text.append(f"</{tag.rpartition(' ')[2]}>")
             else:
-                self._state(frame, Literal("".join(frame.text), RDF + "XMLLiteral"))
-        elif frame.kind == "collection":
-            if frame.last_cell is None:
-                self._state(frame, NIL)
+                self._state_literal(frame, Literal("".join(frame.text), RDF + "XMLLiteral"))
+        elif kind == _COLLECTION:
+            end = self.triples.number(NIL)
+            if frame.last_cell < 0:
+                self._state(frame, end)
             else:
-                self.triples.append(Triple(frame.last_cell, REST, NIL, frame.span))
-        elif frame.kind == "property" and not frame.filled:
-            self._state(frame, Literal("".join(frame.text), frame.datatype, None if frame.datatype else frame.language))
-        elif frame.kind == "property" and (stray := "".join(frame.text).strip()):
-            self.warn("O010", f"text beside an element is skipped: {stray[:40]!r}", frame.span)
+                self.triples.add(frame.last_cell, self.rest, end, frame.line, frame.column)
 
     def characters(self, data: str) -> None:
         frame = self.frames[-1]
-        if frame.kind == "literal":
-            frame.text.append(escape(data))
-        elif frame.kind == "property":
+        kind = frame.kind
+        if kind == _PROPERTY:
             frame.text.append(data)
-        elif frame.kind != "skipped" and (stray := data.strip()):
-            start = self.here()
+        elif kind == _LITERAL:
+            frame.text.append(escape(data))
+        elif kind != _SKIPPED and not data.isspace():
+            stray, start = data.strip(), self.here()
             span = Span(self.file, start.line, start.column + len(data) - len(data.lstrip()))
             self.warn("O010", f"text between elements is skipped: {stray[:40]!r}", span)
 
+    def _span(self, frame: _Frame) -> Span:
+        return Span(self.file, frame.line, frame.column)
+
     # nodes and properties
 
-    def _attributes(self, attributes: list[str], parent: _Frame, span: Span) -> tuple[dict[str, str], str, str | None]:
+    def _attributes(self, attributes: list[str], parent: _Frame) -> tuple[dict[str, str], str, str | None]:
         """Attributes by IRI, and the base and language that hold from here on."""
         given: dict[str, str] = {}
         base, language = parent.base, parent.language
-        for key, value in zip(attributes[::2], attributes[1::2], strict=True):
+        pairs = iter(attributes)
+        for key, value in zip(pairs, pairs, strict=True):
+            name = self.keys.get(key)
+            if name is not None:
+                given[name] = value
+                continue
             namespace, _, local = key.rpartition(" ")
             if namespace == _XML:
                 if local == "base":
-                    base = self._resolve(base, value).partition("#")[0] if value else base
+                    base = resolve(base, value).partition("#")[0] if value else base
                 elif local == "lang":
                     language = value.lower() or None
             elif namespace:
+                self.keys[key] = namespace + local
                 given[namespace + local] = value
             elif local in _MISPLACED:
                 given[RDF + local] = value
-                self.warn("O010", f"{local} is read as rdf:{local}", span, f"write rdf:{local}")
+                self.warn("O010", f"{local} is read as rdf:{local}", self.here(), f"write rdf:{local}")
             else:
-                self.warn("O010", f"an attribute without prefix is skipped: {local}", span)
+                self.warn("O010", f"an attribute without prefix is skipped: {local}", self.here())
         return given, base, language
 
-    def _node(
-        self, name: str, tag: str, given: dict[str, str], base: str, language: str | None, span: Span
-    ) -> str | BNode | None:
-        if " " not in tag or name in _NOT_NODES:
-            shown = tag.rpartition(" ")[2]
-            self.warn("O010", f"{shown} is no class that a thing can have; the element is skipped", span)
-            self.frames.append(_Frame("skipped", base, language, span))
-            return None
-        subject: str | BNode
-        if (value := given.get(RDF + "ID")) is not None:
-            subject = self._identifier(value, base, span)
-        elif (value := given.get(RDF + "about")) is not None:
-            subject = self._resolve(base, value)
-        elif (value := given.get(RDF + "nodeID")) is not None:
+    def _node(self, frame: _Frame, name: str, tag: str, given: dict[str, str]) -> bool:
+        """Open a node, whose subject the frame has then; False if it is none and is skipped."""
+        self.frames.append(frame)
+        cls = self.classes.get(tag)
+        if cls is None:
+            if name in _NOT_NODES or " " not in tag:
+                shown = tag.rpartition(" ")[2]
+                self.warn("O010", f"{shown} is no class that a thing can have; the element is skipped", self.here())
+                frame.kind = _SKIPPED
+                return False
+            cls = self.classes[tag] = -1 if name == _DESCRIPTION else self.triples.number(name)
+        if not given:
+            subject = self.triples.fresh()
+        elif (value := given.get(_ID)) is not None:
+            subject = self._identifier(value, frame.base)
+        elif (value := given.get(_ABOUT)) is not None:
+            subject = self._resolve(frame.base, value)
+        elif (value := given.get(_NODE_ID)) is not None:
             subject = self._named_node(value)
-        elif (value := given.get(RDF + "resource")) is not None:
-            self.warn("O010", "rdf:resource of a thing is read as rdf:about", span, "write rdf:about")
-            subject = self._resolve(base, value)
+        elif (value := given.get(_RESOURCE)) is not None:
+            self.warn("O010", "rdf:resource of a thing is read as rdf:about", self.here(), "write rdf:about")
+            subject = self._resolve(frame.base, value)
         else:
-            subject = self._fresh()
-        if name != RDF + "Description":
-            self.triples.append(Triple(subject, TYPE, name, span))
-        self._property_attributes(subject, given, base, language, span)
-        self.frames.append(_Frame("node", base, language, span, subject=subject))
-        return subject
+            subject = self.triples.fresh()
+        frame.subject = subject
+        if cls >= 0:
+            self.triples.add(subject, self.type, cls, frame.line, frame.column)
+        if given and not (len(given) == 1 and _ABOUT in given):
+            self._property_attributes(subject, given, frame)
+        return True
 
-    def _property(
-        self,
-        parent: _Frame,
-        name: str,
-        tag: str,
-        given: dict[str, str],
-        base: str,
-        language: str | None,
-        span: Span,
-    ) -> None:
-        if name == RDF + "li":
+    def _property(self, frame: _Frame, parent: _Frame, name: str, tag: str, given: dict[str, str]) -> None:
+        self.frames.append(frame)
+        if name == _LI:
             parent.items += 1
             name = f"{RDF}_{parent.items}"
-        elif " " not in tag or name in _NOT_PROPERTIES:
-            self.warn("O010", f"{tag.rpartition(' ')[2]} is no property; the element is skipped", span)
-            self.frames.append(_Frame("skipped", base, language, span))
+        elif name in _NOT_PROPERTIES or " " not in tag:
+            self.warn("O010", f"{tag.rpartition(' ')[2]} is no property; the element is skipped", self.here())
+            frame.kind = _SKIPPED
             return
-        frame = _Frame("property", base, language, span, parent.subject, name)
-        if (value := given.pop(RDF + "ID", None)) is not None:
-            frame.reified = self._identifier(value, base, span)
-        self.frames.append(frame)
-        parse_type = given.pop(RDF + "parseType", None)
-        datatype = given.pop(RDF + "datatype", None)
-        if RDF + "about" in given and RDF + "resource" not in given:
-            self.warn("O010", "rdf:about of a property is read as rdf:resource", span, "write rdf:resource")
-            given[RDF + "resource"] = given[RDF + "about"]
+        frame.predicate = self.triples.number(name)
+        if name is self.tags.get(tag):
+            self.plain[tag] = frame.predicate
+        if not given:
+            return
+        if (value := given.pop(_ID, None)) is not None:
+            frame.reified = self._identifier(value, frame.base)
+        parse_type, datatype = given.pop(_PARSE_TYPE, None), given.pop(_DATATYPE, None)
+        if _ABOUT in given and _RESOURCE not in given:
+            self.warn("O010", "rdf:about of a property is read as rdf:resource", self.here(), "write rdf:resource")
+            given[_RESOURCE] = given[_ABOUT]
         if parse_type == "Collection":
-            frame.kind = "collection"
+            frame.kind = _COLLECTION
         elif parse_type == "Resource":
-            node = self._fresh()
+            node = self.triples.fresh()
             self._state(frame, node)
-            frame.kind, frame.subject = "node", node
+            frame.kind, frame.subject, frame.items = _NODE, node, 0
         elif parse_type is not None:
-            frame.kind = "literal"
+            frame.kind = _LITERAL
             if parse_type != "Literal":
-                self.warn("O010", f"parseType {parse_type!r} is read as Literal", span)
-        elif (value := given.get(RDF + "resource")) is not None:
-            self._empty(frame, self._resolve(base, value), given)
-        elif (value := given.get(RDF + "nodeID")) is not None:
+                self.warn("O010", f"parseType {parse_type!r} is read as Literal", self.here())
+        elif (value := given.get(_RESOURCE)) is not None:
+            self._empty(frame, self._resolve(frame.base, value), given)
+        elif (value := given.get(_NODE_ID)) is not None:
             self._empty(frame, self._named_node(value), given)
         elif any(key not in _SYNTAX for key in given):
-            self._empty(frame, self._fresh(), given)
+            self._empty(frame, self.triples.fresh(), given)
         elif datatype is not None:
-            frame.datatype = self._resolve(base, datatype)
+            frame.datatype = resolve(frame.base, datatype)
 
-    def _empty(self, frame: _Frame, node: str | BNode, given: dict[str, str]) -> None:
+    def _empty(self, frame: _Frame, node: int, given: dict[str, str]) -> None:
         frame.filled = True
         self._state(frame, node)
-        self._property_attributes(node, given, frame.base, frame.language, frame.span)
+        self._property_attributes(node, given, frame)
 
-    def _property_attributes(
-        self, subject: str | BNode, given: dict[str, str], base: str, language: str | None, span: Span
-    ) -> None:
+    def _property_attributes(self, subject: int, given: dict[str, str], frame: _Frame) -> None:
         for key, value in given.items():
+            if key in _SYNTAX:
+                if key in _OUTDATED:
+                    name = key.removeprefix(RDF)
+                    self.warn("O010", f"rdf:{name} is no longer part of RDF and is skipped", self.here())
+                continue
             if key == TYPE:
-                self.triples.append(Triple(subject, TYPE, self._resolve(base, value), span))
-            elif key in _OUTDATED:
-                self.warn("O010", f"rdf:{key.removeprefix(RDF)} is no longer part of RDF and is skipped", span)
-            elif key not in _SYNTAX:
-                self.triples.append(Triple(subject, key, Literal(value, None, language), span))
+                number = self._resolve(frame.base, value)
+            else:
+                number = self.triples.number(Literal(value, None, frame.language))
+            self.triples.add(subject, self.triples.number(key), number, frame.line, frame.column)
 
-    def _state(self, frame: _Frame, value: Term) -> None:
-        assert frame.subject is not None
-        self.triples.append(Triple(frame.subject, frame.predicate, value, frame.span))
-        if frame.reified is not None:
-            for part, term in (
-                (TYPE, RDF + "Statement"),
-                (RDF + "subject", frame.subject),
-                (RDF + "predicate", frame.predicate),
-                (RDF + "object", value),
-            ):
-                self.triples.append(Triple(frame.reified, part, term, frame.span))
+    def _state_literal(self, frame: _Frame, value: Literal) -> None:
+        self._state(frame, self.triples.number(value))
 
-    def _append(self, frame: _Frame, item: str | BNode | None, span: Span) -> None:
-        if item is None:
-            return
-        cell = self._fresh()
-        if frame.last_cell is None:
+    def _state(self, frame: _Frame, value: int, place: int | None = None) -> None:
+        """Add the triple of a property, in front of the row ``place`` if that is given."""
+        triples, line, column = self.triples, frame.line, frame.column
+        if place is None:
+            triples.add(frame.subject, frame.predicate, value, line, column)
+        else:
+            triples.insert(place, frame.subject, frame.predicate, value, line, column)
+        if frame.reified >= 0:
+            row = len(triples) - 1 if place is None else place
+            parts = (("subject", frame.subject), ("predicate", frame.predicate), ("object", value))
+            terms = [(triples.number(RDF + part), term) for part, term in parts]
+            for number, term in ((self.type, triples.number(RDF + "Statement")), *terms):
+                row += 1
+                triples.insert(row, frame.reified, number, term, line, column)
+
+    def _append(self, frame: _Frame, item: _Frame) -> None:
+        triples, line, column = self.triples, item.line, item.column
+        cell = triples.fresh()
+        if frame.last_cell < 0:
             self._state(frame, cell)
         else:
-            self.triples.append(Triple(frame.last_cell, REST, cell, span))
-        self.triples.append(Triple(cell, FIRST, item, span))
+            triples.add(frame.last_cell, self.rest, cell, line, column)
+        triples.add(cell, self.first, item.subject, line, column)
         frame.last_cell = cell
 
     def _literal_start(self, parent: _Frame, tag: str, attributes: list[str]) -> None:
         parts = [tag.rpartition(" ")[2]]
-        if parent.names == 0 and " " in tag:
+        if not parent.names and " " in tag:
             parts.append(f"xmlns={quoteattr(tag.rpartition(' ')[0])}")
         parts += (
             f"{key.rpartition(' ')[2]}={quoteattr(value)}"
@@ -392,25 +484,25 @@ class _Handler:
 
     # names
 
-    def _resolve(self, base: str, reference: str) -> str:
-        known = self.resolved.get((base, reference))
+    def _resolve(self, base: str, reference: str) -> int:
+        known = self.resolved.get(base)
         if known is None:
-            known = self.resolved[base, reference] = resolve(base, reference)
-        return known
+            known = self.resolved[base] = {}
+        number = known.get(reference)
+        if number is None:
+            number = known[reference] = self.triples.number(resolve(base, reference))
+        return number
 
-    def _identifier(self, value: str, base: str, span: Span) -> str:
+    def _identifier(self, value: str, base: str) -> int:
+        span = self.here()
         if not _LEGAL_NAME.fullmatch(value):
             self.warn("O010", f"rdf:ID is no XML name: {value!r}", span, "read as it is; rdf:about takes any IRI")
-        iri = self._resolve(base, "#" + value)
+        iri = resolve(base, "#" + value)
         earlier = self.ids.setdefault(iri, span)
         if earlier is not span:
             advice = "both are read as one; write rdf:about where you refer to it again"
             self.warn("O011", f"rdf:ID {value!r} is given twice, first in line {earlier.line}", span, advice)
-        return iri
+        return self.triples.number(iri)
 
-    def _fresh(self) -> BNode:
-        self.fresh += 1
-        return BNode(f"{self.label}{self.fresh}")
-
-    def _named_node(self, value: str) -> BNode:
-        return self.nodes.setdefault(value, BNode(f"{self.label}.{value}"))
+    def _named_node(self, value: str) -> int:
+        return self.triples.number(BNode(f"{self.triples.label}.{value}"))

@@ -5,11 +5,12 @@ from __future__ import annotations
 from difflib import get_close_matches
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, Span, note, warning
-from planlang.ontology.terms import ON_PROPERTY, OWL, RDF, RDFS, RESTRICTION, TYPE, BNode, Term, Triple
+from planlang.diagnostics import Diagnostic, note, warning
+from planlang.ontology.terms import ON_PROPERTY, OWL, RDF, RDFS, RESTRICTION, TYPE
+from planlang.ontology.triples import Triples
 
 _RDF = """type first rest nil value subject predicate object Statement List Property langString XMLLiteral PlainLiteral
- HTML JSON Bag Seq Alt CompoundLiteral language direction"""
+ langRange HTML JSON Bag Seq Alt CompoundLiteral language direction"""
 _RDFS = """subClassOf subPropertyOf domain range label comment seeAlso isDefinedBy member Class Datatype Literal
  Resource Container ContainerMembershipProperty"""
 _OWL = """AllDifferent AllDisjointClasses AllDisjointProperties Annotation AnnotationProperty AsymmetricProperty Axiom
@@ -28,6 +29,8 @@ TERMS: dict[str, frozenset[str]] = {RDFS: frozenset(_RDFS.split()), OWL: frozens
                                     RDF: frozenset(_RDF.split())}  # fmt: skip
 """Namespace -> local names of the terms that it has."""
 
+_W3C = tuple(TERMS)
+
 MOST_WARNINGS = 100
 """Warnings about one file; further terms are repaired silently."""
 
@@ -35,22 +38,31 @@ _SPELT = {OWL + "DataProperty": OWL + "DatatypeProperty", OWL + "Individual": OW
 _PREFIX = {RDFS: "rdfs", OWL: "owl", RDF: "rdf"}
 
 
-def repair(triples: list[Triple]) -> tuple[list[Triple], list[Diagnostic]]:
-    """The triples with the terms that were meant, and what was changed. The given list stays as it is.
+def repair(triples: Triples) -> list[Diagnostic]:
+    """Put the terms that were meant in the place of those that are written. Returns what was changed.
 
     ``owl:subClassOf`` becomes ``rdfs:subClassOf`` and the like; a nameless node with owl:onProperty becomes a
     restriction.
     """
     meant = _Meanings()
-    repaired: list[Triple] = []
-    for triple in triples:
-        predicate = meant.term(triple.predicate, triple.span)
-        value: Term = triple.object
-        if predicate == TYPE and isinstance(value, str):
-            value = meant.term(value, triple.span)
-        changed = predicate is not triple.predicate or value is not triple.object
-        repaired.append(Triple(triple.subject, predicate, value, triple.span) if changed else triple)
-    return _with_restrictions(repaired, meant.diagnostics), meant.diagnostics
+    wrong = {
+        number
+        for number, term in enumerate(triples.terms)
+        if isinstance(term, str) and term.startswith(_W3C) and _correction(term)
+    }
+    if wrong:
+        _correct(triples, wrong, meant)
+    return [*meant.diagnostics, *_add_restrictions(triples)]
+
+
+def _correct(triples: Triples, wrong: set[int], meant: _Meanings) -> None:
+    """Correct predicates, and what things are said to be."""
+    types = {number for number in dict.fromkeys(triples.predicates) if meant_term(triples.name(number) or "") == TYPE}
+    for row, (predicate, value) in enumerate(zip(triples.predicates, triples.objects, strict=True)):
+        if predicate in wrong:
+            triples.predicates[row] = meant.number(triples, predicate, row)
+        if predicate in types and value in wrong:
+            triples.objects[row] = meant.number(triples, value, row)
 
 
 class _Meanings:
@@ -58,19 +70,19 @@ class _Meanings:
 
     def __init__(self) -> None:
         self.diagnostics: list[Diagnostic] = []
-        self._known: dict[str, tuple[str, str, str | None] | None] = {}
+        self._known: dict[int, tuple[str, str, str | None]] = {}
 
-    def term(self, iri: str, span: Span) -> str:
-        """The term that is meant by an IRI: mostly itself."""
-        if iri not in self._known:
-            self._known[iri] = _correction(iri)
-        correction = self._known[iri]
-        if correction is None:
-            return iri
-        read, message, advice = correction
+    def number(self, triples: Triples, wrong: int, row: int) -> int:
+        """The number of what is meant by a term that there is not; of the term itself if nobody knows."""
+        iri = triples.name(wrong) or ""
+        known = self._known.get(wrong)
+        if known is None:
+            known = self._known[wrong] = _correction(iri) or (iri, "", None)
+        read, message, advice = known
         if len(self.diagnostics) < MOST_WARNINGS:
-            self.diagnostics.append(warning("O013" if read == iri else "O012", message, span, advice))
-        return read
+            found = warning("O013" if read == iri else "O012", message, triples.span(row), advice)
+            self.diagnostics.append(found)
+        return triples.number(read)
 
 
 def meant_term(iri: str) -> str:
@@ -95,24 +107,26 @@ def _correction(iri: str) -> tuple[str, str, str | None] | None:
     return iri, f"there is no {written}", f"did you mean {_PREFIX[namespace]}:{similar[0]}?" if similar else None
 
 
-def _with_restrictions(triples: list[Triple], diagnostics: list[Diagnostic]) -> list[Triple]:
-    typed = {triple.subject for triple in triples if triple.predicate == TYPE and triple.object == RESTRICTION}
-    bare = {
-        triple.subject: triple.span
-        for triple in reversed(triples)
-        if triple.predicate == ON_PROPERTY and isinstance(triple.subject, BNode) and triple.subject not in typed
-    }
+def _add_restrictions(triples: Triples) -> list[Diagnostic]:
+    """Say owl:Restriction of the nameless nodes that have owl:onProperty."""
+    kind, restriction, on_property = map(triples.numbers.get, (TYPE, RESTRICTION, ON_PROPERTY))
+    if on_property is None:
+        return []
+    rows = [row for row, number in enumerate(triples.predicates) if number == on_property]
+    subjects = set(map(triples.subjects.__getitem__, rows))
+    if kind is not None and restriction is not None:
+        subjects.difference_update(
+            subject
+            for subject, predicate, value in zip(triples.subjects, triples.predicates, triples.objects, strict=True)
+            if value == restriction and predicate == kind
+        )
+    bare = {triples.subjects[row]: row for row in reversed(rows) if triples.subjects[row] in subjects}
+    bare = {subject: row for subject, row in bare.items() if triples.is_node(subject)}
     if not bare:
-        return triples
-    first = min(bare.values())
+        return []
+    first = min(map(triples.span, bare.values()))
     what = "a restriction does not say owl:Restriction"
     if len(bare) > 1:
         what = f"{len(bare)} restrictions do not say owl:Restriction"
-    diagnostics.append(note("O014", f"{what}; owl:onProperty is taken for it", first))
-    result: list[Triple] = []
-    for triple in triples:
-        result.append(triple)
-        if triple.predicate == ON_PROPERTY and isinstance(triple.subject, BNode) and triple.subject in bare:
-            span = bare.pop(triple.subject)
-            result.append(Triple(triple.subject, TYPE, RESTRICTION, span))
-    return result
+    triples.repeat(bare.values(), triples.number(TYPE), triples.number(RESTRICTION))
+    return [note("O014", f"{what}; owl:onProperty is taken for it", first)]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, warning
 from planlang.ontology.parsed import counted
 from planlang.ontology.terms import FIRST, NIL, ON_PROPERTY, OWL, RDF, REST, XSD, BNode, Literal, Term, Triple
+from planlang.ontology.triples import Triples
 
 MOST_WARNINGS = 100
 """Of each kind about one file; how many more there are is told with the last."""
@@ -32,13 +34,9 @@ _FORMS = {
 """Datatype -> what its values look like, after blanks at the ends are taken away."""
 
 
-def malformed(triples: Sequence[Triple]) -> list[Diagnostic]:
+def malformed(triples: Triples) -> list[Diagnostic]:
     """Warnings about restrictions that say nothing, lists that do not end, and values that their datatype lacks."""
-    said: dict[str | BNode, list[Triple]] = {}
-    for triple in triples:
-        if triple.predicate in (ON_PROPERTY, FIRST, REST) or triple.predicate in _FILLERS | _NUMBERS:
-            said.setdefault(triple.subject, []).append(triple)
-    kinds = (_restrictions(said), _lists(said), _values(triples))
+    kinds = (_restrictions(triples), _lists(triples), _values(triples))
     return [found for kind in kinds for found in _bounded(kind)]
 
 
@@ -47,84 +45,124 @@ def _bounded(found: Iterable[Diagnostic]) -> list[Diagnostic]:
     return counted(every[:MOST_WARNINGS], len(every) - MOST_WARNINGS)
 
 
-def _restrictions(said: dict[str | BNode, list[Triple]]) -> Iterator[Diagnostic]:
-    for triples in said.values():
-        properties = [t for t in triples if t.predicate == ON_PROPERTY]
-        fillers = [t for t in triples if t.predicate in _FILLERS | _NUMBERS]
-        if not properties and fillers and isinstance(fillers[0].subject, BNode):
-            what = f"a restriction with {local_name(fillers[0].predicate)} names no property and is left out"
-            yield warning("O017", what, fillers[0].span, "add owl:onProperty")
-        for prop in properties[:1]:
-            name = _shown(prop.object)
-            if isinstance(prop.object, Literal):
-                yield warning("O017", f"a restriction of the value {name} is left out", prop.span, "name a property")
-            elif len(properties) > 1:
-                others = " and ".join(_shown(other.object) for other in properties)
-                yield warning("O017", f"one restriction names several properties: {others}", properties[1].span)
-            elif not fillers:
-                advice = "add owl:someValuesFrom or owl:hasValue"
-                yield warning("O017", f"a restriction of {name} has no filler and is left out", prop.span, advice)
-            elif len(fillers) > 1:
-                what = f"one restriction of {name} has {len(fillers)} fillers, which are read as one restriction each"
-                yield warning("O017", what, fillers[1].span, "write an owl:Restriction for each")
-        for filler in fillers:
-            if filler.predicate in _NUMBERS and not _is_number(filler.object):
-                what = f"{local_name(filler.predicate)} is no whole number: {_shown(filler.object)}"
-                yield warning("O017", what, filler.span, "the restriction is left out")
+def _said(triples: Triples, rows: Iterable[int], subjects: set[int]) -> list[list[Triple]]:
+    """Of those rows the triples of each of these subjects, in document order."""
+    said: dict[int, list[Triple]] = {}
+    for row in sorted(rows):
+        if triples.subjects[row] in subjects:
+            said.setdefault(triples.subjects[row], []).append(triples.triple(row))
+    return list(said.values())
+
+
+def _not_once(triples: Triples, *columns: Sequence[int]) -> set[int]:
+    """The subjects that do not stand in each of these rows exactly once."""
+    found: set[int] = set()
+    every = [list(map(triples.subjects.__getitem__, rows)) for rows in columns]
+    sets = [set(subjects) for subjects in every]
+    for subjects, unique in zip(every, sets, strict=True):
+        if len(subjects) > len(unique):
+            found.update(subject for subject, number in Counter(subjects).items() if number > 1)
+    return found | (sets[0].union(*sets) - sets[0].intersection(*sets))
+
+
+def _restrictions(triples: Triples) -> Iterator[Diagnostic]:
+    properties, fillers, numbers = triples.by(ON_PROPERTY), triples.by(*_FILLERS, *_NUMBERS), triples.by(*_NUMBERS)
+    odd = _not_once(triples, properties, fillers)
+    odd.update(triples.subjects[row] for row in properties if isinstance(triples.terms[triples.objects[row]], Literal))
+    odd.update(triples.subjects[row] for row in numbers if not _is_number(triples.term(triples.objects[row])))
+    for said in _said(triples, (*properties, *fillers), odd):
+        yield from _restriction(said)
+
+
+def _restriction(triples: list[Triple]) -> Iterator[Diagnostic]:
+    properties = [t for t in triples if t.predicate == ON_PROPERTY]
+    fillers = [t for t in triples if t.predicate != ON_PROPERTY]
+    if not properties and fillers and isinstance(fillers[0].subject, BNode):
+        what = f"a restriction with {local_name(fillers[0].predicate)} names no property and is left out"
+        yield warning("O017", what, fillers[0].span, "add owl:onProperty")
+    for prop in properties[:1]:
+        name = _shown(prop.object)
+        if isinstance(prop.object, Literal):
+            yield warning("O017", f"a restriction of the value {name} is left out", prop.span, "name a property")
+        elif len(properties) > 1:
+            others = " and ".join(_shown(other.object) for other in properties)
+            yield warning("O017", f"one restriction names several properties: {others}", properties[1].span)
+        elif not fillers:
+            advice = "add owl:someValuesFrom or owl:hasValue"
+            yield warning("O017", f"a restriction of {name} has no filler and is left out", prop.span, advice)
+        elif len(fillers) > 1:
+            what = f"one restriction of {name} has {len(fillers)} fillers, which are read as one restriction each"
+            yield warning("O017", what, fillers[1].span, "write an owl:Restriction for each")
+    for filler in fillers:
+        if filler.predicate in _NUMBERS and not _is_number(filler.object):
+            what = f"{local_name(filler.predicate)} is no whole number: {_shown(filler.object)}"
+            yield warning("O017", what, filler.span, "the restriction is left out")
 
 
 def _is_number(term: Term) -> bool:
     return isinstance(term, Literal) and term.value.strip().isdecimal() and len(term.value) < 10
 
 
-def _lists(said: dict[str | BNode, list[Triple]]) -> Iterator[Diagnostic]:
-    cells = {
-        subject: triples for subject, triples in said.items() if any(t.predicate in (FIRST, REST) for t in triples)
-    }
-    for triples in cells.values():
-        firsts = [t for t in triples if t.predicate == FIRST]
-        rests = [t for t in triples if t.predicate == REST]
-        at = triples[0].span
-        if len(firsts) > 1:
-            yield warning("O018", "one cell of a list has several items", firsts[1].span, "write a cell for each")
-        elif not firsts:
-            yield warning("O018", "one cell of a list has no item", at, "add rdf:first, or leave the cell out")
-        if len(rests) > 1:
-            yield warning("O018", "a list goes on in several ways; one of them is taken", rests[1].span)
-        elif not rests:
-            yield warning("O018", "a list does not end; it is taken to end here", at, "add rdf:rest rdf:nil")
-        elif rests[0].object != NIL and rests[0].object not in cells:
-            what = f"a list goes on with {_shown(rests[0].object)}, which is no list; it is taken to end here"
-            yield warning("O018", what, rests[0].span, "add rdf:rest rdf:nil")
-    yield from _circles(cells)
+def _lists(triples: Triples) -> Iterator[Diagnostic]:
+    firsts, rests = triples.by(FIRST), triples.by(REST)
+    cells = {triples.subjects[row] for row in (*firsts, *rests)}
+    known = cells | {triples.numbers.get(NIL, -1)}
+    odd = _not_once(triples, firsts, rests)
+    odd.update(triples.subjects[row] for row in rests if triples.objects[row] not in known)
+    for said in _said(triples, (*firsts, *rests), odd):
+        yield from _list(said, lambda term: triples.find(term) in known)
+    yield from _circles(triples, rests)
 
 
-def _circles(cells: dict[str | BNode, list[Triple]]) -> Iterator[Diagnostic]:
+def _list(triples: list[Triple], is_list: Callable[[Term], bool]) -> Iterator[Diagnostic]:
+    """Judge one cell of a list."""
+    firsts = [t for t in triples if t.predicate == FIRST]
+    rests = [t for t in triples if t.predicate == REST]
+    at = triples[0].span
+    if len(firsts) > 1:
+        yield warning("O018", "one cell of a list has several items", firsts[1].span, "write a cell for each")
+    elif not firsts:
+        yield warning("O018", "one cell of a list has no item", at, "add rdf:first, or leave the cell out")
+    if len(rests) > 1:
+        yield warning("O018", "a list goes on in several ways; one of them is taken", rests[1].span)
+    elif not rests:
+        yield warning("O018", "a list does not end; it is taken to end here", at, "add rdf:rest rdf:nil")
+    elif not is_list(rests[0].object):
+        what = f"a list goes on with {_shown(rests[0].object)}, which is no list; it is taken to end here"
+        yield warning("O018", what, rests[0].span, "add rdf:rest rdf:nil")
+
+
+def _circles(triples: Triples, rests: Sequence[int]) -> Iterator[Diagnostic]:
     """A warning for each list that comes back to a cell of its own."""
-    following = {subject: next((t for t in triples if t.predicate == REST), None) for subject, triples in cells.items()}
-    done: set[Term] = set()
-    for begin in cells:
-        way: dict[Term, None] = {}
-        cell: Term = begin
-        while isinstance(cell, (str, BNode)) and cell in following and cell not in done:
+    following = {triples.subjects[row]: row for row in reversed(rests)}
+    done: set[int] = set()
+    for begin in map(triples.subjects.__getitem__, rests):
+        way: dict[int, None] = {}
+        cell, row = begin, -1
+        while cell in following and cell not in done and cell not in way:
             way[cell] = None
-            rest = following[cell]
-            if rest is None:
-                break
-            if rest.object in way:
-                yield warning("O018", "a list comes back to itself; it is taken to end here", rest.span)
-                break
-            cell = rest.object
-        done |= set(way)
+            row = following[cell]
+            cell = triples.objects[row]
+        if cell in way:
+            yield warning("O018", "a list comes back to itself; it is taken to end here", triples.span(row))
+        done.update(way)
 
 
-def _values(triples: Sequence[Triple]) -> Iterator[Diagnostic]:
-    for triple in triples:
-        value = triple.object
-        form = _FORMS.get(value.datatype or "") if isinstance(value, Literal) else None
-        if form is not None and isinstance(value, Literal) and not form.fullmatch(value.value.strip()):
-            what = f"{local_name(triple.predicate)} is no {local_name(value.datatype or '')}: {value.value[:40]!r}"
-            yield warning("O019", what, triple.span, "correct the value, or its datatype")
+def _values(triples: Triples) -> Iterator[Diagnostic]:
+    wrong = {number for number, term in enumerate(triples.terms) if isinstance(term, Literal) and _is_wrong(term)}
+    if wrong:
+        for row, number in enumerate(triples.objects):
+            if number in wrong:
+                triple = triples.triple(row)
+                assert isinstance(triple.object, Literal)
+                kind = local_name(triple.object.datatype or "")
+                what = f"{local_name(triple.predicate)} is no {kind}: {triple.object.value[:40]!r}"
+                yield warning("O019", what, triple.span, "correct the value, or its datatype")
+
+
+def _is_wrong(value: Literal) -> bool:
+    form = _FORMS.get(value.datatype or "")
+    return form is not None and not form.fullmatch(value.value.strip())
 
 
 def _shown(term: Term) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
@@ -108,6 +108,7 @@ class Triple:
 
 
 _PREFIXED = re.compile(r"([A-Za-z][\w.-]*):(?!//)(.*)", re.DOTALL)
+_ABSOLUTE = ("http://", "https://")
 _FRAME = re.compile(
     r"^(?:Class|ObjectProperty|DataProperty|AnnotationProperty|Individual|Datatype):[ \t]+(\S+)", re.MULTILINE
 )
@@ -118,6 +119,8 @@ def expand(name: str) -> str:
 
     A bare name that the vocabulary does not define is taken as one of KnowRob's.
     """
+    if name.startswith(_ABSOLUTE):
+        return name
     if ":" not in name:
         return _other_names().get(name) or KNOWROB + name
     if match := _PREFIXED.fullmatch(name):
@@ -127,6 +130,7 @@ def expand(name: str) -> str:
     return name
 
 
+@lru_cache(maxsize=10_000)
 def shorten(iri: str) -> str:
     """The bare name that :func:`expand` turns into this IRI, if there is one; else the IRI."""
     name = local_name(iri)

@@ -18,6 +18,7 @@ from planlang.ontology.iris import resolve
 from planlang.ontology.parsed import MOST_TRIPLES, Parsed
 from planlang.ontology.syntax_errors import explain, where
 from planlang.ontology.terms import FIRST, NIL, PREFIXES, REST, TYPE, XSD, BNode, Literal, Term, Triple
+from planlang.ontology.triples import Triples
 from planlang.ontology.xml_text import decode, offset_of
 
 DEEPEST = 100
@@ -32,7 +33,7 @@ _CHARACTERS = {"t": "\t", "b": "\b", "n": "\n", "r": "\r", "f": "\f", '"': '"', 
 _DOUBLE = re.compile(r"[eE]")
 
 
-def read_turtle(content: bytes, file: str, *, base: str, label: str = "b") -> Parsed:
+def read_turtle(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
     """The triples of a file in Turtle or N-Triples. ``base`` is its address unless it says ``@base``.
 
     ``label`` begins the labels of nameless nodes. A triple stands where its object is written, one with rdf:type where
@@ -120,7 +121,7 @@ class _Statements:
     """What each rule of the grammar means, called while the text is parsed."""
 
     def __init__(self, file: str, base: str, label: str) -> None:
-        self.triples: list[Triple] = []
+        self.triples = Triples(file, label)
         self.prefixes: dict[str, str] = {}
         self.problems: list[Diagnostic] = []
         self.warnings: list[Diagnostic] = []
@@ -128,7 +129,6 @@ class _Statements:
         self._file = file
         self._base_iri = base
         self._label = label
-        self._count = 0
         self._known: dict[str, str] = {}
         self._unknown: set[str] = set()
 
@@ -142,8 +142,9 @@ class _Statements:
         return Span(self._file, token.line or 1, token.column or 1)
 
     def _fresh(self) -> BNode:
-        self._count += 1
-        return BNode(f"{self._label}{self._count}")
+        node = self.triples.term(self.triples.fresh())
+        assert isinstance(node, BNode)
+        return node
 
     # directives
 
@@ -164,7 +165,10 @@ class _Statements:
         """Everything has been stated by then."""
 
     def triple_statement(self, children: list[Any]) -> None:
-        self._state(children[0], children[1] if len(children) > 1 else [], self.triples)
+        said: list[Triple] = []
+        self._state(children[0], children[1] if len(children) > 1 else [], said)
+        for triple in said:
+            self.triples.state(triple.subject, triple.predicate, triple.object, triple.span)
         if len(self.triples) > MOST_TRIPLES:
             raise BadInput([error("O003", f"the file has more than {MOST_TRIPLES:,} triples", children[0].span)])
 

@@ -9,21 +9,24 @@ from xml.parsers import expat
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 
-LARGEST_FILE = 32_000_000
-"""Bytes; the largest ontology of its kind that is in use has 0.7 MB."""
+LARGEST_FILE = 64_000_000
+"""Bytes: room for 100,000 orderings in RDF/XML; the largest ontology of its kind that is in use has 0.7 MB."""
 
 _DECLARATION = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
+_SOMETHING = re.compile(rb"[^ \t\r\n\xef\xbb\xbf\xff\xfe\x00]")
 _ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "ascii", "iso8859-1", "iso8859-15", "cp1252")
 
 
-def decode(content: bytes, file: str) -> str:
-    """The text of an XML or Manchester file, line ends as they are. Raises BadInput if it is none.
+def decode(content: bytes | str, file: str) -> str:
+    """The text of an XML or Manchester file, line ends as they are; a text as it is. Raises BadInput if it is none.
 
     The encoding is told by a byte order mark, else by the XML declaration, else it is UTF-8.
     """
+    if isinstance(content, str):
+        return content
     if len(content) > LARGEST_FILE:
         raise BadInput([error("O003", f"the file is larger than {LARGEST_FILE // 1_000_000} MB", Span(file))])
-    if not content.strip(b" \t\r\n\xef\xbb\xbf\xff\xfe\x00"):
+    if not _SOMETHING.search(content):
         raise BadInput([error("O002", "the file is empty", Span(file))])
     name = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):

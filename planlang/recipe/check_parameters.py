@@ -1,21 +1,32 @@
-"""Checks of what fills the properties of actions: known properties, defined fillers, ranges, places for the base."""
+"""Checks of what fills the properties of actions: known properties, defined fillers, ranges, units."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from difflib import get_close_matches
 
-from planlang.designators import RELATIONS, local_name
-from planlang.diagnostics import Diagnostic, Severity, Span, error, warning
+from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import BNode, Literal, Ontology, shorten
 from planlang.ontology.terms import OWL, TYPE, is_vocabulary
 from planlang.recipe.actions import Actions
-from planlang.recipe.fillings import action_class, fillings
-from planlang.recipe.model import Place, Recipe, Step, Thing
+from planlang.recipe.fillings import action_class, action_properties, fillings, unread_facts
+from planlang.recipe.guesses import SURE, guess
+from planlang.recipe.model import Name, Place, Recipe, Step, Thing
 from planlang.recipe.readers.data_flow import made
-from planlang.recipe.repairs import violates_range
+from planlang.recipe.readers.workflow import is_interval_relation
+from planlang.recipe.repairs import ranges_of, violates_range
 from planlang.recipe.statements import Filling, Statements
-from planlang.recipe.terms import NUMERIC, read_filler, read_literal, unread_references
+from planlang.recipe.terms import (
+    NUMERIC,
+    classes_of,
+    is_of_unknown_kind,
+    is_place,
+    is_vocabulary_class,
+    read_filler,
+    read_literal,
+    takes_things,
+    unread_references,
+)
 from planlang.recipe.units import dimension_of, si_unit, unit, unit_of
 
 OBJECT_PROPERTY = OWL + "ObjectProperty"
@@ -24,20 +35,29 @@ AGENTS = frozenset({"performedBy", "doneBy"})
 """Properties whose filler is not looked up to perform the action: the robot is known without it."""
 
 
-def check_parameters(actions: Actions, owner: Step | Recipe, known: frozenset[str]) -> Iterator[Diagnostic]:
+UNDEFINED = "define it in the file, with its class, or name it as outputsCreated of the step that makes it"
+
+
+def check_ranges(actions: Actions, owner: Step | Recipe, known: frozenset[str]) -> Iterator[Diagnostic]:
     """Judge the fillers of a step, or of a task itself, after repairs; ``known`` are individuals that steps create."""
     ontology = actions.ontology
     for parameter in owner.parameters:
         filler = parameter.filler
-        if isinstance(filler, Thing) and violates_range(ontology, parameter.property, filler):
-            message = f"{parameter.property} of `{owner.name}` is `{filler.name}`, which is not in the property's range"
+        match filler:
+            case Thing():
+                cls, is_wrong = filler.stated, violates_range(ontology, parameter.property, filler.stated)
+                is_individual = filler.iri is not None
+            case Place() | Name() if filler.iri not in known:
+                classes = classes_of(ontology, filler.iri)
+                cls, is_individual = next(iter(classes), filler.iri), classes != (filler.iri,)
+                is_wrong = all(violates_range(ontology, parameter.property, one) for one in classes or (cls,))
+            case _:
+                continue
+        if is_wrong:
+            wanted = " and ".join(f"`{local_name(one)}`" for one in ranges_of(ontology, parameter.property))
+            is_what = f"`{filler.name}`" + (f" (a `{local_name(cls)}`)" if is_individual else "")
+            message = f"{parameter.property} of `{owner.name}` is {is_what}, but takes what is below {wanted}"
             yield warning("R032", message, parameter.span, "check the property, or the class of what fills it")
-    if isinstance(owner, Step) and actions.is_base_motion(owner):
-        for filler in owner.fillers("toLocation"):
-            if isinstance(filler, Place) and filler.is_posture and filler.iri not in known:
-                message = f"`{owner.name}` moves the base to `{filler.name}`, which has no relation to anything"
-                advice = f"give `{filler.name}` one of {', '.join(RELATIONS.values())}"
-                yield error("R036", message, ontology.span(filler.iri) or owner.span, advice)
 
 
 def check_fillers(actions: Actions, statements: Statements) -> Iterator[Diagnostic]:
@@ -51,24 +71,56 @@ def check_fillers(actions: Actions, statements: Statements) -> Iterator[Diagnost
         listed = actions.properties(cls)
         for level in fillings(ontology, owner, more):
             for filling in level:
-                yield from _property(owner, listed, filling)
+                yield from _property(ontology, owner, listed, filling)
                 if filling.term not in known:
                     found = list(_filler(ontology, owner, filling))
                     yield from found
-                    if isinstance(filling.term, str) and any(one.code == "R033" for one in found):
+                    if isinstance(filling.term, str) and any(one.code in ("R033", "R049") for one in found):
                         known.add(filling.term)  # what nothing defines is told once
+    yield from _left_out(ontology, [owner for owner, _ in owners])
 
 
-def _property(owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:
+def _left_out(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
+    """Facts of individuals that no property of actions says, one message for each property."""
+    found: dict[str, dict[str, Span]] = {}
+    for owner in owners:
+        if not ontology.is_class(owner):
+            for fact in unread_facts(ontology, owner):
+                if is_interval_relation(fact.property):
+                    continue
+                found.setdefault(fact.property, {}).setdefault(owner, fact.span)
+    for name, spans in found.items():
+        owner, span = next(iter(spans.items()))
+        others = f" and {len(spans) - 1} more" if len(spans) > 1 else ""
+        message = f"{local_name(name)} of `{local_name(owner)}`{others} is left out: it is no property of actions"
+        cls = action_class(ontology, owner)
+        listed = ontology.valid_properties(cls) if cls is not None else ()
+        meant = guess(name, listed, least=0.8) or guess(name, action_properties(ontology), least=SURE)
+        advice = f"did you mean {meant}?" if meant else "say it by such a property if a plan should know it"
+        if listed and not meant:
+            advice += f": {', '.join(sorted(map(local_name, listed)))}"
+        yield warning("R038", message, span, advice, meant)
+
+
+def _property(ontology: Ontology, owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:
     if not listed or filling.property in listed:
         return
     names = sorted(local_name(name) for name in listed)
     short = local_name(filling.property)
-    similar = get_close_matches(short, names, n=1, cutoff=0.85)
-    is_misspelt = bool(similar) and not is_vocabulary(short)
-    severity = Severity.ERROR if is_misspelt else Severity.WARNING
-    advice = f"did you mean {similar[0]}?" if similar else f"its properties are {', '.join(names)}"
-    yield Diagnostic(severity, "R031", f"`{local_name(owner)}` has no property {short}", filling.span, advice)
+    advice = f"listed are {', '.join(names)}"
+    message = f"{short} is not listed for actions such as `{local_name(owner)}`: it is kept as it is"
+    if not is_vocabulary(short):
+        is_declared = ontology.is_property(filling.property)
+        meant = guess(filling.property, sorted(listed), least=SURE)
+        if meant is None and not is_declared:
+            meant = guess(filling.property, action_properties(ontology), least=SURE)
+        if meant:
+            message = f"`{local_name(owner)}` has no property {short}"
+            yield error("R031", message, filling.span, f"did you mean {meant}?", meant)
+            return
+        if not is_declared:
+            message = f"nothing declares the property {short} of `{local_name(owner)}`: it is kept as it is"
+    yield warning("R031", message, filling.span, advice)
 
 
 def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagnostic]:
@@ -91,10 +143,29 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
     if read_filler(ontology, term) is None:
         message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, which nothing defines"
         severity = Severity.WARNING if short in AGENTS else Severity.ERROR
-        yield Diagnostic(severity, "R033", message, span, _guess(ontology, term))
+        meant = _meant(ontology, term)
+        yield Diagnostic(severity, "R033", message, span, _asked(meant), meant)
+    elif (
+        takes_things(ontology, filling.property) and is_of_unknown_kind(ontology, term) and not is_place(ontology, term)
+    ):
+        yield _of_unknown_kind(ontology, owner, filling, term)
     for missing in unread_references(ontology, term):
         message = f"`{local_name(term)}` relates to `{local_name(missing)}`, which nothing defines"
-        yield error("R033", message, ontology.span(term) or span, _guess(ontology, missing))
+        meant = _meant(ontology, missing)
+        yield error("R033", message, ontology.span(term) or span, _asked(meant), meant)
+
+
+def _of_unknown_kind(ontology: Ontology, owner: str, filling: Filling, term: str) -> Diagnostic:
+    """What fills a property is defined, but not as anything of which it is known what it is."""
+    cls = next(iter(classes_of(ontology, term)), term)
+    meant = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
+    is_what = f", of the class `{local_name(cls)}`" if cls != term else ""
+    message = (
+        f"{local_name(filling.property)} of `{local_name(owner)}` is `{local_name(term)}`{is_what}, which is below no"
+        " class of the vocabulary: it is taken as an object"
+    )
+    advice = f"put `{local_name(cls)}` below a class such as HumanScaleObject, or import the file that does"
+    return warning("R049", message, filling.span, f"did you mean {meant}? else {advice}" if meant else advice, meant)
 
 
 def _literal(owner: str, short: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
@@ -121,11 +192,15 @@ def _literal(owner: str, short: str, literal: Literal, span: Span) -> Iterator[D
         yield error("R037", message, span, "give it in a unit of that kind")
 
 
-def _guess(ontology: Ontology, undefined: str) -> str:
+def _meant(ontology: Ontology, undefined: str) -> Rename | None:
+    """A name of the main document that is like one that nothing defines."""
     names = {
-        local_name(triple.subject): None
+        triple.subject: None
         for triple in ontology.triples(p=TYPE)
         if isinstance(triple.subject, str) and not isinstance(triple.subject, BNode) and ontology.main(triple.subject)
     }
-    similar = get_close_matches(local_name(undefined), names, n=1)
-    return f"did you mean `{similar[0]}`?" if similar else "define it in the file, with its class"
+    return guess(undefined, names)
+
+
+def _asked(meant: Rename | None) -> str:
+    return f"did you mean {meant}?" if meant else UNDEFINED

@@ -9,16 +9,18 @@ from planlang.diagnostics import BadInput, Diagnostic, Severity, Span
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_designators import check_designators
 from planlang.recipe.check_orderings import check_orderings
-from planlang.recipe.check_parameters import check_fillers, check_parameters
+from planlang.recipe.check_parameters import check_fillers, check_ranges
+from planlang.recipe.check_places import check_places
 from planlang.recipe.check_requirements import check_requirements
 from planlang.recipe.check_states import check_states
 from planlang.recipe.check_steps import check_base_motions, check_recursion, check_sub_actions
 from planlang.recipe.check_unordered import check_free, check_unordered
-from planlang.recipe.graph import recipe_graph, shortest_cycle
+from planlang.recipe.graph import recipe_cycle
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.readers.data_flow import made
 from planlang.recipe.reading import recipes_for
 from planlang.recipe.repairs import repaired
+from planlang.recipe.scopes import added_by_scopes
 from planlang.recipe.statements import Statements
 from planlang.recipe.tasks import choose_task, read_recipes
 from planlang.recipe.wise import check_wisdom
@@ -62,12 +64,13 @@ def read_recipe(
         statements = actions.statements(recipes_for(actions, recipe.iri)[0][0])
         assert statements is not None
         found = list(_stated(actions, statements, recipe, allow_abstract=allow_abstract))
-        if is_finite and not statements.is_finite_state and shortest_cycle(recipe_graph(recipe)) is None:
-            found += check_wisdom(actions, recipe)
+        if is_finite and not statements.is_finite_state and recipe_cycle(recipe) is None:
+            added = added_by_scopes(actions, recipe, recipes) if scopes else ()
+            found += check_wisdom(actions, recipe, added)
             if scopes:
                 found += check_base_motions(actions, recipe, recipes)
             if ORDERS_UNKNOWN.isdisjoint(one.code for one in found):
-                found += check_unordered(actions, recipe, recipes)
+                found += check_unordered(actions, recipe, recipes, added)
             if ABOUT_ORDER.isdisjoint(one.code for one in found):
                 found += check_free(recipe)
         diagnostics += found
@@ -83,7 +86,8 @@ def _stated(actions: Actions, statements: Statements, recipe: Recipe, *, allow_a
     created = made(actions.ontology, statements)
     owners: tuple[Recipe | Step, ...] = (recipe, *recipe.steps)
     for owner in owners:
-        yield from check_parameters(actions, owner, created)
+        yield from check_ranges(actions, owner, created)
+        yield from check_places(actions, owner, created)
 
 
 def _sorted(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from planlang.ontology import BNode, Ontology, Term, expand, shorten
+from planlang.ontology.terms import OWL, RDF, RDFS, TYPE
 from planlang.recipe.model import Name, Parameter
 from planlang.recipe.statements import Filling, filled, is_word
 from planlang.recipe.terms import is_device, read_filler
@@ -34,6 +35,23 @@ NO_PARAMETERS = (
 )
 """Properties of actions (local names) that say how, when or with what right, not on what."""
 
+READ_BY_DIALECTS = (
+    "occursBeforeInOrdering",
+    "occursAfterInOrdering",
+    "isStepOf",
+    "stepOf",
+    "isPlanFor",
+    "isTaskDefinedIn",
+    "isDefinedIn",
+    "hasPlan",
+    "adtMainObject",
+    "adtPrimaryObject",
+    "adtSecondaryObject",
+    "taskContext",
+    "instruction",
+)
+"""Properties of individuals (local names) that readers of dialects take up."""
+
 
 def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> Iterator[list[Filling]]:
     """What is stated to fill the properties of an action, nearest first: ``more``, its facts, its class, ancestors.
@@ -45,10 +63,22 @@ def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> It
     if not ontology.is_class(iri):
         cls = action_class(ontology, iri) or iri
         yield [filling for filling in _facts(ontology, iri) if not is_word(filling.property, *NO_PARAMETERS)]
-    for ancestor in ontology.ancestors(cls):
-        if shorten(ancestor) == ancestor or ontology.main(ancestor):
-            found = filled(ontology.restrictions(ancestor))
-            yield [filling for filling in found if not is_word(filling.property, *NO_PARAMETERS)]
+    key = ("fillings", cls)
+    if key not in ontology.kept:
+        ancestors = ontology.ancestors(cls)
+        ontology.kept[key] = [level for ancestor in ancestors if (level := _restricted(ontology, ancestor))]
+    yield from ontology.kept[key]
+
+
+def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
+    """What the restrictions of a class fill in; nothing for classes of the bundled vocabulary."""
+    known: dict[str, list[Filling]] = ontology.kept.setdefault("restricted", {})
+    found = known.get(cls)
+    if found is None:
+        is_said = shorten(cls) == cls or ontology.main(cls)
+        every = filled(ontology.restrictions(cls)) if is_said else ()
+        found = known[cls] = [filling for filling in every if not is_word(filling.property, *NO_PARAMETERS)]
+    return found
 
 
 def read_parameters(
@@ -79,17 +109,43 @@ def action_class(ontology: Ontology, individual: str) -> str | None:
     return next((cls for cls in types if len(ontology.ancestors(cls)) > 1), next(iter(types), None))
 
 
-def _facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
-    """The facts of an individual in properties that the vocabulary lists for its class; the others are bookkeeping."""
-    cls = action_class(ontology, individual)
-    listed = frozenset(ontology.valid_properties(cls)) if cls is not None else frozenset()
+def unread_facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
+    """The facts of an individual that neither fill a property of actions nor say how it is performed."""
     for triple in ontology.triples(s=individual):
-        if triple.predicate in listed:
+        name = triple.predicate
+        is_bookkeeping = is_word(name, *NO_PARAMETERS, *READ_BY_DIALECTS) or _is_annotation(ontology, name)
+        if not is_bookkeeping and not _is_of_actions(ontology, name):
+            yield Filling(name, triple.object, triple.span)
+
+
+def _facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
+    """The facts of an individual in properties that the vocabulary lists for actions."""
+    for triple in ontology.triples(s=individual):
+        if _is_of_actions(ontology, triple.predicate):
             yield Filling(triple.predicate, triple.object, triple.span)
 
 
+def action_properties(ontology: Ontology) -> tuple[str, ...]:
+    """The properties (IRIs) that the vocabulary lists for any class of actions."""
+    found = {triple.object: None for triple in ontology.triples(p=expand("hasParameter"))}
+    return tuple(name for name in found if isinstance(name, str))
+
+
+def _is_of_actions(ontology: Ontology, property_name: str) -> bool:
+    """True for a property that the vocabulary lists for a class of actions, or one below it."""
+    return any(
+        True
+        for above in ontology.superproperties(property_name)
+        for _ in ontology.triples(p=expand("hasParameter"), o=above)
+    )
+
+
+def _is_annotation(ontology: Ontology, name: str) -> bool:
+    return name.startswith((OWL, RDF, RDFS)) or OWL + "AnnotationProperty" in ontology.values(name, TYPE)
+
+
 def _parameter(ontology: Ontology, filling: Filling, made: frozenset[str]) -> Parameter | None:
-    filler = read_filler(ontology, filling.term)
+    filler = read_filler(ontology, filling.term, filling.property)
     if filler is None and filling.term in made:
         filler = Name(str(filling.term))
     if filler is None:

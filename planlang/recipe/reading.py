@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from planlang.ontology import BNode, Ontology, expand, shorten
+from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.fillings import action_class, read_parameters
 from planlang.recipe.intervals import implied_by_overlaps
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, Step
 from planlang.recipe.readers.data_flow import made
-from planlang.recipe.statements import KINDS, Statements, SubAction, is_word
+from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
 from planlang.recipe.terms import nearest_in_vocabulary, read_filler
 
 
@@ -24,6 +24,12 @@ def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None
     An individual's own recipe is nearer than any of its class. On a tie the recipe wins. Several recipes at the same
     distance are alternatives.
     """
+    if iri not in actions.performers:
+        actions.performers[iri] = _performers(actions, iri)
+    return actions.performers[iri]
+
+
+def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
     for level in levels(actions.ontology, iri):
         found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
         if found:
@@ -66,11 +72,11 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
     recipes, primitive = recipes_for(actions, iri)
     return Step(
         iri,
-        nearest_in_vocabulary(ontology, cls or iri),
+        nearest_in_vocabulary(ontology, cls or iri, primitive),
         read_parameters(ontology, iri, sub_action.fillings, known),
         recipes,
         primitive,
-        ontology.label(iri) if shorten(iri) == iri else None,
+        _label(ontology, iri) if shorten(iri) == iri else None,
         sub_action.span,
         cls,
         _condition(ontology, cls or iri),
@@ -100,7 +106,7 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
         tuple(steps.values()),
         () if statements.is_finite_state else statements.orderings,
         read_parameters(ontology, task, statements.fillings, known),
-        ontology.label(task),
+        _label(ontology, task),
         ontology.span(task),
         statements.dialect,
         statements.overlaps,
@@ -122,12 +128,30 @@ def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
                 yield SubAction(name, (), where)
 
 
+def _label(ontology: Ontology, iri: str) -> str | None:
+    """What an action says in words: its label, else what an action data table says about it."""
+    label = ontology.label(iri)
+    for filling in () if label is not None else facts(ontology, iri, "instruction", "taskContext"):
+        if isinstance(filling.term, Literal):
+            return filling.term.value
+    return label
+
+
 def _condition(ontology: Ontology, cls: str) -> Description | None:
     """What a class of actions checks: the class expression, class or individual that ``conditionEvaluated`` names."""
+    known: dict[str, Description | None] = ontology.kept.setdefault("conditions", {})
     for ancestor in ontology.ancestors(cls):
-        for restriction in ontology.restrictions(ancestor):
-            if is_word(restriction.property, "conditionEvaluated") and restriction.kind in KINDS:
-                return read_description(ontology, restriction.filler)
+        if ancestor not in known:
+            known[ancestor] = _stated_condition(ontology, ancestor)
+        if known[ancestor] is not None:
+            return known[ancestor]
+    return None
+
+
+def _stated_condition(ontology: Ontology, cls: str) -> Description | None:
+    for restriction in ontology.restrictions(cls):
+        if is_word(restriction.property, "conditionEvaluated") and restriction.kind in KINDS:
+            return read_description(ontology, restriction.filler)
     return None
 
 
@@ -140,7 +164,7 @@ def read_description(ontology: Ontology, term: object) -> Description | None:
     cls = next((member for member in ontology.members(term) if isinstance(member, str)), expand("Situation"))
     parameters = []
     for restriction in ontology.restrictions(term):
-        filler = read_filler(ontology, restriction.filler)
+        filler = read_filler(ontology, restriction.filler, restriction.property)
         if restriction.kind in KINDS and filler is not None:
             parameters.append(Parameter(shorten(restriction.property), filler, restriction.span))
     return Description(cls, tuple(parameters))

@@ -6,11 +6,15 @@ from collections.abc import Iterator
 
 from planlang.designators import RELATIONS, local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
+from planlang.ontology.terms import RANGE, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Place, Thing
 from planlang.recipe.units import unit, unit_of
 
 PLACES = ("Point2D", "Point3D")
 """Classes of location designators: of the base, of the hand or an object."""
+
+ANYTHING = ("EnduringThing-Localized", "SpatialThing-Localized", "SpatialThing")
+"""Classes of things that are somewhere, whatever they are."""
 
 MOST_PLACES = 10
 """Places that may refer to each other in a chain."""
@@ -22,13 +26,19 @@ NUMERIC = (*_NUMBERS, *_REALS)
 """Local names of the datatypes of numbers."""
 
 
-def nearest_in_vocabulary(ontology: Ontology, cls: str) -> str:
-    """The class itself or its nearest ancestor that the bundled vocabulary knows, as a local name; else the IRI."""
+def nearest_in_vocabulary(ontology: Ontology, cls: str, below: str | None = None) -> str:
+    """The class itself or its nearest ancestor that the bundled vocabulary knows, as a local name; else the IRI.
+
+    With ``below`` (IRI) only classes that are below that one count, unless there is none.
+    """
+    nearest = None
     for ancestor in ontology.ancestors(cls):
         short = shorten(ancestor)
         if short != ancestor:
-            return short
-    return cls
+            if below is None or ontology.is_a(ancestor, below):
+                return short
+            nearest = nearest or short
+    return nearest or cls
 
 
 def kind_of(ontology: Ontology, cls: str) -> Kind:
@@ -48,27 +58,70 @@ def is_place(ontology: Ontology, iri: str) -> bool:
     return any(ontology.is_a(iri, expand(place)) for place in PLACES)
 
 
-def read_filler(ontology: Ontology, term: Term) -> Filler | None:
-    """What a term denotes; None if it is an IRI that nothing defines, or an anonymous expression."""
+def read_filler(ontology: Ontology, term: Term, property_name: str | None = None) -> Filler | None:
+    """What a term denotes; None if it is an IRI that nothing defines, or an anonymous expression.
+
+    What fills a property (IRI) that takes things is an object if nothing says what kind of thing it is.
+    """
     if isinstance(term, Literal):
         return read_literal(term)
     if isinstance(term, BNode) or not ontology.defined(term):
         return None
     if is_place(ontology, term):
         return read_place(ontology, term)
-    return read_thing(ontology, term) or Name(term)
+    known = read_thing(ontology, term)
+    if known is None and property_name is not None and is_of_unknown_kind(ontology, term):
+        known = _unknown(ontology, term) if takes_things(ontology, property_name) else None
+    return known or Name(term)
 
 
 def read_thing(ontology: Ontology, iri: str) -> Thing | None:
-    """The individual or class as a thing; None if its class is not one of localised things."""
-    if ontology.is_individual(iri) and not ontology.is_class(iri):
-        types = ontology.types(iri)
-        cls, individual = (types[0] if types else None), iri
-    else:
-        cls, individual = iri, None
-    if cls is None or not is_localised(ontology, cls):
-        return None
-    return Thing(kind_of(ontology, cls), nearest_in_vocabulary(ontology, cls), individual, cls)
+    """The individual or class as a thing; None if no class of it is one of localised things."""
+    for cls in classes_of(ontology, iri):
+        if is_localised(ontology, cls):
+            return Thing(kind_of(ontology, cls), _type_of(ontology, cls), _individual(ontology, iri), cls)
+    return None
+
+
+def classes_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
+    """A class itself; the classes of an individual, those with the most above them first."""
+    if _individual(ontology, iri) is None:
+        return (iri,)
+    return tuple(sorted(ontology.types(iri), key=lambda cls: (-len(ontology.ancestors(cls)), cls)))
+
+
+def is_of_unknown_kind(ontology: Ontology, iri: str) -> bool:
+    """True if no class of the vocabulary is above a class, or above any class of an individual."""
+    above = (ancestor for cls in classes_of(ontology, iri) for ancestor in ontology.ancestors(cls))
+    return not any(is_vocabulary_class(ancestor) for ancestor in above)
+
+
+def is_vocabulary_class(cls: str) -> bool:
+    """True for a class that the bundled vocabulary defines."""
+    short = shorten(cls)
+    return short != cls and is_vocabulary(short)
+
+
+def takes_things(ontology: Ontology, property_name: str) -> bool:
+    """True for a property whose range is one of localised things."""
+    ranges = (range_ for range_ in ontology.values(property_name, RANGE) if isinstance(range_, str))
+    return any(is_localised(ontology, cls) for cls in ranges)
+
+
+def _individual(ontology: Ontology, iri: str) -> str | None:
+    return iri if ontology.is_individual(iri) and not ontology.is_class(iri) else None
+
+
+def _unknown(ontology: Ontology, iri: str) -> Thing:
+    """A thing of which nothing says what it is: an object of its first class."""
+    cls = next(iter(classes_of(ontology, iri)), expand(ANYTHING[0]))
+    return Thing(Kind.OBJECT, shorten(cls), _individual(ontology, iri), cls)
+
+
+def _type_of(ontology: Ontology, cls: str) -> str:
+    """The nearest class of the vocabulary; the class itself if that only says that it is a thing somewhere."""
+    nearest = nearest_in_vocabulary(ontology, cls)
+    return cls if nearest in ANYTHING and shorten(cls) == cls else nearest
 
 
 def is_localised(ontology: Ontology, cls: str) -> bool:
@@ -93,6 +146,11 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
         elif (thing := read_thing(ontology, term)) is not None:
             relations.append((relation, thing))
     return Place(iri, tuple(dict.fromkeys(relations)), ontology.label(iri))
+
+
+def is_relation(property_name: str) -> bool:
+    """True for a property (IRI) by which location designators relate to things and places."""
+    return property_name in _RELATION_OF
 
 
 def unread_references(ontology: Ontology, place: str) -> list[str]:

@@ -5,17 +5,17 @@ They are suggested, never added: an order comes from the recipe or not at all.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import networkx as nx
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, warning
+from planlang.diagnostics import Diagnostic, Order, warning
 from planlang.ontology import shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
-from planlang.recipe.graph import order_graph, recipe_graph
+from planlang.recipe.graph import order_graph, recipe_graph, recipe_order
 from planlang.recipe.model import Filler, Place, Recipe, Step, Thing
 from planlang.recipe.precedence import Precedence
 
@@ -46,18 +46,24 @@ class _Facts:
     about: frozenset[str]
 
 
-def check_wisdom(actions: Actions, recipe: Recipe) -> Iterator[Diagnostic]:
-    """A warning for each ordering that is missing and probably meant; the orders of the recipe are acyclic."""
-    for before, after, why in wise_orderings(actions, recipe):
+def check_wisdom(actions: Actions, recipe: Recipe, added: Sequence[tuple[str, str]] = ()) -> Iterator[Diagnostic]:
+    """A warning for each ordering that is missing and probably meant; the orders of the recipe are acyclic.
+
+    ``added`` are the orders that location scopes add.
+    """
+    for before, after, why in wise_orderings(actions, recipe, added):
         message = f"nothing puts `{local_name(before)}` before `{local_name(after)}`: {why}"
-        yield warning("R042", message, recipe.step(after).span, ordering_to_write(recipe, before, after))
+        advice = ordering_to_write(recipe, before, after)
+        yield warning("R042", message, recipe.step(after).span, advice, Order(recipe.iri, before, after))
 
 
-def wise_orderings(actions: Actions, recipe: Recipe) -> Iterator[tuple[str, str, str]]:
+def wise_orderings(
+    actions: Actions, recipe: Recipe, added: Sequence[tuple[str, str]] = ()
+) -> Iterator[tuple[str, str, str]]:
     """The orderings that are missing and probably meant: steps (IRIs) before and after, and why.
 
-    The orders of the recipe are acyclic. Suggestions never contradict the recipe or each other, and none follows from
-    the others.
+    The orders of the recipe are acyclic; ``added`` come from elsewhere. Suggestions never contradict the recipe or each
+    other, and none follows from the others.
     """
     facts = {step.iri: _facts(actions, step) for step in recipe.steps}
     all_roles = [role for fact in facts.values() for role in fact.roles]
@@ -66,7 +72,9 @@ def wise_orderings(actions: Actions, recipe: Recipe) -> Iterator[tuple[str, str,
     if len(active) < 2:
         return
     stated = recipe_graph(recipe)
-    order: Precedence[str] = Precedence(stated)
+    if added:
+        stated = order_graph(stated.nodes, [*stated.edges, *added])
+    order = recipe_order(recipe)
     rank = {iri: number for number, iri in enumerate(active)}
     users: dict[frozenset[str], int] = {}
     """The bits of the steps that do the same."""
@@ -83,7 +91,7 @@ def wise_orderings(actions: Actions, recipe: Recipe) -> Iterator[tuple[str, str,
                 wished.add_edge(first, second)
                 suggested[first, second] = why
     if suggested:
-        wider: Precedence[str] = Precedence(order_graph(stated.nodes, wished.edges))
+        wider: Precedence[str] = Precedence(wished)
         yield from (
             (before, after, suggested[before, after])
             for before, after in wider.reduction()

@@ -83,7 +83,7 @@ class Strand:
         if self.parent is None and self is not self.world.root:
             return "created"  # known by its handle only
         if self.outcome is not None:
-            return STATES[self.outcome[0]]
+            return "evaporated" if self.thrown else STATES[self.outcome[0]]  # its error is raised all the same
         if self.cancelled:
             return "evaporating"
         return "suspended" if self.held else "created" if self.node is None else "running"

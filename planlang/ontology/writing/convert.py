@@ -64,9 +64,9 @@ def convert(path: Path, target: Target) -> Converted:
     file = str(path)
     base = f"file:///{path.name}"
     parsed = read_syntax(read_bytes(path), file, base=base, label="b")
-    triples, repairs = repair(parsed.triples)
+    triples, repairs = parsed.triples, repair(parsed.triples)
     text, lost = write(triples, target, parsed.prefixes)
-    again = read_syntax(text.encode(), "the text", base=base, label="b").triples if text.strip() else []
+    again = read_syntax(text.encode(), "the text", base=base, label="b").triples if text.strip() else ()
     compared = _compared(triples, lost, again, target, Span(file))
     return Converted(text, tuple(triples), (*parsed.diagnostics, *repairs, *malformed(triples), *compared))
 

@@ -15,22 +15,17 @@ from planlang.recipe.statements import Filling, Statements, SubAction, facts, na
 
 _SUBS = ("subAction", "subEvents")
 _ROLES = {
-    "adtMainObject": "objectActedOn",
-    "adtSecondaryObject": "toLocation",
+    "objectActedOn": ("adtMainObject", "adtPrimaryObject"),
+    "toLocation": ("adtSecondaryObject",),
 }
-"""Role of an object in a table -> property of the action."""
+"""Property of the action -> roles of an object in a table; the first that is filled counts."""
 
 
 def tasks(ontology: Ontology) -> Iterator[str]:
     """The individuals of the main document that have sub-actions."""
-    for triple in ontology.triples():
-        if isinstance(triple.subject, str) and facts_word(triple.predicate) and ontology.main(triple.subject):
+    for triple in ontology.using(*_SUBS):
+        if isinstance(triple.subject, str) and ontology.main(triple.subject):
             yield triple.subject
-
-
-def facts_word(predicate: str) -> bool:
-    """True for a property that leads from a table to its chunks."""
-    return predicate.endswith(tuple(f"#{word}" for word in _SUBS))
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
@@ -61,9 +56,9 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
         tuple(SubAction(chunk, (), span) for chunk, span in chunks.items()),
         tuple(orderings[pair] for pair in sorted(orderings)),
         fillings=tuple(
-            Filling(expand(_ROLES[role]), fact.term, fact.span)
-            for role in _ROLES
-            for fact in facts(ontology, iri, role)
+            Filling(expand(property_name), fact.term, fact.span)
+            for property_name, roles in _ROLES.items()
+            for fact in next(filter(None, (facts(ontology, iri, role) for role in roles)), ())
         ),
     )
 

@@ -45,6 +45,7 @@ SHAPES = {
     "disc": hull("cylinder", (0.2, 0.2, 0.01)),
     "capsule": hull("capsule", (0.08, 0.08, 0.2)),
     "stone": scattered(60, 0),
+    "pin": hull("box", (0.004, 0.004, 0.006)),
 }
 
 

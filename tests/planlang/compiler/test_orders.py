@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from planlang.compiler.emit import emit
 from planlang.compiler.lowering import Lowering
-from planlang.compiler.scopes import scoping
 from planlang.ontology import Ontology, load
 from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
 from planlang.recipe.actions import Movers
 from planlang.recipe.graph import closed, order_graph
 from planlang.recipe.model import Kind
 from planlang.recipe.precedence import Precedence
+from planlang.recipe.scopes import scoping
 
 BASE = "http://planlang.org/test#"
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"
