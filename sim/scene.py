@@ -99,8 +99,8 @@ class CameraModel:
 
     @property
     def half_angle(self) -> float:
-        """From the middle of the picture to its nearest border [rad]."""
-        return math.atan(math.tan(self.fov / 2) * min(1.0, self.height / self.width))
+        """From the middle of the picture to its corners [rad]."""
+        return math.atan(math.tan(self.fov / 2) * math.hypot(1.0, self.height / self.width))
 
 
 @dataclass(frozen=True, slots=True)
