@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import statistics
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -66,6 +67,7 @@ def reach(
             if classify and not case.solved:
                 case.verdict = search(oracle, chains, "bottle")
             yield case
+            print(f"{room.name}{'' if case.solved else ', no answer'}", end="\r", file=sys.stderr, flush=True)
         finally:
             stage.close()
             oracle.close()
