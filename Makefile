@@ -74,6 +74,7 @@ bench: $(VENV)/.bench-stamp
 	    test "$$benchmark" = tests/benchmarks/seeds.py && continue; \
 	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
 	done
+	@echo "== paths of an arm"; $(BIN)/python -m tests.benchmarks.paths
 
 ROOMS ?= 200
 PARTS ?=

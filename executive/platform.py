@@ -22,6 +22,7 @@ from executive.motion import (
     clearance_field,
     plan_base_path,
     plan_path,
+    time_curve,
     time_path,
 )
 from executive.surroundings import BelievedSurroundings
@@ -149,14 +150,16 @@ class Platform:
         )
         if line.waypoints is None:
             raise MotionError(line.reason)
-        trajectory = self._timed(arm.joints, line.waypoints)
-        if not all(map(is_free, trajectory.positions[1:])):
-            raise MotionError("in collision between two steps")
-        return trajectory
+        for timing in (time_curve, time_path):  # a curve swings out a little, also over the limits of a joint
+            trajectory = self._timed(arm.joints, line.waypoints, timing)
+            rows = trajectory.positions[1:]
+            if arm.solver.chain.within(rows, 1e-6).all() and all(map(is_free, rows)):
+                return trajectory
+        raise MotionError("in collision between two steps")
 
-    def _timed(self, joints: Sequence[str], path: Array) -> Trajectory:
+    def _timed(self, joints: Sequence[str], path: Array, timing: Callable[..., Trajectory] = time_path) -> Trajectory:
         limits = [self.robot.limits[name] for name in joints]
-        return time_path(
+        return timing(
             tuple(joints),
             path,
             velocity=[limit.speed for limit in limits],

@@ -1,8 +1,10 @@
 """How the robot moves: kinematics, paths of the arm and of the base, timing.
 
 General layout: ``urdf`` reads joints, ``symbolic`` and ``levenberg_marquardt`` are the mathematics behind
-``kinematics``; ``arm_path`` and ``base_path`` (on ``clearance``) find waypoints with plain callables for collision;
-``timing`` turns waypoints into trajectories. Random generators are passed in; ``errors`` lists what is raised.
+``kinematics``, ``native`` and ``compiled`` make C of it, ``virtual_machine`` does without. ``hulls``, ``spheres`` and
+``solids`` are shapes, ``collision`` judges configurations by them; ``arm_path`` searches with it, ``tip_line`` goes
+straight; ``base_path`` (on ``clearance``) drives. ``timing`` turns waypoints into trajectories. Random generators are
+passed in; ``errors`` lists what is raised.
 """
 
 from executive.motion.arm_path import JointSpace, plan_path
@@ -20,7 +22,7 @@ from executive.motion.errors import (
 )
 from executive.motion.gaze import Gaze
 from executive.motion.kinematics import Chain, InverseKinematics
-from executive.motion.timing import time_path
+from executive.motion.timing import time_curve, time_path
 from executive.motion.tip_line import TipLine, cartesian_path
 
 __all__ = [
@@ -44,5 +46,6 @@ __all__ = [
     "clearance_field",
     "plan_base_path",
     "plan_path",
+    "time_curve",
     "time_path",
 ]

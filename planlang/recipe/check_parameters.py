@@ -12,10 +12,10 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.fillings import action_class, action_properties, fillings, unread_facts
 from planlang.recipe.guesses import SURE, guess
 from planlang.recipe.model import Name, Place, Recipe, Step, Thing
-from planlang.recipe.readers.data_flow import made
+from planlang.recipe.readers.data_flow import OUTPUTS, made
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.repairs import ranges_of, violates_range
-from planlang.recipe.statements import Filling, Statements
+from planlang.recipe.statements import Filling, Statements, is_word
 from planlang.recipe.terms import (
     NUMERIC,
     classes_of,
@@ -103,7 +103,7 @@ def _left_out(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
 
 
 def _property(ontology: Ontology, owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:
-    if not listed or filling.property in listed:
+    if not listed or filling.property in listed or is_word(filling.property, *OUTPUTS):  # any action may make something
         return
     names = sorted(local_name(name) for name in listed)
     short = local_name(filling.property)

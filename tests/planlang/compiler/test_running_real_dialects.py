@@ -95,6 +95,40 @@ def test_exploration_runs_when_the_pose_that_its_file_forgets_is_made_by_a_state
     assert 'condition_evaluated="COMPLETED_OK"' in found.source
 
 
+FINDING = """
+Prefix: : <http://planlang.org/test#>
+Prefix: k: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://planlang.org/test>
+Class: Tidy
+    SubClassOf: k:PurposefulAction, k:subAction some FindPlace, k:subAction some Drive, k:subAction some Look,
+        k:subAction some Check, k:orderingConstraints value o1, k:orderingConstraints value o2
+Class: FindPlace SubClassOf: k:LookingForSomething, k:objectActedOn value cup1, k:outputsCreated value somePlace
+Class: Drive SubClassOf: k:Translation-LocationChange, k:toLocation value somePlace
+Class: Look SubClassOf: k:Perceiving, k:objectActedOn value cup1
+Class: Check SubClassOf: k:Perceiving, k:conditionEvaluated some (k:StaticSituation and (k:near value bed1))
+Individual: o1 Types: k:PartialOrdering-Strict Facts: k:occursBeforeInOrdering Drive, k:occursAfterInOrdering Look
+Individual: o2 Types: k:PartialOrdering-Strict Facts: k:occursBeforeInOrdering Look, k:occursAfterInOrdering Check
+Individual: somePlace Types: k:Point2D
+Individual: cup1 Types: k:Cup
+Individual: bed1 Types: k:Bed-PieceOfFurniture
+"""
+
+
+def test_a_scope_is_where_an_earlier_step_has_found_the_place(tmp_path: Path) -> None:
+    path = tmp_path / "finding.omn"
+    path.write_text(FINDING, encoding="utf-8")
+    found = compile_recipe(path)
+    assert found.diagnostics == ()
+    asked: list[Any] = []
+    script = script_for(found).on("FindPlace", returns=SHELF).on("Check", does=noting(asked, "condition_evaluated"))
+    done = run_plan(plan_of(found), script=script)
+    assert done.value is None
+    assert [
+        event["location"] for event in done.events if event.get("kind") == "at_location" and "location" in event
+    ] == [str(SHELF)]
+    assert [str(one) for one in asked] == ["StaticSituation(near=bed1)"]
+
+
 def test_what_a_step_checks_is_told_to_its_module(search: CompiledPlan) -> None:
     assert 'action("Perceiving", object_acted_on=bottle)' in search.source
     assert "checks: VisualPerception (detectedObject: any Bottle)" in svg(task_graph(search.recipes, search.added))
