@@ -96,7 +96,8 @@ def check_areas(stage: Stage, number: int, seed: int) -> Iterator[tuple[list[str
 def check_reaches(stage: Stage, oracle: Oracle, number: int, seed: int) -> Iterator[tuple[list[str], bool]]:
     """Ask for random conjunctions with reach and sight; what places do not keep, and if there were any."""
     rng, room = np.random.default_rng(seed), stage.room
-    seen = [body for body in room.bodies if body.shape in ("box", "cylinder") and sorted(body.size)[1] > 0.15]
+    # the oracle tells how much of a thing it sees where that is as wide from all sides and fits into the picture
+    seen = [b for b in room.bodies if min(b.size) > 0.15 and max(b.size) < 0.65 and 0.8 < b.size[0] / b.size[1] < 1.25]
     for _ in range(number):
         relations = [Relation("in_reach_of", THE_BOTTLE)]
         if rng.random() < 0.3:
