@@ -8,6 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from executive.arm_choice import ArmChoices
 from executive.locations import ArmModel, Base, Reach, ReachSolution
 from executive.locations.hand import HandTerm
 from executive.locations.ways import HandPlan
@@ -37,7 +38,7 @@ def snapshot(platform: Platform) -> dict[str, Any]:
     state["believed"] = platform.around.world.snapshot()
     state["belief"] = platform.belief.snapshot()
     state["rng"] = platform.rng.bit_generator.state
-    state["arm"] = platform.preferred
+    state["arms"] = platform.choices.state()
     state["begun"] = [
         [arm, revision, list(base), _way_json(way)]
         for arm, (revision, base, way) in platform.begun_grasps.items()
@@ -59,7 +60,7 @@ def restore(platform: Platform, state: Mapping[str, Any], *, world: bool) -> Non
         platform.around.world.restore_state(state["believed"])
         platform.rng.bit_generator.state = state["rng"]
         arms = {arm.name: arm for arm in platform.around.arms}
-        platform.preferred = None if state["arm"] is None else arms[state["arm"]].name
+        platform.choices = ArmChoices.restored(state["arms"], arms)
         platform.begun_grasps = {
             arms[arm].name: (int(revision), _base(base), _way(way, arms)) for arm, revision, base, way in state["begun"]
         }

@@ -189,7 +189,7 @@ def _execute(
     except Exception as problem:
         path = Path(str(inspect.getsourcefile(plan.function)))
         line = line_in(problem, path)
-        if line is None or _is_own(problem):
+        if line is None or _is_own(problem, path):
             raise
         outcome = f"{type(problem).__name__}: {problem}\n  in the plan, {path.name}:{line}"
         code, chain = FAILED, (type(problem).__name__,)
@@ -203,10 +203,12 @@ def _execute(
     return RunResult(code, outcome, state, (), truth.steps / truth.rate, chain)
 
 
-def _is_own(problem: BaseException) -> bool:
-    """Whether an exception arose in the executive or the simulator rather than in the plan or in how it uses them."""
-    last = Path(traceback.extract_tb(problem.__traceback__)[-1].filename)
-    return any(last.is_relative_to(Path(inspect.getfile(kind)).parent) for kind in (RobotExecutive, PyBulletWorld))
+def _is_own(problem: BaseException, plan: Path) -> bool:
+    """Whether an exception arose in the executive or the simulator, or in what they call, rather than in the plan."""
+    files = [Path(frame.filename) for frame in traceback.extract_tb(problem.__traceback__)]
+    below = files[len(files) - files[::-1].index(plan) :] if plan in files else files
+    folders = [Path(inspect.getfile(kind)).parent for kind in (RobotExecutive, PyBulletWorld)]
+    return any(file.is_relative_to(folder) for file in below for folder in folders)
 
 
 def _compiled(options: RunOptions, stack: ExitStack, found: list[Diagnostic]) -> Path:

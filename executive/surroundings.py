@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from executive.arm_bodies import ArmBodies, arm_bodies
 from executive.capabilities import Robot
 from executive.knowledge import Belief
 from executive.locations import ArmModel, Base, Block, ComfortZone, Door, Held
 from executive.locations.field import Floor
 from executive.locations.own_body import OwnBody, OwnShapes
+from executive.locations.own_view import OwnView, still_pieces
 from executive.locations.reachability import GraspClass, ReachabilityMap
 from executive.locations.reachability_building import reachability_maps
-from executive.locations.solids import Solids
-from executive.motion import Boxes, Gaze
+from executive.locations.spheres import PlacedSpheres
+from executive.motion import Boxes, Gaze, QuickCheck
 from executive.motion.clearance import Band
+from executive.motion.solids import Solids
 from planlang.designators import Device, Object
 from planlang.ontology import expand
 from planlang.protocols import Array, Configuration, Contact, Pose
 from sim import PyBulletWorld
+from sim.bodies import FLOOR
 
 SEEN_SHARE = 0.3
 """Share of an object that must be visible for a place to count as one from where it is seen."""
-BEYOND = 0.2
-"""How far the neck's limits may keep an object from the middle of the picture [rad]."""
 LEANING = 0.05
 """How far a top may lean to count as level [rad]."""
 CLOSING_STEPS = 24
@@ -50,8 +52,10 @@ class BelievedSurroundings:
         self._floor: tuple[object, Floor] | None = None
         self._links = frozenset(world.robot.solid_names)
         self._shapes = {arm.name: OwnShapes(world, arm.joints, arm.spheres, robot.torso, arm.lift) for arm in self.arms}
+        self._placed: tuple[object, PlacedSpheres] | None = None
         self._own: dict[str, tuple[object, OwnBody]] = {}
         self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
+        self._arm_bodies: dict[str, tuple[object, ArmBodies]] = {}
 
     def arms_of(self, device: Device) -> Sequence[ArmModel]:
         """Arms that a device designator may mean: by the robot's part, else by type and side."""
@@ -133,6 +137,15 @@ class BelievedSurroundings:
             self._maps[key] = reachability_maps(arm, self.robot.torso, (grasp,))[grasp]
         return self._maps[key]
 
+    def arms_as_they_are(self) -> PlacedSpheres:
+        """Spheres inside all arms in their present posture, as they stick out from the base wherever it goes."""
+        joints = self.world.configuration().joints
+        state = tuple(joints.items())
+        if self._placed is None or self._placed[0] != state:
+            postures = [(arm.spheres, np.array([joints[name] for name in arm.joints])) for arm in self.arms]
+            self._placed = state, PlacedSpheres.of(postures)
+        return self._placed[1]
+
     def own_body(self, arm: ArmModel) -> OwnBody:
         """The rest of the robot in its present posture, as an arm meets it."""
         state = tuple(self.world.configuration().joints.items())
@@ -140,6 +153,19 @@ class BelievedSurroundings:
         if known is None or known[0] != state:
             known = self._own[arm.name] = state, self._shapes[arm.name].now(self.world)
         return known[1]
+
+    def quick_check(self, arm: ArmModel, touches: str | None) -> QuickCheck:
+        """What tells without PyBullet how an arm may move here; ``touches`` as in :meth:`contacts`."""
+        joints = self.world.configuration().joints
+        rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
+        state = rest, self._state(), tuple(self.belief.held.values())
+        known = self._arm_bodies.get(arm.name)
+        if known is None or known[0] != state:
+            known = state, arm_bodies(self.world, arm.solver.chain, self.robot.base_link)
+            self._arm_bodies[arm.name] = known
+        base = self.world.link_pose(self.robot.base_link).matrix()
+        floor = next((body.name for body in self.world.scene.bodies if body.shape == "room"), FLOOR)
+        return known[1].against(base, self.solids(), floor, (arm.hand_links, touches))
 
     def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
         """Positions of the torso at which the rest of the robot, in its present posture, does not touch itself."""
@@ -285,10 +311,11 @@ class BelievedSurroundings:
         q: Array | None = None,
         touches: str | None = None,
         opened: bool = False,
+        among: Collection[tuple[str, str]] | None = None,
     ) -> tuple[Contact, ...]:
         """Penetrations with an arm at ``q``, all else as it is; its hand may touch the body ``touches``.
 
-        ``opened``: with the fingers of the arm open.
+        ``opened``: with the fingers of the arm open. ``among``: the only pairs that can touch, if that is known.
         """
         joints = dict(self.world.configuration().joints)
         if arm is not None and q is not None:
@@ -296,7 +323,7 @@ class BelievedSurroundings:
             joints |= gripper.opened if opened and gripper is not None else {}
             joints |= zip(arm.joints, map(float, q), strict=True)
         ignore = [(link, touches) for link in sorted(arm.hand_links)] if arm is not None and touches is not None else []
-        return self.world.contacts(Configuration(base, joints), ignore=ignore)
+        return self.world.contacts(Configuration(base, joints), ignore=ignore, among=among)
 
     def stops_closing(self, base: Base, arm: ArmModel, q: Array, around: str) -> str | None:
         """The body that a finger of an arm at ``q`` would meet, closing from open, before it meets ``around``."""
@@ -340,6 +367,13 @@ class BelievedSurroundings:
         camera = self.robot.camera
         return (0.0, 0.0) if camera is None else (camera.near, camera.far)
 
+    def own_view(self) -> OwnView | None:
+        """What the robot's own body, neck and camera, in its present posture, leave to be seen; None without camera."""
+        camera = self.robot.camera
+        if self.gaze is None or camera is None:
+            return None
+        return OwnView(still_pieces(self.world, self.gaze.joints), self.gaze, camera.half_angle, self.camera_range())
+
     def hidden(self, base: Base, name: str) -> str | None:
         """None if the neck can turn the camera to a body from a base and nothing is in between.
 
@@ -353,7 +387,7 @@ class BelievedSurroundings:
         centre = self.block(name).centre
         neck, beyond, camera = self.gaze.at(turn.T @ (centre - np.array([x, y, 0.0])))
         away = float(np.linalg.norm(centre - (turn @ camera + np.array([x, y, 0.0]))))
-        if beyond > BEYOND or not self.robot.camera.near <= away <= self.robot.camera.far:
+        if beyond > self.robot.camera.half_angle or not self.robot.camera.near <= away <= self.robot.camera.far:
             return ""
         joints = {**self.world.configuration().joints, **dict(zip(self.gaze.joints, map(float, neck), strict=True))}
         configuration = Configuration(base, joints)

@@ -6,7 +6,7 @@ two arrays, so that a contact query asks PyBullet about near pairs only.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,6 +64,8 @@ class Bodies:
         self.bodies = {body.name: body for body in scene.bodies}
         self.poses = {body.name: body.pose for body in scene.bodies}
         self.removed: set[str] = set()
+        self.hidden: set[int] = set()
+        """Pieces that are out of the way for a moment; what interrupts that leaves them here."""
         self.pieces: list[Piece] = []
         self.of: dict[str, list[int]] = {body.name: [] for body in scene.bodies}
         """Body -> indices of its pieces."""
@@ -141,6 +143,7 @@ class Bodies:
         """Take a body out of the world: it touches nothing and is not seen."""
         self.removed.add(name)
         self.hide(self.of[name])
+        self.hidden.difference_update(self.of[name])
         self.lower[self.of[name]], self.upper[self.of[name]] = np.inf, -np.inf
 
     def restore(self, name: str) -> None:
@@ -148,17 +151,19 @@ class Bodies:
         self.removed.discard(name)
         self.place(name, self.poses[name])
 
-    def hide(self, indices: Iterable[int]) -> None:
+    def hide(self, indices: Sequence[int]) -> None:
         """Move pieces out of the way inside the client only; :meth:`show` brings them back."""
+        self.hidden.update(indices)  # before they go: an interrupt may come at any moment
         for index in indices:
             bullet.resetBasePositionAndOrientation(
                 self.pieces[index].uid, _AWAY, (0, 0, 0, 1), physicsClientId=self.client
             )
 
-    def show(self, indices: Iterable[int]) -> None:
+    def show(self, indices: Sequence[int]) -> None:
         """Undo :meth:`hide`."""
         for index in indices:
             self._put(index)
+        self.hidden.difference_update(indices)
 
     def name_of(self, uid: int) -> str | None:
         """Name of the body that a piece of this id belongs to."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -11,11 +12,15 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.protocols import Array, Configuration, Pose
 from sim.engine import bullet, quiet
 from sim.geometry import corners, overlaps, rotation, rotations
+from sim.hulls import Hulled, hulls_of
 from sim.scene import RobotBody
 from sim.self_contact import TOLERANCE as TOLERANCE
 from sim.self_contact import watched_pairs
 from sim.urdf import Follower, loadable, read_description
 
+WITHIN = 0.001
+"""Distance up to which links of one body are looked at [m]: asked for 0, PyBullet 3.2.7 tells no point of some that are
+centimetres in each other."""
 Shape = tuple[str, tuple[float, float, float], Pose]
 """Kind, extents [m] and pose of a primitive."""
 
@@ -34,6 +39,7 @@ class Robot:
         self.uid = self._load()
         self._read_joints()
         self._read_links()
+        self._hulls: dict[int, list[Hulled]] = {}
         self.shown: dict[str, float] = {}
         self._shapes: dict[int, tuple[Shape, ...]] = {}
         self.base = (0.0, 0.0, 0.0)
@@ -128,6 +134,8 @@ class Robot:
             moved = [(self.joints[name], value) for name, value in changed]
             if self._followers:
                 moved += [follow for name, value in changed for follow in self._following(name, value)]
+            # until they are there nobody knows where they are: an interrupt may come at any moment
+            self.shown.update((name, math.nan) for name, _ in changed)
             bullet.resetJointStatesMultiDof(
                 self.uid,
                 [index for index, _ in moved],
@@ -137,11 +145,12 @@ class Robot:
             self.shown.update(changed)
         base = (float(configuration.base[0]), float(configuration.base[1]), float(configuration.base[2]))
         if base != self.base:
-            self.base = base
             pose = Pose.planar(*base) @ self._inertial
+            self.base = (math.nan, math.nan, math.nan)
             bullet.resetBasePositionAndOrientation(
                 self.uid, pose.position, pose.orientation, physicsClientId=self.client
             )
+            self.base = base
 
     def _following(self, name: str, value: float) -> list[tuple[int, float]]:
         """Where the joints are that mimic a joint, by index."""
@@ -289,6 +298,20 @@ class Robot:
                     return (("mesh", (x, y, z), Pose.from_matrix(matrix)),)
         return tuple(found)
 
+    def hulls(self, number: int) -> list[Hulled]:
+        """The convex shapes of a solid link, in the link's frame."""
+        if number in self._hulls:
+            return self._hulls[number]
+        index = self.solid[number]
+        frame = self.link_pose(self.link_names[index]).inverse()
+        if index == -1:
+            place = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client))
+        else:
+            state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
+            place = Pose(state[0], state[1])
+        self._hulls[number] = hulls_of(self.client, self.uid, index, frame @ place)
+        return self._hulls[number]
+
     def hand_links(self, link: str) -> frozenset[str]:
         """Names of the solid links of the hand at a link."""
         return frozenset(self.solid_names[number] for number in self.hand_of(link))
@@ -322,7 +345,7 @@ class Robot:
     def depth_between(self, a: int, b: int) -> float:
         """Penetration of two solid links [m], 0 when they are apart."""
         points = bullet.getClosestPoints(
-            self.uid, self.uid, 0.0, self.solid[a], self.solid[b], physicsClientId=self.client
+            self.uid, self.uid, WITHIN, self.solid[a], self.solid[b], physicsClientId=self.client
         )
         return max((-point[8] for point in points), default=0.0)
 

@@ -144,11 +144,13 @@ class PyBulletWorld:
         moving: Collection[str] | None = None,
         *,
         ignore: Ignored = (),
+        among: Collection[tuple[str, str]] | None = None,
     ) -> tuple[Contact, ...]:
         """Penetrations of the robot and of what it holds, now or at another configuration; joints not named stay.
 
         ``moving``: joint names, "x", "y", "yaw" or "base": look only at links that these move. ``ignore``: names of
         bodies or links, or (part, body) pairs, that may touch. In self-collision the body is a link's name as well.
+        ``among``: the only pairs that can touch at all, where somebody knows; they are looked at, nothing else.
         Left out: penetrations up to 0.5 mm; a hand and what it holds; hands, or held objects, and a person's arms; up
         to 2 cm between a held object and what it has touched since it was grasped.
         """
@@ -158,7 +160,7 @@ class PyBulletWorld:
         if moving is not None:
             links = frozenset[int]().union(*(self._robot.moved_by(name) for name in moving))
             itself = not set(moving) <= {*BASE, "base"}
-        return self._find(configuration or self._now, Query(links, ignore, itself=itself))
+        return self._find(configuration or self._now, Query(links, ignore, itself=itself, among=among))
 
     def passed(self, start: Configuration, steps: Sequence[Mapping[str, float]]) -> frozenset[str]:
         """Bodies that the links which some joints move may meet on a way; no others can be touched there.
@@ -194,6 +196,8 @@ class PyBulletWorld:
         return self._contacts.between(links)
 
     def _here(self) -> None:
+        if self._bodies.hidden:  # a query was interrupted
+            self._bodies.show(sorted(self._bodies.hidden))
         self._show(self._now)
 
     def _show(self, configuration: Configuration) -> None:
@@ -271,6 +275,10 @@ class PyBulletWorld:
     def attached(self) -> Mapping[str, str]:
         """Body -> link of the robot that holds it."""
         return {name: held.link for name, held in self._held.items()}
+
+    def touched_since_grasp(self, name: str) -> frozenset[str]:
+        """Bodies that a held one has touched ever since it was grasped: it may go on touching them a little."""
+        return frozenset(self._held[name].touched)
 
     def falling(self, name: str) -> bool:
         """Whether a body is on its way down."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.field import Field
-from executive.locations.inverse_map import InverseMaps, Rows
+from executive.locations.inverse_map import SQUARE_BITS, InverseMaps, Rows
 from executive.locations.surroundings import ArmModel
 from executive.locations.ways import CLASSES, Ways
 from planlang.protocols import Array
@@ -23,10 +23,14 @@ TIE = 1e-9
 """Of places whose scores differ by less than this the one of the better row comes first."""
 AT_ONCE = 200_000
 """Places that are looked at in one go: more would not stay in the processor's memory."""
+COUNTED = 48
+"""Of each way so many places without room, unwanted and unseen are counted: reasons are told beside one another."""
 
 Indices = NDArray[np.intp]
 Weigh = Callable[[Array], Array]
 """Bases (m, 3) -> weights (m,), 0 where a place will not do."""
+Misses = Callable[[Array], NDArray[np.bool_]]
+"""Bases (m, 3) -> whether something is surely not seen from there (m,)."""
 
 
 @dataclass(slots=True)
@@ -46,9 +50,11 @@ class Candidates:
     crowded: list[tuple[float, Array]] = field(default_factory=list)
     """Promising places without room, with their scores."""
     without_room: int = 0
-    """Places without room, counted up to as many of a way as would be looked at."""
+    """Places without room, up to so many of each way."""
     unwanted: int = 0
     """Places with room of which the other conjuncts say that they will not do, counted likewise."""
+    unseen: int = 0
+    """Places that are left and from which the robot would not see what it has to, counted likewise."""
 
     def __len__(self) -> int:
         return len(self.scores)
@@ -65,6 +71,7 @@ def invert(
     weigh: Weigh | None,
     lifted: Callable[[ArmModel, Sequence[float]], tuple[float, ...]],
     *,
+    misses: Misses | None = None,
     least: float,
     rows: int,
     each: int,
@@ -72,8 +79,9 @@ def invert(
     """Places for some arms and their ways.
 
     Of each way those ``each`` with the best score are kept, well spread. ``weigh`` is the other conjuncts' opinion.
-    ``lifted`` tells where the torso may be with the rest of the robot as it is. ``least`` and ``rows`` bound
-    the rows of the maps by score, and by number for each torso position.
+    ``lifted`` tells where the torso may be with the rest of the robot as it is, ``misses`` from where the robot would
+    not see what it has to. ``least`` and ``rows`` bound the rows of the maps by score, and by number for each torso
+    position.
     """
     found = Candidates()
     parts: list[_Part] = []
@@ -88,10 +96,11 @@ def invert(
             if not len(chosen.row):
                 continue
             for some in blocks(len(mine), max(1, AT_ONCE // len(chosen.row))):
-                part = _Part.of(ways, np.array(mine[some], np.intp), chosen, room, weigh, each, number)
+                part = _Part.of(ways, np.array(mine[some], np.intp), chosen, room, weigh, misses, each, number)
                 parts.append(part)
     found.without_room = sum(part.without_room for part in parts)
     found.unwanted = sum(part.unwanted for part in parts)
+    found.unseen = sum(part.unseen for part in parts)
     crowded = [(part.number, *place) for part in parts for place in part.crowded]
     found.crowded = [(score, base) for _, _, score, base in sorted(crowded, key=lambda place: place[:2])]
     if not parts:
@@ -122,15 +131,25 @@ class _Part:
     ranks: Indices
     without_room: int
     unwanted: int
+    unseen: int
     crowded: list[tuple[int, float, Array]]
     """Ways without any place that has room: their number, the score and place of the best row."""
 
     @staticmethod
-    def of(ways: Ways, index: Indices, chosen: Rows, room: Field, weigh: Weigh | None, each: int, number: int) -> _Part:
+    def of(
+        ways: Ways,
+        index: Indices,
+        chosen: Rows,
+        room: Field,
+        weigh: Weigh | None,
+        misses: Misses | None,
+        each: int,
+        number: int,
+    ) -> _Part:
         """All rows (n) for all ways (w) at once, looked up in the field in its own cells."""
         factors = room.looked_up(ways.points[index, :2], ways.headings[index], chosen.v)
         free = np.count_nonzero(factors, axis=1)
-        without_room = int(np.minimum(factors.shape[1] - free, each).sum())
+        without_room = int(np.minimum(factors.shape[1] - free, COUNTED).sum())
         crowded = [
             (
                 way,
@@ -146,7 +165,13 @@ class _Part:
             way, row = np.nonzero(factors)
             liked = weigh(_bases(ways, index[way], chosen, row))
             scores[way, row] *= liked
-            unwanted = int(np.minimum(np.bincount(way[liked <= 0], minlength=len(index)), each).sum())
+            unwanted = int(np.minimum(np.bincount(way[liked <= 0], minlength=len(index)), COUNTED).sum())
+        unseen = 0
+        if misses is not None and len(index):
+            way, row = np.nonzero(scores)
+            missed = misses(_bases(ways, index[way], chosen, row))
+            scores[way[missed], row[missed]] = 0.0
+            unseen = int(np.minimum(np.bincount(way[missed], minlength=len(index)), COUNTED).sum())
         way, row, ranks = _best(scores, chosen.squares, each)
         return _Part(
             number,
@@ -158,6 +183,7 @@ class _Part:
             ranks,
             without_room,
             unwanted,
+            unseen,
             crowded,
         )
 
@@ -176,18 +202,23 @@ def _best(scores: Array, squares: Indices, each: int) -> tuple[Indices, Indices,
 
     ``squares`` (n,) number the squares of :data:`SPREAD` that the columns are in: the best of each come first.
     """
-    few = min(8 * each, scores.shape[1])
-    worse = TIE * np.arange(scores.shape[1]) - scores
-    top = np.argpartition(worse, few - 1, axis=1)[:, :few]
-    top = np.take_along_axis(top, np.argsort(np.take_along_axis(worse, top, 1), axis=1), 1)
-    values = np.take_along_axis(scores, top, 1)
-    keys = (np.arange(len(top))[:, None] * (1 << 24) + squares[top]).ravel()
-    again = np.ones(keys.shape, bool)
-    again[np.unique(keys, return_index=True)[1]] = False
-    order = np.argsort(np.where(values > 0, again.reshape(top.shape), 2), axis=1, kind="stable")[:, :each]
-    top, values = np.take_along_axis(top, order, 1), np.take_along_axis(values, order, 1)
-    way, rank = np.nonzero(values > 0)
-    return way, top[way, rank], rank
+    if 8 * each < scores.shape[1]:
+        worse = TIE * np.arange(scores.shape[1]) - scores
+        top = np.argpartition(worse, 8 * each - 1, axis=1)[:, : 8 * each]
+        way, place = np.nonzero(np.take_along_axis(scores, top, 1))
+        row = top[way, place]
+    else:
+        way, row = np.nonzero(scores)
+    # ways are told apart by twice their number: scores are less than 1
+    order = np.argsort(2.0 * way + (TIE * row - scores[way, row]))
+    way, row = way[order], row[order]
+    again = np.ones(len(way), np.intp)
+    again[np.unique((way << SQUARE_BITS) + squares[row], return_index=True)[1]] = 0
+    order = np.argsort(2 * way + again, kind="stable")
+    way, row = way[order], row[order]
+    rank = np.arange(len(way)) - np.searchsorted(way, way)
+    kept = rank < each
+    return way[kept], row[kept], rank[kept]
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:

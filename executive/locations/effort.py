@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+ALL = 1_000_000
+"""More rows than a map has, more places than a way."""
+
 
 @dataclass(frozen=True, slots=True)
 class Effort:
@@ -27,6 +30,5 @@ class Effort:
 
 EFFORTS = (
     Effort(fine=False, least=0.1, rows=400, each=16, most=384, block=48, exact=60),
-    Effort(fine=True, least=0.05, rows=400, each=16, most=1024, block=96, exact=100),
-    Effort(fine=True, least=0.0, rows=4000, each=48, most=4096, block=256, exact=200),
+    Effort(fine=True, least=0.0, rows=ALL, each=ALL, most=40_000, block=512, exact=500),
 )

@@ -13,8 +13,12 @@ from planlang.protocols import Array
 
 CELL = 0.05
 """Side of a cell of the grid [m]."""
+HAIR = 1e-6
+"""Share of a cell by which places on the border of two are taken to be in one of them."""
 SLACK = 0.03
 """Room that may be missing in the grid, whose cells are 5 cm wide: places are judged exactly later [m]."""
+DOUBTFUL = 0.15
+"""How good a place is where the middle of the cell has no room, but its border may have."""
 ROOMY = 0.3
 """More room than this is not better [m]."""
 
@@ -41,9 +45,9 @@ class Field:
         x, y = points[:, 0] - self.x, points[:, 1] - self.y
         turns = headings - self.yaw
         cosine, sine = np.cos(turns)[:, None] / CELL, np.sin(turns)[:, None] / CELL
-        rows = (c * x + s * y)[:, None] - (cosine * v[:, 0] - sine * v[:, 1])
-        columns = (c * y - s * x)[:, None] - (sine * v[:, 0] + cosine * v[:, 1])
-        # rounded about the middle, so that mirrored places are in mirrored cells
+        rows = (c * x + s * y + HAIR)[:, None] - (cosine * v[:, 0] - sine * v[:, 1])
+        columns = (c * y - s * x + HAIR)[:, None] - (sine * v[:, 0] + cosine * v[:, 1])
+        # a hair towards the larger cell: places of the maps are on borders of cells, wherever the map has its origin
         np.rint(rows, out=rows)
         np.rint(columns, out=columns)
         rows *= 2 * self.half + 3
@@ -73,6 +77,7 @@ class Floor:
         across, along = np.meshgrid(steps, steps)
         c, s = math.cos(yaw), math.sin(yaw)
         points = np.stack([centre[0] + c * along - s * across, centre[1] + s * along + c * across], axis=-1)
-        room = self.at(points.reshape(-1, 2)).reshape(along.shape)
-        factors = np.where(room > -SLACK, 0.3 + np.clip(room, 0.0, ROOMY), 0.0)
+        room = self.at(points.reshape(-1, 2)).reshape(along.shape).round(9)
+        roomy = np.where(room > 0.0, 0.3 + np.clip(room, 0.0, ROOMY), DOUBTFUL)
+        factors = np.where(room > -SLACK, roomy, 0.0)
         return Field(centre[0], centre[1], yaw, half, np.pad(factors, 1).ravel())

@@ -31,7 +31,7 @@ def around_places(demand: BaseDemand, around: Surroundings) -> tuple[Array, Arra
     along, across = (grid.ravel() for grid in np.meshgrid(steps, steps, indexing="ij"))
     c, s = math.cos(yaw), math.sin(yaw)
     points = np.stack([middle[0] + c * along - s * across, middle[1] + s * along + c * across], axis=1)
-    room = around.floor().at(points)
+    room = around.floor().at(points).round(9)
     squares = np.add.outer(np.arange(2 * half + 1) // 3 * 100_000, np.arange(2 * half + 1) // 3).ravel()
     inside = room > -np.inf
     points, room, squares = points[inside], room[inside], squares[inside]

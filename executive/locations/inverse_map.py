@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
+from executive.locations.reachability_sampling import exact_places, is_bound
 from executive.locations.surroundings import ArmModel, Surroundings
 from planlang.protocols import Array
 
 SPREAD = 0.1
 """Of places of one way in a square of this side the best comes first [m]."""
+SQUARE_BITS = 22
+"""Numbers of squares have no more bits."""
 MOST_MAPS = 24
 """Maps that are kept prepared."""
 
@@ -47,12 +52,16 @@ class Rows:
 class InverseMap:
     """A reachability map prepared for inversion."""
 
-    def __init__(self, forward: ReachabilityMap) -> None:
+    def __init__(self, forward: ReachabilityMap, exact: Array | None = None) -> None:
+        """``exact``: x, y [m] and heading [rad] of the rows (n, 3), where they are not those of the lattice."""
         self.forward = forward
         rows = forward.rows
-        yaw = rows["yaw"].astype(float) * (2 * math.pi / YAWS)
+        if exact is None:
+            yaw = rows["yaw"].astype(float) * (2 * math.pi / YAWS)
+            x, y = CELL * rows["x"].astype(float), CELL * rows["y"].astype(float)
+        else:
+            x, y, yaw = exact.T
         c, s = np.cos(yaw), np.sin(yaw)
-        x, y = CELL * rows["x"].astype(float), CELL * rows["y"].astype(float)
         self._v = np.stack([c * x + s * y, c * y - s * x], axis=1)
         self._yaw = yaw
         self._score = rows["score"].astype(float).round(6)
@@ -92,19 +101,22 @@ class InverseMap:
         if flipped:  # a turned hand is the same as another heading
             v, yaw = -v, yaw - math.pi
         cells = np.rint(v / SPREAD).astype(np.intp)
-        squares = (cells[:, 0] + 1024) * 2048 + cells[:, 1] + 1024
+        half = 1 << (SQUARE_BITS // 2 - 1)
+        squares = (cells[:, 0] + half) * 2 * half + cells[:, 1] + half
         return Rows(v, yaw, self._score[rows], rows, heights, squares, tuple(np.unique(heights).tolist()))
 
 
 _prepared: dict[tuple[object, ...], InverseMap] = {}
 
 
-def inverse_map(forward: ReachabilityMap, facts: tuple[object, ...]) -> InverseMap:
+def inverse_map(
+    forward: ReachabilityMap, facts: tuple[object, ...], exact: Callable[[], Array | None] = lambda: None
+) -> InverseMap:
     """The map of an arm prepared for inversion, once in a process for all maps of the same ``facts``."""
     if facts not in _prepared:
         while len(_prepared) >= MOST_MAPS:
             del _prepared[next(iter(_prepared))]
-        _prepared[facts] = InverseMap(forward)
+        _prepared[facts] = InverseMap(forward, exact())
     return _prepared[facts]
 
 
@@ -120,5 +132,16 @@ class InverseMaps:
         key = (arm.name, grasp)
         if key not in self._known:
             facts = (arm.solver.chain.digest, arm.lift, arm.frame, arm.seeds.tobytes(), grasp)
-            self._known[key] = inverse_map(self._around.reachability(arm, grasp), facts)
+            forward = self._around.reachability(arm, grasp)
+            self._known[key] = inverse_map(forward, facts, partial(_exact, arm, forward))
         return self._known[key]
+
+
+def _exact(arm: ArmModel, forward: ReachabilityMap) -> Array | None:
+    """Where the rows of an arm are that was mapped by sampling; None of one whose rows are at poses of the lattice."""
+    chain = arm.solver.chain
+    chain = chain if forward.lift is None else chain.locked({forward.lift.joint: forward.lift.lowest})
+    if not is_bound(chain):
+        return None
+    roll = forward.rows["roll"].astype(int)
+    return exact_places(chain, forward.rows["q"].astype(float), forward.grasp, forward.frame, roll)[0]

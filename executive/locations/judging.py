@@ -15,7 +15,9 @@ from executive.locations.reach import (
     Reach,
     ReachSolution,
     from_base,
+    is_among,
     touched_at,
+    touched_by,
     touched_on_the_way,
     unblocked,
 )
@@ -24,6 +26,8 @@ from executive.locations.relations import KINDS, BaseDemand, block_of, is_held
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from planlang.protocols import Array, Solution
 
+PLACES = 6
+"""Decimals of places [m, rad]: so few that two machines tell the same, so many that nothing depends on the origin."""
 ANOTHER_PLACE = 0.4
 """Whatever was not seen from one place is looked for from places at least this far away [m]."""
 MOST_CROWDED = 48
@@ -124,8 +128,7 @@ class BaseJudge:
                 return _reject(log, base, score, f"not {term.words}".replace("not not ", ""))
         if contacts := around.contacts(base):
             body = first_body(contacts)
-            log.add("no room for the base")
-            log.blocking[body] += 1
+            log.crowded(body)
             log.judge(base, score, "no room for the base", body)
             return False
         return True
@@ -136,8 +139,7 @@ class BaseJudge:
         for name in demand.seen:
             if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in around.looked_in_vain(name)):
                 return _reject(log, base, score, "looked from there in vain")
-        handled = [r.body for r in self.wanted(demand) if r.kind in ("grasp", "offer")] if around.sighted() else []
-        for name in dict.fromkeys((*demand.seen, *handled)):
+        for name in self.to_see(demand):
             occluder = around.hidden(base, name)
             if occluder is not None:
                 log.add("not visible")
@@ -151,6 +153,11 @@ class BaseJudge:
             if around.hidden(base, name) is None:
                 return _reject(log, base, score, f"{name} is visible")
         return True
+
+    def to_see(self, demand: BaseDemand) -> tuple[str, ...]:
+        """What has to be seen from the base: what is asked for, and what is going to be handled."""
+        handled = [r.body for r in self.wanted(demand) if r.kind in ("grasp", "offer")] if self.around.sighted() else []
+        return tuple(dict.fromkeys((*demand.seen, *handled)))
 
     def answer(
         self, base: Base, score: float, reached: dict[Reach, ReachSolution], demand: BaseDemand, log: Rejections
@@ -191,6 +198,9 @@ class BaseJudge:
                 way = next(from_base(reach, base, arm, ways, self.around, self.inverse, log), None)
                 if way is not None:
                     return way
+                known = self.reached(arm.name, base).get(reach)  # for an arm that can do little else from here
+                if known is not None and is_among(known, ways) and touched_by(known, base, self.around) is None:
+                    return known
         return None
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.reachability import Lift
-from executive.locations.solids import Solids
 from executive.locations.spheres import CORE, ArmSpheres
+from executive.motion.solids import Solids
 from planlang.protocols import Array, Configuration
 from sim import PyBulletWorld
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +14,9 @@ from executive.locations.hand import HandTerm
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.own_body import OwnBody
 from executive.locations.rejections import Rejections, first_body
-from executive.locations.solids import Solids
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.locations.ways import CLASSES, HandPlan, Ways
+from executive.motion.solids import Solids
 from planlang.protocols import Array
 
 CHUNK = 48
@@ -94,7 +94,7 @@ def unblocked(ways: Ways, arm: ArmModel, solids: Solids, rejections: Rejections)
     near = solids.near((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2 + 0.1)
     radii = arm.spheres.radii[arm.spheres.hand]
     found = near.hits(points, radii, np.ones(len(radii), bool), ways.touches)
-    return ways.chosen(_none_inside(*found, near, len(ways), INSIDE, rejections))
+    return ways.chosen(_none_inside(*found, near, len(ways), INSIDE, rejections.collision))
 
 
 def solve(
@@ -160,25 +160,47 @@ def _free(
     centres = arm.spheres.centres(flat)
     points = centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
     found = solids.hits(points, arm.spheres.radii, arm.spheres.hand, touches)
-    free = _none_inside(*found, solids, count, slack, rejections)
+    free = _none_inside(*found, solids, count, slack, rejections.collision)
     rest = np.repeat(free, steps)
     found = own.hits(centres[rest], arm.spheres.radii, flat[rest])
-    free[free] = _none_inside(*found, own.solids, int(free.sum()), slack, rejections)
+    free[free] = _none_inside(*found, own.solids, int(free.sum()), slack, rejections.collision)
     return free
 
 
+def arms_have_room(bases: Array, around: Surroundings, solids: Solids, rejections: Rejections) -> NDArray[np.bool_]:
+    """At which bases (n, 3) no arm, in its present posture, is inside something as far as spheres tell.
+
+    Others are counted.
+    """
+    arms = around.arms_as_they_are()
+    if not len(bases) or not len(arms.radii):
+        return np.ones(len(bases), bool)
+    matrices = base_matrices(bases)
+    points = arms.centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+    found = solids.hits(points, arms.radii, arms.hand, None)
+    return _none_inside(*found, solids, len(bases), INSIDE, rejections.crowded)
+
+
 def _none_inside(
-    gap: Array, piece: NDArray[np.intp], solids: Solids, count: int, slack: float, rejections: Rejections
+    gap: Array, piece: NDArray[np.intp], solids: Solids, count: int, slack: float, reject: Callable[[str], None]
 ) -> NDArray[np.bool_]:
-    """Which of ``count`` places keep their gaps in all postures; of others what the first is inside of is counted."""
+    """Which of ``count`` places keep their gaps in all postures; of others the first body they are inside is told."""
     if not count:
         return np.zeros(0, bool)
     inside = (gap <= -slack).reshape(count, -1)
     first = np.argmax(inside, axis=1)
     blocked = np.flatnonzero(inside.any(axis=1))
     for number in piece.reshape(inside.shape)[blocked, first[blocked]].tolist():
-        rejections.collision(solids.bodies[number])
+        reject(solids.bodies[number])
     return np.asarray(~inside.any(axis=1))
+
+
+def is_among(known: ReachSolution, ways: Ways) -> bool:
+    """Whether a way's poses are those of one of some ways."""
+    poses = ways.poses(np.arange(len(ways)))
+    if poses.shape[1:] != known.plan.poses.shape:
+        return False
+    return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
 
 
 def touched_by(solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
@@ -201,6 +223,18 @@ def touched_at(rows: Array, solution: ReachSolution, base: Base, around: Surroun
         if contacts := around.contacts(base, solution.arm, q, plan.touches, plan.opened):
             return first_body(contacts)
     return None
+
+
+def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings) -> bool:
+    """Whether the hand itself is in something at a pose of a solution, or when it closes: wherever the base stands."""
+    plan, hand, bodies = solution.plan, solution.arm.hand_links, around.names()
+    for q in solution.joints:
+        contacts = around.contacts(base, solution.arm, q, plan.touches, plan.opened)
+        if any(contact.part in hand and contact.body in bodies for contact in contacts):
+            return True
+    if solution.reach.kind != "grasp":
+        return False
+    return around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body) is not None
 
 
 def between(joints: Array) -> Array:

@@ -7,7 +7,7 @@ one by one, only as many as are asked for.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +16,27 @@ from executive.locations.blind import Blind
 from executive.locations.candidates import Candidates, blocks, invert
 from executive.locations.effort import Effort
 from executive.locations.hand_ways import ways_of
-from executive.locations.judging import BaseJudge, scored
-from executive.locations.reach import OFF_LATTICE, ON_LATTICE, Reach, ReachSolution, solve, unblocked
+from executive.locations.judging import PLACES, BaseJudge, scored
+from executive.locations.own_view import Unseen
+from executive.locations.reach import (
+    OFF_LATTICE,
+    ON_LATTICE,
+    Reach,
+    ReachSolution,
+    arms_have_room,
+    hand_is_stopped,
+    solve,
+    unblocked,
+)
 from executive.locations.rejections import Rejections
 from executive.locations.relations import BaseDemand, block_of
-from executive.locations.solids import Solids
-from executive.locations.surroundings import ArmModel
+from executive.locations.surroundings import ArmModel, Base
 from executive.locations.ways import CLASSES, Ways
+from executive.motion.solids import Solids
 from planlang.protocols import Array, Solution
 
 ALIKE = 0.06
-"""A candidate this near to one that failed exactly, with the hand from the same side, is not judged again [m]."""
+"""A candidate this near to one that failed exactly, with the hand from the same side, is judged last [m]."""
 TRAVEL = 8.0
 """Distance over which a place loses most of its worth [m]."""
 
@@ -80,6 +90,7 @@ class ReachingSearch:
             room,
             weigh if terms or others else None,
             around.lifted,
+            misses=self._unseen() if effort.fine else None,
             least=effort.least,
             rows=effort.rows,
             each=effort.each,
@@ -87,7 +98,8 @@ class ReachingSearch:
         log.scored.append((found.bases, found.scores))
         log.add("no room for the base", found.without_room)
         log.add("not where the other conjuncts say", found.unwanted)
-        if not len(found) and not found.without_room and not found.unwanted:
+        log.add("not visible", found.unseen)
+        if not len(found) and not found.without_room and not found.unwanted and not found.unseen:
             log.add("out of reach", sum(len(ways) for _, ways in hands))
         if log.explained:
             judge.name_crowding(found.crowded, log)
@@ -95,6 +107,15 @@ class ReachingSearch:
             yield from self._in_blocks(found, hands, middle, spread + reach)
         if not log.explained:
             judge.name_crowding(found.crowded, log)
+
+    def _unseen(self) -> Callable[[Array], NDArray[np.bool_]] | None:
+        """Tells from which bases the robot itself is in the way of seeing what has to be seen."""
+        view = self.around.own_view()
+        names = self.judge.to_see(self.demand)
+        if view is None or not names:
+            return None
+        each = [Unseen(view, block_of(name, self.around)) for name in names]
+        return lambda bases: np.any([unseen(bases) for unseen in each], axis=0)
 
     def _in_blocks(
         self,
@@ -107,36 +128,61 @@ class ReachingSearch:
         x, y, _ = around.base()
         order = found.order(np.exp(-np.hypot(found.bases[:, 0] - x, found.bases[:, 1] - y) / TRAVEL))[: effort.most]
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
-        bases = bases.round(4)  # as they are told
+        bases = bases.round(PLACES)  # as they are told
         solids = around.solids().near(middle, radius)
-        floor, judged, failed = around.floor(), 0, list[tuple[int, Array, float]]()
+        floor, judged = around.floor(), 0
         blind = Blind(middle[:2], strict=effort.fine)
-        for part in blocks(len(order), effort.block):
-            rows = order[part]
-            roomy = floor.at(bases[rows, :2]) > 0.0
-            log.add("no room for the base", int((~roomy).sum()))
-            rows = rows[roomy]
-            ways_ok, joints = self._solved(found, rows, bases, hands, solids)
-            for row in rows[ways_ok]:
-                number = int(found.arms[row])
-                arm, ways = hands[number]
-                way = int(found.ways[row])
-                base = bases[row]
-                if _like(failed, number, base, float(ways.headings[way])) or blind.covers(base):
-                    continue
-                if judged >= effort.exact:
-                    log.add("not looked at")
-                    return
-                place = (float(base[0]), float(base[1]), float(base[2]))
-                solution = ReachSolution(self.wanted[0], arm, ways.plan(way), joints[int(row)])
-                answer = self.judge.complete(
-                    place, float(found.scores[row]), solution, self.wanted, self.demand, blind, log
-                )
-                if answer is not None:
-                    yield answer
-                else:
-                    judged += 1
-                    failed.append((number, base, float(ways.headings[way])))
+        failed = _Failed()
+        failures: dict[tuple[int, int], tuple[ReachSolution, Base]] = {}
+        stopped: dict[tuple[int, int], bool] = {}
+        postponed: list[tuple[int, ReachSolution]] = []
+
+        def is_stopped(number: int, way: int) -> bool:
+            """Whether the hand itself is in something, so that no place of a way that has failed before will do."""
+            key = (number, way)
+            if key in failures and key not in stopped:
+                stopped[key] = hand_is_stopped(*failures[key], around)
+            return stopped.get(key, False)
+
+        def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
+            """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
+            for part in blocks(len(order), effort.block):
+                rows = order[part]
+                roomy = floor.at(bases[rows, :2]) > 0.0
+                log.add("no room for the base", int((~roomy).sum()))
+                rows = rows[roomy]
+                rows = rows[arms_have_room(bases[rows], around, solids, log)]
+                rows = rows[[not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]]
+                ways_ok, joints = self._solved(found, rows, bases, hands, solids)
+                for row in rows[ways_ok].tolist():
+                    arm, ways = hands[int(found.arms[row])]
+                    solution = ReachSolution(self.wanted[0], arm, ways.plan(int(found.ways[row])), joints[row])
+                    yield row, solution, True
+            if effort.fine:
+                for row, solution in postponed:
+                    yield row, solution, False
+
+        for row, solution, first in looked_at():
+            number, way = int(found.arms[row]), int(found.ways[row])
+            base = bases[row]
+            place = (float(base[0]), float(base[1]), float(base[2]))
+            heading = float(hands[number][1].headings[way])
+            if is_stopped(number, way):
+                continue
+            if first and (failed.near(number, base, heading) or blind.covers(base)):
+                postponed.append((row, solution))
+                continue
+            if judged >= effort.exact:
+                log.add("not looked at")
+                return
+            score = float(found.scores[row])
+            answer = self.judge.complete(place, score, solution, self.wanted, self.demand, blind, log)
+            if answer is not None:
+                yield answer
+            else:
+                judged += 1
+                failed.add(number, base, heading)
+                failures.setdefault((number, way), (solution, place))
 
     def _solved(
         self,
@@ -180,11 +226,22 @@ class ReachingSearch:
         return ok, joints
 
 
-def _like(failed: Sequence[tuple[int, Array, float]], arm: int, base: Array, heading: float) -> bool:
-    """Whether a place nearly like this one, with the hand from the same side, has failed."""
-    return any(
-        number == arm
-        and abs(other[0] - base[0]) + abs(other[1] - base[1]) < ALIKE
-        and abs(math.remainder(heading - before, 2 * math.pi)) < 0.3
-        for number, other, before in failed
-    )
+class _Failed:
+    """Places that failed exactly: those near to them, with the hand from the same side, are not judged next."""
+
+    def __init__(self) -> None:
+        self._places: list[tuple[int, float, float, float]] = []
+
+    def add(self, arm: int, base: Array, heading: float) -> None:
+        """One more."""
+        self._places.append((arm, float(base[0]), float(base[1]), heading))
+
+    def near(self, arm: int, base: Array, heading: float) -> bool:
+        """Whether a place nearly like this one has failed."""
+        x, y = float(base[0]), float(base[1])
+        return any(
+            number == arm
+            and abs(other_x - x) + abs(other_y - y) < ALIKE
+            and abs(math.remainder(heading - before, 2 * math.pi)) < 0.3
+            for number, other_x, other_y, before in self._places
+        )

@@ -37,6 +37,14 @@ class Rejections:
     """Places that were looked at, in that order; the first thousands."""
     scored: list[tuple[Array, Array]] = field(default_factory=list)
     """Candidates (m, 3) before they were looked at, and their scores (m,)."""
+    refused: list[tuple[str, Array]] = field(default_factory=list)
+    """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
+
+    def refuse(self, reason: str, candidates: Array) -> None:
+        """Count candidates (m, 2 or more) rejected for a reason, and remember where they are."""
+        if len(candidates):
+            self.add(reason, len(candidates))
+            self.refused.append((reason, candidates))
 
     def add(self, reason: str, number: int = 1) -> None:
         """Count ``number`` candidates rejected for a reason."""
@@ -46,6 +54,11 @@ class Rejections:
     def collision(self, body: str) -> None:
         """Count one candidate rejected because of a body in its way."""
         self.add("in collision")
+        self.blocking[body] += 1
+
+    def crowded(self, body: str) -> None:
+        """Count one candidate rejected because a body leaves the robot no room to stand there."""
+        self.add("no room for the base")
         self.blocking[body] += 1
 
     def judge(self, base: Base, score: float, reason: str = "", body: str | None = None) -> None:

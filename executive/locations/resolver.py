@@ -11,22 +11,19 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
-import numpy as np
-
 from executive.locations.answers import Answers
 from executive.locations.effort import EFFORTS
 from executive.locations.hand_terms import hand_holds
 from executive.locations.hand_ways import ways_of
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.judging import BaseJudge
-from executive.locations.reach import Reach, ReachSolution, from_base, touched_by, unblocked
+from executive.locations.reach import Reach, ReachSolution, from_base, is_among, touched_by, unblocked
 from executive.locations.reaching import ReachingSearch
 from executive.locations.rejections import Rejections
 from executive.locations.relations import base_demand, hand_demand, thing_demand
 from executive.locations.resting import thing_holds, thing_poses
 from executive.locations.standing import standing_places
 from executive.locations.surroundings import ArmModel, Base, Surroundings
-from executive.locations.ways import Ways
 from planlang.designators import Device, Location, Object
 from planlang.failures import LocationUnresolvable
 from planlang.protocols import Array, Pose, Solution
@@ -123,7 +120,7 @@ class Resolver:
         if (
             known is not None
             and stated is not None
-            and _among(known, stated)
+            and is_among(known, stated)
             and touched_by(known, base, around) is None
         ):
             yield known  # still a way: what it is about has not moved since
@@ -193,11 +190,3 @@ class Resolver:
         """From where a location was looked for last; places there, and at them, are judged as seen from there."""
         x, y, _ = self.around.base()
         return self._viewers.get(location, (x, y))
-
-
-def _among(known: ReachSolution, ways: Ways) -> bool:
-    """Whether a way's poses are those of one of some ways."""
-    poses = ways.poses(np.arange(len(ways)))
-    if poses.shape[1:] != known.plan.poses.shape:
-        return False
-    return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())

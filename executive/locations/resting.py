@@ -41,23 +41,23 @@ def thing_poses(
         rejections.add("too small for the object")
     for area in demand.areas:
         wanted = area.score(centres[:, :2]) > 0
-        rejections.add(f"not {area.words}".replace("not not ", ""), int((~wanted).sum()))
+        rejections.refuse(f"not {area.words}".replace("not not ", ""), centres[~wanted])
         centres = centres[wanted]
     for person, inside in demand.people:
         zone = around.zone(person)
         keep = np.array([zone.contains(centre) == inside for centre in centres], bool)
-        rejections.add(f"{'not ' if inside else ''}in reach of {person}", int((~keep).sum()))
+        rejections.refuse(f"{'not ' if inside else ''}in reach of {person}", centres[~keep])
         centres = centres[keep]
     upright = Block.of(Pose.planar(0.0, 0.0, yaw), size, cylinder=around.is_round(name))
     for body, inside in demand.neither:
         there = _rests(upright, centres, body, around, inside=inside)
-        rejections.add(f"{'in' if inside else 'on'} {body}", int(there.sum()))
+        rejections.refuse(f"{'in' if inside else 'on'} {body}", centres[there])
         centres = centres[~there]
     if not len(centres):
         return
     room = _room(name, size, centres, demand, around)
     crowded = room < FREE
-    rejections.add("no room for the object", int(crowded.sum()))
+    rejections.refuse("no room for the object", centres[crowded])
     for body in _crowding(name, size, centres[crowded], demand, around):
         rejections.blocking[body] += 1
     score = np.clip(room, 0.0, 0.1) / 0.1
@@ -68,6 +68,7 @@ def thing_poses(
         score = score * area.score(centres[:, :2])
     x, y, _ = around.base()
     score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / 4.0)
+    rejections.scored.append((centres[~crowded], score[~crowded]))
     order = np.argsort(-score.round(9), kind="stable")
     for x, y, z in centres[order[~crowded[order]]]:
         yield Pose.planar(float(x), float(y), yaw, float(z))

@@ -100,6 +100,26 @@ NO_SPHERES = ArmSpheres(
 """Of an arm of which no shape is known: nothing is ruled out before the exact query."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedSpheres:
+    """k spheres inside arms in one posture."""
+
+    centres: Array
+    """(k, 3) in the base frame."""
+    radii: Array
+    hand: NDArray[np.bool_]
+    """Which belong to hands, (k,)."""
+
+    @staticmethod
+    def of(arms: Sequence[tuple[ArmSpheres, Array]]) -> PlacedSpheres:
+        """Those of arms at joint values (d,) each."""
+        centres = [spheres.centres(q[None])[0] for spheres, q in arms]
+        radii, hand = [spheres.radii for spheres, _ in arms], [spheres.hand for spheres, _ in arms]
+        if not arms:
+            return PlacedSpheres(np.zeros((0, 3)), np.zeros(0), np.zeros(0, bool))
+        return PlacedSpheres(np.concatenate(centres), np.concatenate(radii), np.concatenate(hand))
+
+
 def arm_spheres(
     chain: Chain, tip: str, base_link: str, torso: str | None, world: PyBulletWorld, opened: Mapping[str, float]
 ) -> ArmSpheres:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.grid import around_places
-from executive.locations.judging import MOST_CROWDED, BaseJudge, scored
+from executive.locations.judging import MOST_CROWDED, PLACES, BaseJudge, scored
 from executive.locations.reaching import TRAVEL
 from executive.locations.rejections import Rejections
 from executive.locations.relations import BaseDemand, block_of
@@ -29,11 +29,11 @@ def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> It
     score = np.ones(len(bases))
     for term in terms:
         score = score * scored(term, bases)
-        log.add(f"not {term.words}".replace("not not ", ""), int((scored(term, bases) <= 0).sum()))
+        log.refuse(f"not {term.words}".replace("not not ", ""), bases[scored(term, bases) <= 0])
     for name in demand.seen:
         score = score * sight_score(bases, block_of(name, around), around.camera_range())
     roomy = room > 0
-    log.add("no room for the base", int((~roomy & (score > 0)).sum()))
+    log.refuse("no room for the base", bases[~roomy & (score > 0)])
     x, y, _ = around.base()
     travel = np.hypot(bases[:, 0] - x, bases[:, 1] - y)
     total = score * (0.4 + np.clip(room, 0.0, 0.3)) * np.exp(-travel / TRAVEL)
@@ -45,7 +45,7 @@ def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> It
     log.scored.append((bases[good], total[good]))
     order = good[np.argsort(-total[good].round(9), kind="stable")]
     for row in islice(_spread(squares[order], order), MOST_AREAS):
-        place = bases[row].round(4)
+        place = bases[row].round(PLACES)
         base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
         worth = float(total[row])
         # there is room by the field: what is seen decides more often

@@ -12,10 +12,11 @@ from executive.locations.block import Block
 from executive.locations.field import Floor
 from executive.locations.hand import ComfortZone, HandFrame, Held
 from executive.locations.own_body import OwnBody
+from executive.locations.own_view import OwnView
 from executive.locations.reachability import GraspClass, Lift, ReachabilityMap
-from executive.locations.solids import Solids
-from executive.locations.spheres import NO_SPHERES, ArmSpheres
+from executive.locations.spheres import NO_SPHERES, ArmSpheres, PlacedSpheres
 from executive.motion import Boxes, InverseKinematics
+from executive.motion.solids import Solids
 from planlang.designators import Device, Object
 from planlang.protocols import Array, Contact, Pose
 
@@ -128,6 +129,9 @@ class Surroundings(Protocol):
     def reachability(self, arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
         """The map of an arm and class of grasp."""
 
+    def arms_as_they_are(self) -> PlacedSpheres:
+        """Spheres inside all arms in their present posture, as they stick out from the base wherever it goes."""
+
     def own_body(self, arm: ArmModel) -> OwnBody:
         """The rest of the robot in its present posture, as an arm meets it."""
 
@@ -188,6 +192,9 @@ class Surroundings(Protocol):
 
     def sighted(self) -> bool:
         """Whether the robot has a camera; one without handles things where the map has them."""
+
+    def own_view(self) -> OwnView | None:
+        """What the robot's own body, neck and camera, in its present posture, leave to be seen; None without camera."""
 
     def hidden(self, base: Base, name: str) -> str | None:
         """None if the camera could see the body from a base; else what hides it, "" if it is out of its limits."""

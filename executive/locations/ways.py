@@ -135,7 +135,8 @@ def grasp_ways(
     directions = _directions(grasps, yaws)
     lift = np.array([0.0, 0.0, LIFT])
     offsets = np.stack(
-        [-APPROACH * directions, np.zeros((count, 3)), np.tile(lift, (count, 1)), lift - APPROACH * directions], axis=1
+        [-APPROACH * directions, np.zeros((count, 3)), np.tile(lift, (count, 1)), _raised_and_back(directions, LIFT)],
+        axis=1,
     )
     points = np.tile(block.centre, (count, 1))
     return _ways(f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True)
@@ -230,7 +231,7 @@ def retreat_ways(name: str, grasp: Array, frame: HandFrame) -> Ways:
         f"lift {name}",
         grasp[:3, 3] + rises,
         np.tile(grasp[:3, :3], (count, 1, 1)),
-        np.tile(np.stack([np.zeros(3), -APPROACH * approach]), (count, 1, 1)),
+        np.stack([np.zeros((count, 3)), _raised_and_back(np.tile(approach, (count, 1)), rises[:, 2]) - rises], axis=1),
         0,
         np.full(count, kind, np.intp),
         np.full(count, heading),
@@ -238,6 +239,16 @@ def retreat_ways(name: str, grasp: Array, frame: HandFrame) -> Ways:
         np.array([1.0, 0.9, 0.8]),
         touches=name,
     )
+
+
+def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
+    """Where a hand goes with what it has grasped, from approach directions (n, 3): back, and raised by ``rise`` [m].
+
+    What going back along a tilted approach raises counts.
+    """
+    back: Array = -APPROACH * approaches
+    back[:, 2] = np.maximum(back[:, 2], rise)
+    return back
 
 
 def joined(parts: list[Ways]) -> Ways:

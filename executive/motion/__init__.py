@@ -5,9 +5,10 @@ General layout: ``urdf`` reads joints, ``symbolic`` and ``levenberg_marquardt`` 
 ``timing`` turns waypoints into trajectories. Random generators are passed in; ``errors`` lists what is raised.
 """
 
-from executive.motion.arm_path import TipLine, cartesian_path, plan_path
+from executive.motion.arm_path import JointSpace, plan_path
 from executive.motion.base_path import plan_base_path
 from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
+from executive.motion.collision import QuickCheck
 from executive.motion.errors import (
     BadRobotDescription,
     GoalInCollision,
@@ -20,6 +21,7 @@ from executive.motion.errors import (
 from executive.motion.gaze import Gaze
 from executive.motion.kinematics import Chain, InverseKinematics
 from executive.motion.timing import time_path
+from executive.motion.tip_line import TipLine, cartesian_path
 
 __all__ = [
     "BadRobotDescription",
@@ -29,10 +31,12 @@ __all__ = [
     "GoalInCollision",
     "Grid",
     "InverseKinematics",
+    "JointSpace",
     "MotionError",
     "NoPath",
     "NoSuchChain",
     "OutsideLimits",
+    "QuickCheck",
     "StartInCollision",
     "TipLine",
     "cartesian_path",

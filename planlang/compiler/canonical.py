@@ -63,8 +63,10 @@ def _recipe(recipe: Recipe, *, data_flow: bool) -> Recipe:
         if ordering.before in keys and ordering.after in keys and (data_flow or ordering.reason is not Reason.DATA_FLOW)
     ]
 
-    def order(ordering: Ordering) -> tuple[object, ...]:
-        return keys[ordering.before], keys[ordering.after], ordering.reason.value, ordering.iri or ""
+    rank = {iri: number for number, iri in enumerate(sorted(keys, key=keys.__getitem__))}
+
+    def order(ordering: Ordering) -> tuple[int, int, str, str]:
+        return rank[ordering.before], rank[ordering.after], ordering.reason.value, ordering.iri or ""
 
     machine = recipe.machine
     if machine is not None:
@@ -109,6 +111,8 @@ def _visits(machine: StateMachine) -> dict[str, int]:
 
 
 def _step(step: Step) -> Step:
+    if not step.parameters and step.condition is None and len(step.recipes) < 2:
+        return step
     condition = step.condition
     if condition is not None:
         condition = Description(condition.type, _parameters(condition.parameters))

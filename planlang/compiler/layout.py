@@ -76,22 +76,33 @@ def statement(expression: Expression, *, depth: int, before: str = "", after: st
 
 def _lines(expression: Expression, depth: int, before: str, after: str) -> list[str]:
     indent = INDENT * depth
-    line = f"{indent}{before}{expression.flat()}{after}"
-    if len(line) <= WIDTH or isinstance(expression, Text):
-        return [line]
-    if isinstance(expression, Call):
-        if not expression.arguments:
+    is_wide = _is_wide(expression)
+    if not is_wide:
+        line = f"{indent}{before}{expression.flat()}{after}"
+        is_whole = isinstance(expression, Text) or (isinstance(expression, Call) and not expression.arguments)
+        if is_whole or len(line) <= WIDTH:
             return [line]
+    assert not isinstance(expression, Text)
+    if isinstance(expression, Call):
         opening, closing = f"{expression.function}(", ")"
         items = [(_labelled(keyword), argument) for keyword, argument in expression.arguments]
-        together = INDENT * (depth + 1) + ", ".join(label + item.flat() for label, item in items)
-        if len(together) <= WIDTH:
-            return [f"{indent}{before}{opening}", together, f"{indent}{closing}{after}"]
+        if not is_wide:
+            together = INDENT * (depth + 1) + ", ".join(label + item.flat() for label, item in items)
+            if len(together) <= WIDTH:
+                return [f"{indent}{before}{opening}", together, f"{indent}{closing}{after}"]
     else:
         opening, closing = expression.brackets[0], expression.brackets[1]
         items = expression.labelled()
     inside = [line for label, item in items for line in _lines(item, depth + 1, label, ",")]
     return [f"{indent}{before}{opening}", *inside, f"{indent}{closing}{after}"]
+
+
+def _is_wide(expression: Expression) -> bool:
+    """True if an expression has too many parts for any line: each takes a character, a comma and a blank."""
+    if isinstance(expression, Text):
+        return False
+    parts = [part for _, part in expression.arguments] if isinstance(expression, Call) else expression.items
+    return 3 * len(parts) > WIDTH or any(map(_is_wide, parts))
 
 
 def _labelled(keyword: str | None) -> str:

@@ -73,7 +73,7 @@ class Lowering:
         self.added[recipe.iri] = found.added
         self.diagnostics += [self._said(recipe, before, after) for before, after in found.added]
         if found.added:
-            order = Precedence(order_graph(order.nodes, [*order.graph.edges, *found.added]))
+            order = Precedence.of(order.nodes, [*order.reduction(), *found.added])
         overlaps = Overlaps(recipe, order)
         holding = self._roles.held(recipe, order)
 

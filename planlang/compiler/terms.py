@@ -10,7 +10,7 @@ from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse
 from planlang.designators import local_name
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
-from planlang.recipe.graph import recipe_graph
+from planlang.recipe.graph import recipe_order
 from planlang.recipe.model import Description, Filler, Flow, Kind, Name, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.precedence import Precedence
 
@@ -53,7 +53,7 @@ class Terms:
     def order(self, recipe: Recipe) -> Precedence[str]:
         """The order of a recipe's steps (IRIs) as the recipe states it."""
         if recipe.iri not in self._orders:
-            self._orders[recipe.iri] = Precedence(recipe_graph(recipe))
+            self._orders[recipe.iri] = recipe_order(recipe)
         return self._orders[recipe.iri]
 
     def steps(self, recipe: Recipe) -> Sequence[Step]:

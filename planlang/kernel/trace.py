@@ -114,17 +114,20 @@ class Trace:
             self._send(_line(record))
 
     def _send(self, text: str) -> None:
-        self._take(text.encode(*_UTF8))
+        self._write_through(text.encode(*_UTF8))
 
-    def _take(self, data: bytes) -> None:
+    def _write_through(self, data: bytes) -> None:
         """A disk that is nearly full takes a part of a line, and refuses the rest; then no more is written."""
         assert self._put is not None
         try:
             while data:
                 data = data[self._put(data) :]
-        except (OSError, ValueError) as error:  # full, or closed
-            self._put = len
-            self._fail(error)
+        except _UNWRITABLE as error:
+            self._stop(error)
+
+    def _stop(self, error: Exception) -> None:
+        self._put = len
+        self._fail(error)
 
     def _fail(self, error: BaseException) -> None:
         if self._on_failure is None:
@@ -166,7 +169,14 @@ class Trace:
             name = self._names[node.base_name] = _quoted(node.base_name)[:-1]
         ordinal = "" if node.ordinal == 1 else f"#{node.ordinal}"
         told = node.told = f'{number}{self._around}{node.kind}", "name": {name}{ordinal}"'
-        self._take(f"{self._started}{told}}}\n".encode(*_UTF8))
+        data = f"{self._started}{told}}}\n".encode(*_UTF8)
+        try:
+            taken = self._put(data)
+        except _UNWRITABLE as error:
+            self._stop(error)
+            return
+        if taken != len(data):
+            self._write_through(data[taken:])
 
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
@@ -185,7 +195,14 @@ class Trace:
         if node.told and self._put is not None:
             if step != self._step:
                 self._turn_to(step)
-            self._take(f'{self._ended}{node.told}, "status": "{word}"}}\n'.encode(*_UTF8))
+            data = f'{self._ended}{node.told}, "status": "{word}"}}\n'.encode(*_UTF8)
+            try:
+                taken = self._put(data)
+            except _UNWRITABLE as error:
+                self._stop(error)
+                return
+            if taken != len(data):
+                self._write_through(data[taken:])
         elif node.number and node.parent is not None and self._put is None:
             self.events.append(
                 {
@@ -242,6 +259,8 @@ def with_paths(events: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
         yield {**event, "path": paths[number]}
 
 
+_UNWRITABLE = (OSError, ValueError)
+"""What a file raises that is full, or closed."""
 _SPANS = frozenset({"started", "ended"})
 _PLAIN = frozenset({str, int, bool, type(None)})
 _UTF8 = ("utf-8", "backslashreplace")

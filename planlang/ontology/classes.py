@@ -69,8 +69,7 @@ def restrictions_of(triples: Triples, cls: int) -> Iterator[Restriction]:
         form, value = forms.get(triples.predicates[row]), triples.objects[row]
         if form is None or not triples.is_node(value):
             continue
-        whole = items(triples, value) if triples.predicates[row] == intersection else [value]
-        for part in _opened(triples, whole):
+        for part in _opened(triples, items(triples, value) if triples.predicates[row] == intersection else (value,)):
             if triples.is_node(part):
                 nested = "intersection" if form == "flat" and part != value else form
                 yield from _restriction(triples, part, nested)
@@ -78,7 +77,7 @@ def restrictions_of(triples: Triples, cls: int) -> Iterator[Restriction]:
 
 def _restriction(triples: Triples, node: int, form: str) -> Iterator[Restriction]:
     rows = list(triples.about(node))
-    stated = [triples.name(triples.predicates[row]) or "" for row in rows]
+    stated: list[str] = [triples.terms[triples.predicates[row]] for row in rows]  # type: ignore[misc]
     prop = triples.name(triples.objects[rows[stated.index(ON_PROPERTY)]]) if ON_PROPERTY in stated else None
     if prop is None:
         return
@@ -106,21 +105,20 @@ def conjuncts(triples: Triples, expression: int) -> Iterator[int]:
 
 def _opened(triples: Triples, expressions: Iterable[int]) -> Iterator[int]:
     """The expressions in their order, intersections among them opened, each once however they are nested."""
-    intersection = triples.find(INTERSECTION_OF)
+    lists = triples.intersections
     opened: set[int] = set()
-    stack = [*expressions][::-1]
-    while stack:
-        expression = stack.pop()
-        if expression in opened:
+    for expression in expressions:
+        if expression not in lists:
+            yield expression
             continue
-        if triples.is_node(expression):
-            rows = (row for row in triples.about(expression) if triples.predicates[row] == intersection)
-            members = next(rows, None)
-            if members is not None:
-                opened.add(expression)
-                stack += [*items(triples, triples.objects[members])][::-1]
-                continue
-        yield expression
+        stack = [expression]
+        while stack:
+            inner = stack.pop()
+            if inner not in lists:
+                yield inner
+            elif inner not in opened:
+                opened.add(inner)
+                stack += [*items(triples, lists[inner])][::-1]
 
 
 def items(triples: Triples, cell: int) -> Iterator[int]:
@@ -153,8 +151,13 @@ def edges(triples: Triples) -> Iterator[tuple[str, str]]:
             if triples.predicates[row] == equivalent:
                 yield upper, lower
             continue
-        whole = items(triples, value) if triples.predicates[row] == intersection else [value]
-        for member in map(triples.name, _opened(triples, whole)):
+        if triples.predicates[row] == intersection:
+            members = _opened(triples, items(triples, value))
+        elif value in triples.intersections:
+            members = conjuncts(triples, value)
+        else:
+            continue
+        for member in map(triples.name, members):
             if member is not None:
                 yield lower, member
 

@@ -84,9 +84,8 @@ def _is_ours(path: Path) -> bool:
 
 def _own_iri(triples: Triples) -> str | None:
     ontology = triples.find(ONTOLOGY)
-    rows = () if ontology is None else triples.with_object(ontology)
-    kind = triples.find(TYPE)
-    names = (triples.name(triples.subjects[row]) for row in rows if triples.predicates[row] == kind)
+    rows = (row for row in triples.by(TYPE) if triples.objects[row] == ontology) if ontology is not None else ()
+    names = (triples.name(triples.subjects[row]) for row in rows)
     return next((name for name in names if name is not None), None)
 
 

@@ -64,7 +64,7 @@ def _parser() -> tuple[Lark, _Relay]:
     return Lark.open(grammar, parser="lalr", lexer="contextual", transformer=relay, lexer_callbacks=told), relay
 
 
-def read_manchester(content: bytes, file: str, *, base: str, label: str = "b") -> Parsed:
+def read_manchester(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
     """The triples of a file in Manchester syntax. ``base`` is its address when ``Ontology:`` gives none.
 
     ``label`` begins the labels of nameless nodes. Raises BadInput with all syntax errors, each with its position and

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span
@@ -55,14 +56,17 @@ class Ontology:
     def __init__(self, readings: Sequence[Reading]) -> None:
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
         self.store = Triples.joined([reading.triples for reading in readings])
+        self.kept: dict[object, Any] = {}
+        """What others have worked out about it and keep as long as it lives, under keys of their own."""
         self._main = self.store.ranges[0]
         self._restrictions: dict[int, tuple[Restriction, ...]] = {}
         self._kind = self.store.number(TYPE)
         self._class_kinds = frozenset(map(self.store.number, _CLASS_KINDS))
-        self._above = frozenset(map(self.store.number, (SUBCLASS_OF, EQUIVALENT_CLASS)))
-        self._defining = self._above | {self._kind, self.store.number(SUBPROPERTY_OF)}
-        self._subclass_of = self.store.number(SUBCLASS_OF)
-        self._classes: dict[str, bool] = {}
+        defining = (TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, SUBPROPERTY_OF)
+        self._defining = frozenset(map(self.store.number, defining))
+        self._listed: dict[tuple[str, ...], tuple[str, ...]] = {}
+        self._kinds: dict[tuple[str, ...], dict[int, int]] = {}
+        self._words: dict[tuple[str, ...], dict[int, None]] = {}
         found = [diagnostic for reading in readings for diagnostic in reading.diagnostics]
         self.diagnostics: tuple[Diagnostic, ...] = (*found, *checked(self, readings))
 
@@ -76,12 +80,6 @@ class Ontology:
     def triples(self, s: str | BNode | None = None, p: str | None = None, o: Term | None = None) -> Iterator[Triple]:
         """The triples with this subject, predicate and object (None: any), in document order."""
         return map(self.store.triple, self._rows(s, p, o))
-
-    def triples_called(self, *words: str) -> Iterator[Triple]:
-        """The triples whose predicate has one of these local names, in document order."""
-        store = self.store
-        wanted = {number for number in set(store.predicates) if local_name(store.name(number) or "") in words}
-        return (store.triple(row) for row, number in enumerate(store.predicates) if number in wanted)
 
     def _rows(self, s: str | BNode | None, p: str | None, o: Term | None) -> Iterator[int]:
         store, numbers = self.store, []
@@ -105,19 +103,65 @@ class Ontology:
                 yield row
 
     def _number(self, term: Term) -> int | None:
-        return self.store.find(expand(term) if isinstance(term, str) else term)
+        return self.store.numbers.get(expand(term)) if isinstance(term, str) else self.store.find(term)
 
     def _about(self, term: Term) -> Iterator[int]:
         """The rows that have a term as their subject."""
         number = self._number(term)
         return iter(()) if number is None else self.store.about(number)
 
+    def said(self, s: str | BNode, *names: str) -> Iterator[Triple]:
+        """What is said of a subject by properties with one of these local names, in document order."""
+        named, predicates = self._named(names), self.store.predicates
+        if not named:
+            return iter(())
+        return map(self.store.triple, [row for row in self._about(s) if predicates[row] in named])
+
+    def using(self, *names: str) -> Iterator[Triple]:
+        """The triples whose property has one of these local names, in document order."""
+        return map(self.store.triple, self.store.by(*self.properties_named(*names)))
+
+    def properties_named(self, *names: str) -> tuple[str, ...]:
+        """The properties that any triple uses and whose local names are among these."""
+        found = (self.store.name(number) for number in self._named(names))
+        return tuple(name for name in found if name is not None)
+
+    def _named(self, names: tuple[str, ...]) -> dict[int, None]:
+        found = self._words.get(names)
+        if found is None:
+            used = ((number, self.store.name(number) or "") for number in self.store.used)
+            found = self._words[names] = {number: None for number, name in used if local_name(name) in names}
+        return found
+
     def values(self, s: str | BNode, p: str, *, subproperties: bool = False) -> tuple[Term, ...]:
         """What the property has as values for a subject, in document order, each once."""
-        store = self.store
-        wanted = {store.find(name) for name in (self.subproperties(p) if subproperties else (expand(p),))}
-        rows = (row for row in self._about(s) if store.predicates[row] in wanted)
-        return tuple(map(store.term, dict.fromkeys(store.objects[row] for row in rows)))
+        if not subproperties:
+            return self._values(s, (self._number(p),))
+        return self._values(s, frozenset(map(self._number, self.subproperties(p))))
+
+    def linked(self, s: str | BNode, *names: str) -> tuple[list[str], ...]:
+        """For each of these local names what (IRIs) properties of that name link a subject to, each once."""
+        kinds = self._kinds.get(names)
+        if kinds is None:
+            kinds = self._kinds[names] = {
+                kind: place for place, name in enumerate(names) for kind in self._named((name,))
+            }
+        found: tuple[list[str], ...] = tuple([] for _ in names)
+        number, store = self._number(s), self.store
+        for row in store.about(number) if number is not None else ():
+            place = kinds.get(store.predicates[row])
+            if place is not None:
+                value = store.terms[store.objects[row]]
+                if isinstance(value, str) and value not in found[place]:
+                    found[place].append(value)
+        return found
+
+    def _values(self, s: str | BNode, wanted: Container[int | None]) -> tuple[Term, ...]:
+        store, number = self.store, self._number(s)
+        if number is None:
+            return ()
+        found = [store.objects[row] for row in store.about(number) if store.predicates[row] in wanted]
+        return tuple(map(store.term, dict.fromkeys(found) if len(found) > 1 else found))
 
     def value(self, s: str | BNode, p: str, *, subproperties: bool = False) -> Term | None:
         """The first value of a property, or None."""
@@ -128,25 +172,21 @@ class Ontology:
     def types(self, individual: str | BNode) -> tuple[str, ...]:
         """The named classes that an individual is said to be of, without those of OWL itself."""
         return tuple(
-            cls for cls in self.values(individual, TYPE) if isinstance(cls, str) and not cls.startswith(_LANGUAGE)
+            cls
+            for cls in self._values(individual, (self._kind,))
+            if isinstance(cls, str) and not cls.startswith(_LANGUAGE)
         )
 
     def is_class(self, iri: str) -> bool:
         """True if it is declared a class, or stated to be below, above or the same as one."""
-        found = self._classes.get(iri)
-        if found is None:
-            found = self._classes[iri] = self._is_class(iri)
-        return found
+        return self._number(self._twin_or_itself(expand(iri))) in self._classes
 
-    def _is_class(self, iri: str) -> bool:
-        store, number = self.store, self._number(self._twin_or_itself(expand(iri)))
-        if number is None:
-            return False
-        for row in store.about(number):
-            predicate = store.predicates[row]
-            if predicate in self._above or (predicate == self._kind and store.objects[row] in self._class_kinds):
-                return True
-        return any(store.predicates[row] == self._subclass_of for row in store.with_object(number))
+    @cached_property
+    def _classes(self) -> frozenset[int | None]:
+        store = self.store
+        rows = store.by(SUBCLASS_OF, EQUIVALENT_CLASS)
+        found = set(map(store.subjects.__getitem__, rows)) | set(map(store.objects.__getitem__, store.by(SUBCLASS_OF)))
+        return frozenset(found.union(self._of_kinds(self._class_kinds)))
 
     def class_names(self) -> tuple[str, ...]:
         """All classes that are declared, in document order."""
@@ -177,7 +217,11 @@ class Ontology:
 
     def _twin_or_itself(self, iri: str) -> str:
         """KnowRob's class for one of RoboEarth's about which no document says anything."""
-        return iri if next(self._about(iri), None) is not None else twin(iri) or iri
+        other = twin(iri)
+        if other is None:
+            return iri
+        number = self._number(iri)
+        return iri if number is not None and self.store.first_about(number) >= 0 else other
 
     def individuals(self, cls: str) -> tuple[str, ...]:
         """The individuals of a class and of its subclasses, in document order."""
@@ -185,9 +229,19 @@ class Ontology:
         names = map(self.store.name, self._of_kinds(number for number in wanted if number is not None))
         return tuple(name for name in names if name is not None)
 
+    def unused(self) -> Iterator[str]:
+        """What the main document gives a type and no document says anything with, but itself; each once."""
+        store = self.store
+        rows = (row for row in store.by(TYPE) if row in self._main)
+        for number in dict.fromkeys(map(store.subjects.__getitem__, rows)):
+            name = store.name(number)
+            if name is not None and all(store.subjects[row] == number for row in store.with_object(number)):
+                yield name
+
     def main(self, iri: str) -> bool:
         """True if the main document says something about it."""
-        return next(self._about(iri), len(self.store)) in self._main
+        number = self._number(iri)
+        return number is not None and self.store.first_about(number) in self._main
 
     def span(self, iri: str) -> Span | None:
         """Where it is defined: its first type, else the first statement about it."""
@@ -293,9 +347,19 @@ class Ontology:
 
         Sub-properties of those are valid too.
         """
-        found: dict[str, None] = {}
-        for ancestor in self.ancestors(action):
-            for value in self.values(ancestor, KNOWROB + "hasParameter"):
-                if isinstance(value, str):
-                    found |= dict.fromkeys(self.subproperties(value))
-        return tuple(found)
+        listing = tuple(ancestor for ancestor in self.ancestors(action) if ancestor in self._parameters)
+        found = self._listed.get(listing)
+        if found is None:
+            stated = (value for ancestor in listing for value in self._parameters[ancestor])
+            every = (name for value in stated for name in self.subproperties(value))
+            found = self._listed[listing] = tuple(dict.fromkeys(every))
+        return found
+
+    @cached_property
+    def _parameters(self) -> dict[str, list[str]]:
+        """The properties that the vocabulary lists for each class."""
+        found: dict[str, list[str]] = {}
+        for triple in self.triples(p=KNOWROB + "hasParameter"):
+            if isinstance(triple.subject, str) and isinstance(triple.object, str):
+                found.setdefault(triple.subject, []).append(triple.object)
+        return found

@@ -8,6 +8,7 @@ is asked of every element is asked of the numbers that stand for names and kinds
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
@@ -59,18 +60,18 @@ class _Frame:
         self.kind, self.base, self.language = kind, base, language
         self.line, self.column = line, column
         self.subject = subject
-        self.filled = False
-        self.text: list[str] = []
         if kind == _NODE:
             self.items = 0
         elif kind != _SKIPPED:
+            self.filled = False
+            self.text: list[str] = []
             self.predicate = -1
             self.datatype: str | None = None
             self.reified = self.last_cell = -1
             self.names = False
 
 
-def read_rdfxml(content: bytes, file: str, *, base: str, label: str = "b") -> Parsed:
+def read_rdfxml(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
     """The triples of an RDF/XML file. ``base`` is its address unless it says ``xml:base``.
 
     ``label`` begins the labels of nameless nodes. Raises BadInput with the position of the first thing that is not XML,
@@ -120,6 +121,8 @@ class _Handler:
         self.keys: dict[str, str] = {}
         """What expat calls an element, and an attribute that says something -> its IRI."""
         self.prefixes: dict[str, str] = {}
+        self.classes: dict[str, int] = {}
+        """What expat calls an element that is a thing -> the number of its class; -1 if that tells none."""
         self.plain: dict[str, int] = {}
         """What expat calls a property that needs no more than a value -> the number of its IRI."""
         self.complete = _Frame(_PROPERTY, base, None, 1, 1)
@@ -127,8 +130,8 @@ class _Handler:
         self.complete.filled = True
         self.type, self.first, self.rest = map(self.triples.number, (TYPE, FIRST, REST))
         parser.ordered_attributes = True
-        parser.StartElementHandler = self.start
-        parser.EndElementHandler = self.end
+        parser.StartElementHandler = self._starting()
+        parser.EndElementHandler = self._ending()
         parser.StartNamespaceDeclHandler = self.namespace
         parser.CharacterDataHandler = self.characters
         parser.StartDoctypeDeclHandler = self.doctype
@@ -180,22 +183,47 @@ class _Handler:
 
     # elements
 
-    def start(self, tag: str, attributes: list[str]) -> None:
-        frames = self.frames
-        parent = frames[-1]
-        kind = parent.kind
-        line, column = self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1
-        if len(frames) > DEEPEST:
+    def _starting(self) -> Callable[[str, list[str]], None]:
+        """What expat calls where an element begins.
+
+        Most elements of large files are properties with rdf:resource and nothing else: these are read here, with all
+        names at hand, and left to :meth:`_start` are the others.
+        """
+        frames, triples, parser, plain, complete = self.frames, self.triples, self.parser, self.plain, self.complete
+        subjects, predicates, objects = triples.subjects, triples.predicates.append, triples.objects.append
+        lines, columns, state = triples.lines.append, triples.columns.append, triples.subjects.append
+        resolved, resolve, start, push = self.resolved, self._resolve, self._start, frames.append
+
+        def begin(tag: str, attributes: list[str]) -> None:
+            parent = frames[-1]
+            line, column = parser.CurrentLineNumber, parser.CurrentColumnNumber + 1
+            if len(frames) > DEEPEST or len(subjects) > MOST_TRIPLES:
+                self._too_much()
+            predicate = plain.get(tag, -1) if parent.kind == _NODE else -1
+            if predicate >= 0 and len(attributes) == 2 and attributes[0] == _ONLY_RESOURCE:
+                base, reference = parent.base, attributes[1]
+                known = resolved.get(base)
+                value = known.get(reference) if known is not None else None
+                complete.base, complete.language = base, parent.language
+                complete.line, complete.column = line, column
+                push(complete)
+                state(parent.subject)
+                predicates(predicate)
+                objects(resolve(base, reference) if value is None else value)
+                lines(line)
+                columns(column)
+            else:
+                start(parent, tag, attributes, line, column)
+
+        return begin
+
+    def _too_much(self) -> None:
+        if len(self.frames) > DEEPEST:
             raise BadInput([error("O008", f"more than {DEEPEST} elements inside each other", self.here())])
-        if len(self.triples.subjects) > MOST_TRIPLES:
-            raise BadInput([error("O003", f"the file has more than {MOST_TRIPLES:,} triples", self.here())])
-        if kind == _NODE and tag in self.plain and len(attributes) == 2 and attributes[0] == _ONLY_RESOURCE:
-            frame = self.complete
-            frame.base, frame.language, frame.line, frame.column = parent.base, parent.language, line, column
-            frames.append(frame)
-            value = self._resolve(parent.base, attributes[1])
-            self.triples.add(parent.subject, self.plain[tag], value, line, column)
-            return
+        raise BadInput([error("O003", f"the file has more than {MOST_TRIPLES:,} triples", self.here())])
+
+    def _start(self, parent: _Frame, tag: str, attributes: list[str], line: int, column: int) -> None:
+        frames, kind = self.frames, parent.kind
         if kind == _LITERAL:
             self._literal_start(parent, tag, attributes)
             frame = _Frame(_LITERAL, parent.base, parent.language, line, column)
@@ -251,14 +279,25 @@ class _Handler:
         if self._node(frame, name, tag, given):
             self._state(parent, frame.subject, place)
 
-    def end(self, tag: str) -> None:
-        frame = self.frames.pop()
+    def _ending(self) -> Callable[[str], None]:
+        """What expat calls where an element ends."""
+        pop, end = self.frames.pop, self._end
+
+        def close(tag: str) -> None:
+            frame = pop()
+            kind = frame.kind
+            if kind != _NODE and (kind != _PROPERTY or not frame.filled or frame.text):
+                end(frame, tag)
+
+        return close
+
+    def _end(self, frame: _Frame, tag: str) -> None:
         kind = frame.kind
         if kind == _PROPERTY:
             if not frame.filled:
                 language = None if frame.datatype else frame.language
                 self._state_literal(frame, Literal("".join(frame.text), frame.datatype, language))
-            elif frame.text and (stray := "".join(frame.text).strip()):
+            elif stray := "".join(frame.text).strip():
                 self.warn("O010", f"text beside an element is skipped: {stray[:40]!r}", self._span(frame))
             if frame is self.complete:
                 frame.text.clear()
@@ -320,11 +359,14 @@ class _Handler:
     def _node(self, frame: _Frame, name: str, tag: str, given: dict[str, str]) -> bool:
         """Open a node, whose subject the frame has then; False if it is none and is skipped."""
         self.frames.append(frame)
-        if name in _NOT_NODES or " " not in tag:
-            shown = tag.rpartition(" ")[2]
-            self.warn("O010", f"{shown} is no class that a thing can have; the element is skipped", self.here())
-            frame.kind = _SKIPPED
-            return False
+        cls = self.classes.get(tag)
+        if cls is None:
+            if name in _NOT_NODES or " " not in tag:
+                shown = tag.rpartition(" ")[2]
+                self.warn("O010", f"{shown} is no class that a thing can have; the element is skipped", self.here())
+                frame.kind = _SKIPPED
+                return False
+            cls = self.classes[tag] = -1 if name == _DESCRIPTION else self.triples.number(name)
         if not given:
             subject = self.triples.fresh()
         elif (value := given.get(_ID)) is not None:
@@ -339,9 +381,9 @@ class _Handler:
         else:
             subject = self.triples.fresh()
         frame.subject = subject
-        if name != _DESCRIPTION:
-            self.triples.add(subject, self.type, self.triples.number(name), frame.line, frame.column)
-        if given:
+        if cls >= 0:
+            self.triples.add(subject, self.type, cls, frame.line, frame.column)
+        if given and not (len(given) == 1 and _ABOUT in given):
             self._property_attributes(subject, given, frame)
         return True
 
@@ -421,12 +463,13 @@ class _Handler:
                 triples.insert(row, frame.reified, number, term, line, column)
 
     def _append(self, frame: _Frame, item: _Frame) -> None:
-        cell = self.triples.fresh()
+        triples, line, column = self.triples, item.line, item.column
+        cell = triples.fresh()
         if frame.last_cell < 0:
             self._state(frame, cell)
         else:
-            self.triples.add(frame.last_cell, self.rest, cell, item.line, item.column)
-        self.triples.add(cell, self.first, item.subject, item.line, item.column)
+            triples.add(frame.last_cell, self.rest, cell, line, column)
+        triples.add(cell, self.first, item.subject, line, column)
         frame.last_cell = cell
 
     def _literal_start(self, parent: _Frame, tag: str, attributes: list[str]) -> None:

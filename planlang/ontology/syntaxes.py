@@ -23,6 +23,7 @@ _MANCHESTER = re.compile(
     r"|Individual|EquivalentClasses|DisjointClasses|EquivalentProperties|DisjointProperties|SameIndividual"
     r"|DifferentIndividuals):(?=\s|$|<)"
 )
+_NOTHING_SAID = re.compile(r"(?:[^\S\r\n]*+(?:#[^\r\n]*+)?(?:\r\n?|\n))*+(?:[^\S\r\n]*+#[^\r\n]*+\Z)?")
 _TURTLE = re.compile(
     r"""@prefix\b|@base\b|(?i:prefix|base)\s
       | <(?:[^<>\s]*://|urn:|tag:|file:|[#/]|>)  # an IRI; no element of XML is written so
@@ -39,12 +40,9 @@ def syntax_of(content: bytes, file: str) -> Syntax:
 
 def syntax_of_text(text: str, file: str) -> Syntax:
     """The syntax of a text; see :func:`syntax_of`."""
-    position = 0
-    for line in text.splitlines(keepends=True):
-        stripped = line.strip()
-        if stripped and not stripped.startswith("#"):
-            break
-        position += len(line)
+    beginning = _NOTHING_SAID.match(text)
+    assert beginning is not None
+    position = beginning.end()
     start = text[position : position + 10_000].lstrip()[:2000]
     if _MANCHESTER.match(start):
         return Syntax.MANCHESTER
@@ -61,11 +59,12 @@ def syntax_of_text(text: str, file: str) -> Syntax:
 
 def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
     """The triples of a file in any of the syntaxes. Raises BadInput as their readers do."""
-    match syntax_of(content, file):
+    text = decode(content, file)
+    match syntax_of_text(text, file):
         case Syntax.RDFXML:
             from planlang.ontology.rdfxml import read_rdfxml as read
         case Syntax.MANCHESTER:
             from planlang.ontology.manchester import read_manchester as read
         case Syntax.TURTLE:
             from planlang.ontology.turtle import read_turtle as read
-    return read(content, file, base=base, label=label)
+    return read(text, file, base=base, label=label)

@@ -62,6 +62,8 @@ class Taxonomy:
         return number
 
     def _closure(self, cls: str, *, upwards: bool) -> set[str]:
+        if upwards and cls not in self._children:  # most classes are so; what is above their parents is known
+            return {cls}.union(*(self.ancestors(parent) for parent in self._parents.get(cls, ())))
         number = self._numbers.get(cls)
         if number is None:
             return {cls}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
@@ -130,6 +130,7 @@ def expand(name: str) -> str:
     return name
 
 
+@lru_cache(maxsize=10_000)
 def shorten(iri: str) -> str:
     """The bare name that :func:`expand` turns into this IRI, if there is one; else the IRI."""
     name = local_name(iri)

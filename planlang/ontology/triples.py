@@ -8,6 +8,7 @@ term the first row in which it stands, for each row the next one with the same t
 
 from __future__ import annotations
 
+import sys
 from array import array
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,7 +16,7 @@ from functools import cached_property
 from typing import overload
 
 from planlang.diagnostics import Span
-from planlang.ontology.terms import BNode, Term, Triple
+from planlang.ontology.terms import INTERSECTION_OF, BNode, Term, Triple
 
 
 class Triples(Sequence[Triple]):
@@ -34,6 +35,8 @@ class Triples(Sequence[Triple]):
         self.lines, self.columns = array("I"), array("I")
         self._files = [file]
         self._starts = [0]
+        self._first_end = sys.maxsize
+        """The row behind those of the first file."""
 
     @classmethod
     def of(cls, triples: Iterable[Triple], file: str = "") -> Triples:
@@ -47,7 +50,9 @@ class Triples(Sequence[Triple]):
 
     def number(self, term: Term) -> int:
         """The number of a term, a new one if it has none yet."""
-        found = self.find(term)
+        found = self.numbers.get(term)
+        if found is None:
+            found = self.find(term)
         if found is None:
             found = self.numbers[term] = len(self.terms)
             self.terms.append(term)
@@ -124,13 +129,19 @@ class Triples(Sequence[Triple]):
 
     def span(self, row: int) -> Span:
         """Where a triple stands."""
-        file = self._files[0 if len(self._starts) == 1 else bisect_right(self._starts, row) - 1]
+        file = self._files[0 if row < self._first_end else bisect_right(self._starts, row) - 1]
         return Span(file, self.lines[row], self.columns[row])
 
     def triple(self, row: int) -> Triple:
         """The triple of a row."""
-        subject, predicate = self.term(self.subjects[row]), self.term(self.predicates[row])
-        return Triple(subject, predicate, self.term(self.objects[row]), self.span(row))  # type: ignore[arg-type]
+        terms = self.terms
+        subject, value = self.subjects[row], self.objects[row]
+        return Triple(
+            terms[subject] or self.term(subject),  # type: ignore[arg-type]
+            terms[self.predicates[row]],  # type: ignore[arg-type]
+            terms[value] or self.term(value),
+            self.span(row),
+        )
 
     def __len__(self) -> int:
         return len(self.subjects)
@@ -166,13 +177,20 @@ class Triples(Sequence[Triple]):
         whole.terms, whole.numbers = first.terms.copy(), first.numbers.copy()
         whole._files = [part._files[0] for part in parts]
         whole._starts = []
+        by_predicate: dict[int, array[int]] = {}
         for part in parts:
-            whole._starts.append(len(whole))
+            start = len(whole)
+            whole._starts.append(start)
             into = None if part is first else list(map(whole.number, map(part.term, range(len(part.terms)))))
+            for number, rows in part._by_predicate.items():
+                found = by_predicate.setdefault(number if into is None else into[number], array("i"))
+                found.extend(rows if part is first else [row + start for row in rows])
             for column, more in zip(whole._terms_of_rows(), part._terms_of_rows(), strict=True):
                 column.extend(more if into is None else map(into.__getitem__, more))
+            whole._first_end = min(whole._first_end, len(whole))
             whole.lines.extend(part.lines)
             whole.columns.extend(part.columns)
+        whole._by_predicate = by_predicate
         return whole
 
     def _terms_of_rows(self) -> tuple[array[int], array[int], array[int]]:
@@ -196,15 +214,26 @@ class Triples(Sequence[Triple]):
             yield row
             row = following[row]
 
+    def first_about(self, subject: int) -> int:
+        """The first row with a subject; -1 if there is none."""
+        return self._by_subject[0][subject]
+
     def by(self, *predicates: str) -> Sequence[int]:
         """The rows with one of these predicates (IRIs)."""
         numbers = (self.numbers.get(predicate, -1) for predicate in predicates)
         found = [rows for number in numbers if (rows := self._by_predicate.get(number)) is not None]
         return found[0] if len(found) == 1 else sorted(row for rows in found for row in rows)
 
-    def first_about(self, subject: int) -> int:
-        """The first row with a subject; -1 if there is none."""
-        return self._by_subject[0][subject]
+    @property
+    def used(self) -> Iterable[int]:
+        """The predicates of all triples, in the order of their first use."""
+        return self._by_predicate.keys()
+
+    @cached_property
+    def intersections(self) -> dict[int, int]:
+        """Of each nameless node that is an intersection of classes the list of its members."""
+        rows = reversed(self.by(INTERSECTION_OF))
+        return {self.subjects[row]: self.objects[row] for row in rows if self.is_node(self.subjects[row])}
 
     @cached_property
     def _by_subject(self) -> tuple[array[int], array[int]]:

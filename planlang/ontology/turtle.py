@@ -33,7 +33,7 @@ _CHARACTERS = {"t": "\t", "b": "\b", "n": "\n", "r": "\r", "f": "\f", '"': '"', 
 _DOUBLE = re.compile(r"[eE]")
 
 
-def read_turtle(content: bytes, file: str, *, base: str, label: str = "b") -> Parsed:
+def read_turtle(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
     """The triples of a file in Turtle or N-Triples. ``base`` is its address unless it says ``@base``.
 
     ``label`` begins the labels of nameless nodes. A triple stands where its object is written, one with rdf:type where

@@ -17,11 +17,13 @@ _SOMETHING = re.compile(rb"[^ \t\r\n\xef\xbb\xbf\xff\xfe\x00]")
 _ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "ascii", "iso8859-1", "iso8859-15", "cp1252")
 
 
-def decode(content: bytes, file: str) -> str:
-    """The text of an XML or Manchester file, line ends as they are. Raises BadInput if it is none.
+def decode(content: bytes | str, file: str) -> str:
+    """The text of an XML or Manchester file, line ends as they are; a text as it is. Raises BadInput if it is none.
 
     The encoding is told by a byte order mark, else by the XML declaration, else it is UTF-8.
     """
+    if isinstance(content, str):
+        return content
     if len(content) > LARGEST_FILE:
         raise BadInput([error("O003", f"the file is larger than {LARGEST_FILE // 1_000_000} MB", Span(file))])
     if not _SOMETHING.search(content):

@@ -33,6 +33,8 @@ class Actions:
         self.primitives: dict[str, Primitive] = read_primitives(ontology)
         self.goals: dict[str, Goal] = read_goals(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
+        self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
+        """Action (IRI) -> who performs it, as :func:`planlang.recipe.reading.recipes_for` tells."""
         self._statements: dict[str, Statements | None] = {}
         self._last_moving: tuple[RecipeSet, frozenset[str]] | None = None
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Severity
 from planlang.ontology import Ontology
-from planlang.ontology.terms import TYPE
 from planlang.recipe.terms import is_place, read_thing
 
 MOST_NAMES = 5
@@ -21,12 +20,8 @@ def check_designators(ontology: Ontology) -> Iterator[Diagnostic]:
     """
     places: list[str] = []
     things: list[str] = []
-    main = str(ontology.documents[0].path)
-    typed = dict.fromkeys(triple.subject for triple in ontology.triples(p=TYPE) if triple.span.file == main)
-    for name in typed:
-        if not isinstance(name, str) or ontology.is_class(name):
-            continue
-        if any(other.subject != name for other in ontology.triples(o=name)):
+    for name in ontology.unused():
+        if ontology.is_class(name):
             continue
         if is_place(ontology, name):
             places.append(name)

@@ -6,12 +6,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from difflib import get_close_matches
 
-import networkx as nx
-
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, note
 from planlang.ontology import Ontology
-from planlang.recipe.graph import recipe_graph, shortest_cycle
+from planlang.recipe.graph import recipe_cycle, recipe_order
 from planlang.recipe.guesses import guess
 from planlang.recipe.intervals import Intervals
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe
@@ -24,7 +22,7 @@ def check_orderings(ontology: Ontology, statements: Statements, recipe: Recipe) 
     for loose in statements.loose:
         yield _incomplete(ontology, statements, loose)
     yield from _strangers(ontology, statements, recipe)
-    cycle: tuple[str, ...] | None = shortest_cycle(recipe_graph(recipe))
+    cycle = recipe_cycle(recipe)
     if cycle:
         yield _cycle(recipe, cycle)
     yield from _repeated(recipe)
@@ -136,17 +134,17 @@ def constraints_of(recipe: Recipe) -> Iterator[Ordering]:
 
 
 def _redundant(recipe: Recipe) -> Iterator[Diagnostic]:
-    graph, order = _stated(recipe)
-    extra = graph.number_of_edges() - sum(1 for _ in order.reduction())
-    if extra and order.number_of_pairs() != graph.number_of_edges():
-        message = f"{extra} of the {graph.number_of_edges()} orderings of `{recipe.name}` follow from the others"
+    order = _stated(recipe)
+    extra = order.number_of_edges - sum(1 for _ in order.reduction())
+    if extra and order.number_of_pairs() != order.number_of_edges:
+        message = f"{extra} of the {order.number_of_edges} orderings of `{recipe.name}` follow from the others"
         yield note("R014", message, recipe.span, "remove them: the plan stays the same")
 
 
-def _stated(recipe: Recipe) -> tuple[nx.DiGraph, Precedence[str]]:
+def _stated(recipe: Recipe) -> Precedence[str]:
     """The orders of steps that the file states as such; they are acyclic."""
-    graph = recipe_graph(replace(recipe, orderings=tuple(constraints_of(recipe))))
-    return graph, Precedence(graph)
+    constraints = tuple(constraints_of(recipe))
+    return recipe_order(replace(recipe, orderings=constraints) if len(constraints) < len(recipe.orderings) else recipe)
 
 
 def follow_from_others(recipe: Recipe) -> frozenset[tuple[str, str]]:
@@ -155,11 +153,14 @@ def follow_from_others(recipe: Recipe) -> frozenset[tuple[str, str]]:
     Some tools state every order that follows: then that is how the file is meant. The orders are acyclic, or the
     answer is none.
     """
-    if shortest_cycle(recipe_graph(recipe)):
+    if recipe_cycle(recipe):
         return frozenset()
-    graph, order = _stated(recipe)
-    extra = frozenset(graph.edges) - frozenset(order.reduction())
-    return extra if extra and order.number_of_pairs() != graph.number_of_edges() else frozenset()
+    order = _stated(recipe)
+    if order.number_of_pairs() == order.number_of_edges:
+        return frozenset()
+    steps = {step.iri for step in recipe.steps}
+    stated = {(one.before, one.after) for one in constraints_of(recipe)}
+    return frozenset(pair for pair in stated if steps.issuperset(pair)).difference(order.reduction())
 
 
 def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:

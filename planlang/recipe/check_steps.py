@@ -10,10 +10,9 @@ from planlang.diagnostics import Diagnostic, Order, Rename, Severity, error, not
 from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
-from planlang.recipe.graph import recipe_graph
+from planlang.recipe.graph import recipe_order
 from planlang.recipe.guesses import guess
 from planlang.recipe.model import Recipe, RecipeSet, Step
-from planlang.recipe.precedence import Precedence
 from planlang.recipe.statements import Statements
 
 DEEPEST = 50
@@ -104,7 +103,7 @@ def _same_names(recipe: Recipe) -> Iterator[Diagnostic]:
 
 def check_base_motions(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> Iterator[Diagnostic]:
     """An error for each two consecutive base motions that nothing orders; the orders of the recipe are acyclic."""
-    order: Precedence[str] = Precedence(recipe_graph(recipe))
+    order = recipe_order(recipe)
     movers = actions.movers(recipe, recipes)
     moving = [step for step in order.extension if step in movers.opening | movers.ending]
     for first, second in pairwise(moving):

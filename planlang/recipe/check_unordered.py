@@ -8,7 +8,7 @@ from itertools import combinations
 from planlang.diagnostics import Diagnostic, Order, note, warning
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
-from planlang.recipe.graph import order_graph, recipe_graph
+from planlang.recipe.graph import recipe_order
 from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
 from planlang.recipe.precedence import Precedence
 from planlang.recipe.wise import wise_orderings
@@ -50,8 +50,9 @@ def check_unordered(
     using = [step for step in recipe.steps if whole[step.iri]][:MOST_STEPS]
     if len(using) < 2:
         return
-    stated = recipe_graph(recipe)
-    order: Precedence[str] = Precedence(order_graph(stated.nodes, [*stated.edges, *added]) if added else stated)
+    order = recipe_order(recipe)
+    if added:
+        order = Precedence.of(order.nodes, [*order.reduction(), *added])
     wished = {frozenset((before, after)) for before, after, _ in wise_orderings(actions, recipe, added)}
 
     def shared(first: Step, second: Step) -> frozenset[str]:

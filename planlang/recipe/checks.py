@@ -15,7 +15,7 @@ from planlang.recipe.check_requirements import check_requirements
 from planlang.recipe.check_states import check_states
 from planlang.recipe.check_steps import check_base_motions, check_recursion, check_sub_actions
 from planlang.recipe.check_unordered import check_free, check_unordered
-from planlang.recipe.graph import recipe_graph, shortest_cycle
+from planlang.recipe.graph import recipe_cycle
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.readers.data_flow import made
 from planlang.recipe.reading import recipes_for
@@ -64,7 +64,7 @@ def read_recipe(
         statements = actions.statements(recipes_for(actions, recipe.iri)[0][0])
         assert statements is not None
         found = list(_stated(actions, statements, recipe, allow_abstract=allow_abstract))
-        if is_finite and not statements.is_finite_state and shortest_cycle(recipe_graph(recipe)) is None:
+        if is_finite and not statements.is_finite_state and recipe_cycle(recipe) is None:
             added = added_by_scopes(actions, recipe, recipes) if scopes else ()
             found += check_wisdom(actions, recipe, added)
             if scopes:

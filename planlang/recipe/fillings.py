@@ -63,10 +63,22 @@ def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> It
     if not ontology.is_class(iri):
         cls = action_class(ontology, iri) or iri
         yield [filling for filling in _facts(ontology, iri) if not is_word(filling.property, *NO_PARAMETERS)]
-    for ancestor in ontology.ancestors(cls):
-        if shorten(ancestor) == ancestor or ontology.main(ancestor):
-            found = filled(ontology.restrictions(ancestor))
-            yield [filling for filling in found if not is_word(filling.property, *NO_PARAMETERS)]
+    key = ("fillings", cls)
+    if key not in ontology.kept:
+        ancestors = ontology.ancestors(cls)
+        ontology.kept[key] = [level for ancestor in ancestors if (level := _restricted(ontology, ancestor))]
+    yield from ontology.kept[key]
+
+
+def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
+    """What the restrictions of a class fill in; nothing for classes of the bundled vocabulary."""
+    known: dict[str, list[Filling]] = ontology.kept.setdefault("restricted", {})
+    found = known.get(cls)
+    if found is None:
+        is_said = shorten(cls) == cls or ontology.main(cls)
+        every = filled(ontology.restrictions(cls)) if is_said else ()
+        found = known[cls] = [filling for filling in every if not is_word(filling.property, *NO_PARAMETERS)]
+    return found
 
 
 def read_parameters(

@@ -23,11 +23,35 @@ def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -
 
 
 def recipe_graph(recipe: Recipe) -> nx.DiGraph:
-    """The graph of a recipe: its steps (IRIs) in file order, an edge for each ordering among them."""
-    return order_graph(
-        (step.iri for step in recipe.steps),
-        ((ordering.before, ordering.after) for ordering in recipe.orderings),
-    )
+    """The graph of a recipe: its steps (IRIs) in file order, an edge for each ordering among them.
+
+    It is made once and cannot be changed.
+    """
+    if "graph" not in recipe.derived:
+        pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
+        recipe.derived["graph"] = nx.freeze(order_graph((step.iri for step in recipe.steps), pairs))
+    return recipe.derived["graph"]
+
+
+def recipe_order(recipe: Recipe) -> Precedence[str]:
+    """The order that the graph of a recipe stands for. Raises ValueError if it has a cycle. Worked out once."""
+    if "order" not in recipe.derived:
+        pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
+        recipe.derived["order"] = Precedence.of((step.iri for step in recipe.steps), pairs)
+    order: Precedence[str] = recipe.derived["order"]
+    return order
+
+
+def recipe_cycle(recipe: Recipe) -> tuple[str, ...] | None:
+    """A shortest cycle of the graph of a recipe; None if its orders can be followed. Searched once."""
+    if "cycle" not in recipe.derived:
+        try:
+            recipe_order(recipe)
+            recipe.derived["cycle"] = None
+        except ValueError:
+            recipe.derived["cycle"] = shortest_cycle(recipe_graph(recipe))
+    cycle: tuple[str, ...] | None = recipe.derived["cycle"]
+    return cycle
 
 
 def shortest_cycle(graph: nx.DiGraph) -> tuple[Node, ...] | None:

@@ -21,8 +21,9 @@ of a recipe may be individuals of the same class. Whatever is looked up in the t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
@@ -312,6 +313,8 @@ class Recipe:
     flows: tuple[Flow, ...] = ()
     machine: StateMachine | None = None
     cls: str | None = None
+    derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """What has been worked out from the rest; see :mod:`planlang.recipe.graph`."""
 
     @property
     def name(self) -> str:
@@ -325,10 +328,10 @@ class Recipe:
 
     def step(self, iri: str) -> Step:
         """The step of a class; KeyError if it is no step."""
-        for step in self.steps:
-            if step.iri == iri:
-                return step
-        raise KeyError(iri)
+        if "steps" not in self.derived:
+            self.derived["steps"] = {step.iri: step for step in reversed(self.steps)}
+        found: Step = self.derived["steps"][iri]
+        return found
 
     def fillers(self, property_name: str) -> tuple[Filler, ...]:
         """What fills a property of the task itself."""

@@ -9,7 +9,7 @@ for graphs", 1979). 10,000 nodes take 13 MB, where a closure of as many nodes ma
 from __future__ import annotations
 
 import heapq
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from functools import cached_property
 from typing import Generic, TypeVar
 
@@ -22,11 +22,30 @@ class Precedence(Generic[Node]):
     """The strict partial order of an acyclic graph. Raises ValueError if the graph has a cycle."""
 
     def __init__(self, graph: nx.DiGraph) -> None:
-        self.graph = graph
-        self.nodes: tuple[Node, ...] = tuple(graph.nodes)
+        self._work_out(graph.nodes, graph.edges)
+
+    @classmethod
+    def of(cls, nodes: Iterable[Node], pairs: Iterable[tuple[Node, Node]]) -> Precedence[Node]:
+        """The order of nodes in which the first of each pair comes before the second; of other nodes pairs say nothing.
+
+        It is that of the graph with these edges. Raises ValueError like that.
+        """
+        order = cls.__new__(cls)
+        order._work_out(nodes, pairs)
+        return order
+
+    def _work_out(self, nodes: Iterable[Node], pairs: Iterable[tuple[Node, Node]]) -> None:
+        self.nodes: tuple[Node, ...] = tuple(nodes)
         """In the order of the graph."""
         number = {node: index for index, node in enumerate(self.nodes)}
-        successors = [[number[after] for after in graph.successors(node)] for node in self.nodes]
+        following: list[dict[int, None]] = [{} for _ in self.nodes]
+        for first, second in pairs:
+            before, after = number.get(first), number.get(second)
+            if before is not None and after is not None:
+                following[before][after] = None
+        self.number_of_edges = sum(map(len, following))
+        """How many different pairs the order was made from."""
+        successors = [list(after) for after in following]
         extension = _linear_extension(successors)
         if len(extension) != len(self.nodes):
             raise ValueError("the graph has a cycle: it is no order")
@@ -40,7 +59,7 @@ class Precedence(Generic[Node]):
         self._covers: list[list[int]] = [[] for _ in extension]
         for position in range(len(extension) - 1, -1, -1):
             reached = 0
-            for after in sorted({position_of[other] for other in successors[extension[position]]}):
+            for after in sorted([position_of[other] for other in successors[extension[position]]]):
                 if not reached >> after & 1:
                     self._covers[position].append(after)
                     reached |= self._later[after] | 1 << after

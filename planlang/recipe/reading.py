@@ -24,6 +24,12 @@ def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None
     An individual's own recipe is nearer than any of its class. On a tie the recipe wins. Several recipes at the same
     distance are alternatives.
     """
+    if iri not in actions.performers:
+        actions.performers[iri] = _performers(actions, iri)
+    return actions.performers[iri]
+
+
+def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
     for level in levels(actions.ontology, iri):
         found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
         if found:
@@ -133,10 +139,19 @@ def _label(ontology: Ontology, iri: str) -> str | None:
 
 def _condition(ontology: Ontology, cls: str) -> Description | None:
     """What a class of actions checks: the class expression, class or individual that ``conditionEvaluated`` names."""
+    known: dict[str, Description | None] = ontology.kept.setdefault("conditions", {})
     for ancestor in ontology.ancestors(cls):
-        for restriction in ontology.restrictions(ancestor):
-            if is_word(restriction.property, "conditionEvaluated") and restriction.kind in KINDS:
-                return read_description(ontology, restriction.filler)
+        if ancestor not in known:
+            known[ancestor] = _stated_condition(ontology, ancestor)
+        if known[ancestor] is not None:
+            return known[ancestor]
+    return None
+
+
+def _stated_condition(ontology: Ontology, cls: str) -> Description | None:
+    for restriction in ontology.restrictions(cls):
+        if is_word(restriction.property, "conditionEvaluated") and restriction.kind in KINDS:
+            return read_description(ontology, restriction.filler)
     return None
 
 

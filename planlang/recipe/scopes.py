@@ -15,7 +15,7 @@ from itertools import pairwise
 import networkx as nx
 
 from planlang.recipe.actions import Actions, Movers
-from planlang.recipe.graph import order_graph, recipe_graph
+from planlang.recipe.graph import order_graph, recipe_order
 from planlang.recipe.model import Place, Recipe, RecipeSet, Thing
 from planlang.recipe.precedence import Precedence
 
@@ -63,7 +63,7 @@ def added_by_scopes(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> tup
     movers = actions.movers(recipe, recipes)
     if not movers.opening:
         return ()
-    order: Precedence[str] = Precedence(recipe_graph(recipe))
+    order = recipe_order(recipe)
     moving = [step for step in order.extension if step in movers.opening | movers.ending]
     if not all(order.before(first, second) for first, second in pairwise(moving)):
         return ()
@@ -86,29 +86,27 @@ def scoping(stated: Precedence[str], movers: Movers, placed: frozenset[str]) -> 
     """
     if not movers.opening:
         return single_steps(stated)
-    graph = stated.graph
     is_moving = movers.opening | movers.ending
     moving = [step for step in stated.extension if step in is_moving]
     before_next = _put_before_next_motion(stated, moving, movers, placed)
-    widened = order_graph(graph.nodes, [*graph.edges, *before_next])
-    order: Precedence[str] = Precedence(widened)
+    order = Precedence.of(stated.nodes, [*stated.reduction(), *before_next])
     inside: dict[str, list[str]] = {}
     outside: set[str] = set()
-    for step in graph.nodes:
+    for step in stated.nodes:
         scope = _scope(order, moving, movers, step) if step not in is_moving else None
         if scope is None:
             outside.add(step)
         else:
             inside.setdefault(scope, []).append(step)
     units: list[Unit] = []
-    for step in graph.nodes:
+    for step in stated.nodes:
         if step in movers.opening:
             units.append(Unit(step, tuple(inside.get(step, ()))))
         elif step in outside:
             units.append(Unit(None, (step,)))
     unit_of = {member: index for index, unit in enumerate(units) for member in unit.members()}
     pairs = ((unit_of[a], unit_of[b]) for a, b in order.reduction())
-    between: Precedence[int] = Precedence(order_graph(range(len(units)), ((a, b) for a, b in pairs if a != b)))
+    between = Precedence.of(range(len(units)), ((a, b) for a, b in pairs if a != b))
     unit_graph = order_graph(between.nodes, between.reduction())
     return Scoping(tuple(units), unit_graph, _added(stated, order, units, unit_graph))
 

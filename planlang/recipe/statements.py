@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
@@ -97,7 +98,10 @@ def is_word(iri: str, *names: str) -> bool:
 
     They are told by their local names, as some recipes have them in a namespace of their own.
     """
-    return local_name(iri) in names
+    return _local(iri) in names
+
+
+_local = lru_cache(maxsize=10_000)(local_name)  # of properties: few, and asked of all that is stated
 
 
 def is_foreign(iri: str) -> bool:
@@ -107,11 +111,9 @@ def is_foreign(iri: str) -> bool:
 
 def facts(ontology: Ontology, subject: str | BNode, *names: str) -> list[Filling]:
     """The facts of an individual whose property has one of these local names, in document order."""
-    found = [
-        Filling(triple.predicate, triple.object, triple.span)
-        for triple in ontology.triples(s=subject)
-        if is_word(triple.predicate, *names)
-    ]
+    found = [Filling(triple.predicate, triple.object, triple.span) for triple in ontology.said(subject, *names)]
+    if len(found) < 2:
+        return found
     return list({(filling.property, filling.term): filling for filling in reversed(found)}.values())[::-1]
 
 

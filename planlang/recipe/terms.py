@@ -31,11 +31,14 @@ def nearest_in_vocabulary(ontology: Ontology, cls: str, below: str | None = None
 
     With ``below`` (IRI) only classes that are below that one count, unless there is none.
     """
-    known = [(ancestor, shorten(ancestor)) for ancestor in ontology.ancestors(cls)]
-    names = [(ancestor, short) for ancestor, short in known if short != ancestor]
-    if below is not None:
-        names = [pair for pair in names if ontology.is_a(pair[0], below)] or names
-    return names[0][1] if names else cls
+    nearest = None
+    for ancestor in ontology.ancestors(cls):
+        short = shorten(ancestor)
+        if short != ancestor:
+            if below is None or ontology.is_a(ancestor, below):
+                return short
+            nearest = nearest or short
+    return nearest or cls
 
 
 def kind_of(ontology: Ontology, cls: str) -> Kind:

@@ -15,7 +15,7 @@ from planlang.diagnostics import Diagnostic, Order, warning
 from planlang.ontology import shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
-from planlang.recipe.graph import order_graph, recipe_graph
+from planlang.recipe.graph import order_graph, recipe_graph, recipe_order
 from planlang.recipe.model import Filler, Place, Recipe, Step, Thing
 from planlang.recipe.precedence import Precedence
 
@@ -74,7 +74,7 @@ def wise_orderings(
     stated = recipe_graph(recipe)
     if added:
         stated = order_graph(stated.nodes, [*stated.edges, *added])
-    order: Precedence[str] = Precedence(stated)
+    order = recipe_order(recipe)
     rank = {iri: number for number, iri in enumerate(active)}
     users: dict[frozenset[str], int] = {}
     """The bits of the steps that do the same."""
@@ -91,7 +91,7 @@ def wise_orderings(
                 wished.add_edge(first, second)
                 suggested[first, second] = why
     if suggested:
-        wider: Precedence[str] = Precedence(order_graph(stated.nodes, wished.edges))
+        wider: Precedence[str] = Precedence(wished)
         yield from (
             (before, after, suggested[before, after])
             for before, after in wider.reduction()

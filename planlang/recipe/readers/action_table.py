@@ -23,7 +23,7 @@ _ROLES = {
 
 def tasks(ontology: Ontology) -> Iterator[str]:
     """The individuals of the main document that have sub-actions."""
-    for triple in ontology.triples_called(*_SUBS):
+    for triple in ontology.using(*_SUBS):
         if isinstance(triple.subject, str) and ontology.main(triple.subject):
             yield triple.subject
 

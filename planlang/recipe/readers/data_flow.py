@@ -58,12 +58,14 @@ def _mapped(ontology: Ontology, statements: Statements) -> tuple[list[Flow], lis
     flows: list[Flow] = []
     loose: list[LooseEnd] = []
     stated = [
-        *filled(one for one in ontology.restrictions(statements.iri)),
+        *filled(
+            one for one in ontology.restrictions(statements.iri) if is_word(one.property, "inputOutputConstraints")
+        ),
         *facts(ontology, statements.iri, "inputOutputConstraints"),
     ]
     for filling in stated:
         mapping = filling.term
-        if not is_word(filling.property, "inputOutputConstraints") or not isinstance(mapping, (str, BNode)):
+        if not isinstance(mapping, (str, BNode)):
             continue
         producers = named(facts(ontology, mapping, "createsOutput"))
         consumers = named(facts(ontology, mapping, "requiresInput"))

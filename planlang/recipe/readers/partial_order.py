@@ -22,7 +22,6 @@ from planlang.recipe.statements import (
     filled,
     is_foreign,
     is_word,
-    named,
 )
 
 SUB_ACTION = expand("subAction")
@@ -102,16 +101,15 @@ def read_constraints(
         constraint = restriction.filler
         if not is_word(restriction.property, "orderingConstraints") or not isinstance(constraint, (str, BNode)):
             continue
-        befores = named(facts(ontology, constraint, "occursBeforeInOrdering"))
-        afters = named(facts(ontology, constraint, "occursAfterInOrdering"))
+        befores, afters = ontology.linked(constraint, "occursBeforeInOrdering", "occursAfterInOrdering")
         name = constraint if isinstance(constraint, str) else str(constraint)
         span = ontology.span(constraint) if isinstance(constraint, str) else None
-        missing = [("occursBeforeInOrdering", befores), ("occursAfterInOrdering", afters)]
-        absent = tuple(word for word, ends in missing if not ends)
-        if absent:
+        if not befores or not afters:
+            missing = [("occursBeforeInOrdering", befores), ("occursAfterInOrdering", afters)]
+            absent = tuple(word for word, ends in missing if not ends)
             loose.append(LooseEnd(name, absent, restriction.span if len(absent) == 2 else span or restriction.span))
         orderings += [
-            Ordering(before, after, name, span=span or restriction.span) for before, _ in befores for after, _ in afters
+            Ordering(before, after, name, span=span or restriction.span) for before in befores for after in afters
         ]
     return tuple(orderings), tuple(loose)
 
@@ -122,6 +120,11 @@ def foreign_words(ontology: Ontology, restrictions: tuple[Restriction, ...]) -> 
              "inputOutputConstraints")  # fmt: skip
     ends = ("occursBeforeInOrdering", "occursAfterInOrdering", "fromState", "toState", "causedBy", "createsOutput",
             "requiresInput", "resourceType")  # fmt: skip
+    properties = dict.fromkeys(restriction.property for restriction in restrictions)
+    if not any(
+        is_word(iri, *words, *ends) and is_foreign(iri) for iri in (*properties, *ontology.properties_named(*ends))
+    ):
+        return ()
     found: dict[str, Filling] = {}
     for restriction in restrictions:
         if not is_word(restriction.property, *words):

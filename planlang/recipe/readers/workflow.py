@@ -69,14 +69,16 @@ _DEFINES, _DEFINED_BY = ("definesTask", "isPlanFor"), ("isTaskDefinedIn", "isDef
 
 def tasks(ontology: Ontology) -> Iterator[str]:
     """The tasks of the workflows of the main document; a workflow that defines none is its own task."""
-    for triple in ontology.triples_called(*_STEPS, *_STEP_OF):
-        workflow = triple.subject if local_name(triple.predicate) in _STEPS else triple.object
+    for triple in ontology.using(*_STEPS, *_STEP_OF):
+        workflow = triple.subject if is_word(triple.predicate, *_STEPS) else triple.object
         if isinstance(workflow, str) and ontology.main(workflow):
             yield task_of(ontology, workflow)
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
     """What the workflow of a task, or a workflow, states; None if it has no steps."""
+    if not ontology.properties_named(*_STEPS, *_STEP_OF):
+        return None
     subs: list[SubAction] = []
     workflows = workflows_of(ontology, iri)
     for workflow in workflows:
@@ -137,9 +139,10 @@ def _linked(ontology: Ontology, subject: str, words: tuple[str, ...], inverses: 
         for filling in facts(ontology, subject, *words)
         if isinstance(filling.term, str) and filling.term != subject
     }
-    for triple in ontology.triples(o=subject):
-        if isinstance(triple.subject, str) and is_word(triple.predicate, *inverses) and triple.subject != subject:
-            found.setdefault(triple.subject, Filling(triple.predicate, triple.subject, triple.span))
+    for predicate in ontology.properties_named(*inverses):
+        for triple in ontology.triples(p=predicate, o=subject):
+            if isinstance(triple.subject, str) and triple.subject != subject:
+                found.setdefault(triple.subject, Filling(triple.predicate, triple.subject, triple.span))
     return list(found.values())
 
 

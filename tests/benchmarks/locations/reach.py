@@ -32,6 +32,12 @@ class Case:
         """Whether there is an answer that the judge accepts."""
         return self.answer.solved and self.objection is None
 
+    @property
+    def missed(self) -> bool:
+        """Whether it is not solved although somebody found a way."""
+        sampled = any(one.claim is not None for one in self.sampled.values())
+        return not self.solved and (sampled or (self.verdict is not None and self.verdict.claim is not None))
+
 
 Peer = tuple[str, int]
 """Inverse kinematics of a sampler, "planlang" or "PyBullet", and how many samples it may draw."""

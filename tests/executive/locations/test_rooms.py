@@ -117,8 +117,10 @@ def test_random_questions_failing_and_interrupted_ones_too_change_nothing() -> N
         stage.close()
     assert asked_many.changed == ()
     assert asked_many.other_failures == ()
-    assert asked_many.endings["interrupted"] > 2
-    assert asked_many.endings["LocationUnresolvable"] > 5
+    told = asked_many.endings
+    assert min(told["interrupted"], told["closed after one"], told["given up after one"]) > 0
+    assert sum(told[ending] for ending in told if ending.startswith("evaporated")) > 0
+    assert told["LocationUnresolvable"] > 5
 
 
 def test_a_question_that_was_interrupted_is_answered_as_if_it_had_never_been_asked() -> None:

@@ -59,6 +59,14 @@ class Solids:
     def __len__(self) -> int:
         return len(self.bodies)
 
+    @staticmethod
+    def joined(several: Sequence[Solids]) -> Solids:
+        """All pieces of several, one after another."""
+        every = [Solids.of(()), *several]
+        names = tuple(body for solids in every for body in solids.bodies)
+        fields = ("centres", "axes", "half", "kinds", "reach", "limbs")
+        return Solids(names, *(np.concatenate([getattr(solids, field) for solids in every]) for field in fields))
+
     def near(self, centre: Array, radius: float) -> Solids:
         """Those that a sphere meets."""
         return self.only(np.linalg.norm(self.centres - centre, axis=1) <= radius + self.reach)
@@ -92,7 +100,7 @@ class Solids:
         # a sphere around each set tells which pieces it has to be compared with
         lower, upper = (points - radii[:, None]).min(axis=1), (points + radii[:, None]).max(axis=1)
         around = np.linalg.norm(upper - lower, axis=1) / 2
-        compared = self._from_all((lower + upper) / 2, raised) < around[:, None]
+        compared = self.gaps((lower + upper) / 2, raised) < around[:, None]
         if apart is not None:
             compared &= ~apart.all(axis=1)
         rows, columns = np.nonzero(compared)
@@ -112,13 +120,29 @@ class Solids:
         gap[rows[first]], piece[rows[first]] = least[first], columns[first]
         return gap, piece
 
-    def _from_all(self, points: Array, raised: Array | None) -> Array:
-        """Distances (n, k) of points (n, 3) from all pieces."""
+    def crossed(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
+        """Which segments (n, 3) enter a piece, of a round one the box inside it, (n,); one begun inside does not."""
+        boxes = self.half.copy()
+        round_, balls = self.kinds >= 2, self.kinds == 3
+        boxes[round_, 1] = boxes[round_, 0] = self.half[round_, 0] / np.sqrt(self.kinds[round_])
+        boxes[balls, 2] = boxes[balls, 0]
+        begin = np.einsum("nki,kij->nkj", starts[:, None] - self.centres, self.axes)
+        way = np.einsum("ni,kij->nkj", ends - starts, self.axes)
+        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+        one, other = (-boxes - begin) / way, (boxes - begin) / way
+        first, last = np.minimum(one, other).max(axis=2), np.maximum(one, other).min(axis=2)
+        return np.asarray(((first <= last) & (first > 0.0) & (first <= 1.0)).any(axis=1))
+
+    def gaps(self, points: Array, raised: Array | None = None) -> Array:
+        """Distances (..., k) of points (..., 3) from the surfaces of all pieces, negative inside [m].
+
+        ``raised`` (..., k): how much higher each piece is for each point [m].
+        """
         count = len(self)
         # (p - c) R, all pieces at once
         turned = self.axes.transpose(1, 0, 2).reshape(3, 3 * count)
-        local = points @ turned - np.einsum("ki,kij->kj", self.centres, self.axes).reshape(1, 3 * count)
-        local = local.reshape(-1, count, 3)
+        local = points @ turned - np.einsum("ki,kij->kj", self.centres, self.axes).reshape(3 * count)
+        local = local.reshape(*points.shape[:-1], count, 3)
         if raised is not None:
             local -= raised[..., None] * self.axes[:, 2]
         return _outside(local, self.half, self.kinds)
