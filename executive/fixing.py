@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace as replaced
 from difflib import unified_diff
 from pathlib import Path
 
@@ -89,7 +88,7 @@ def _left(fixed: Fixed, checked: Path) -> list[Diagnostic]:
     told = [(one, f"not safe, not done: {_said(one)}", f"--accept {one.code} does it") for one in fixed.unaccepted]
     told += [(one, f"not done: {_said(one)}; {why}", "make the change by hand") for one, why in fixed.impossible]
     return [
-        note("C016", message, replaced(one.span, file=str(checked)) if one.span else None, advice)
+        note("C016", message, one.span._replace(file=str(checked)) if one.span else None, advice)
         for one, message, advice in told
     ]
 

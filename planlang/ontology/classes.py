@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from planlang.diagnostics import Span
 from planlang.ontology.terms import (
@@ -39,8 +38,7 @@ _CARDINALITIES = {
 _SUPERCLASS_FORMS = {SUBCLASS_OF: "flat", EQUIVALENT_CLASS: "equivalent", INTERSECTION_OF: "equivalent"}
 
 
-@dataclass(frozen=True, slots=True)
-class Restriction:
+class Restriction(NamedTuple):
     """A restriction of a property: ``kind`` is "some", "value", "only", "min", "max" or "exactly".
 
     ``filler`` is a class, an individual or a value; of an unqualified cardinality it is owl:Thing. ``form`` tells where

@@ -47,6 +47,8 @@ class EntityTable:
         for name in self._values:
             self._measure(name)
         total, limit, lengths = 0, self.limit, self._lengths
+        if self._text.count("&") * max(lengths.values()) <= limit:
+            return
         for match in _REFERENCE.finditer(self._text):  # those between declarations count too: a little too much
             total += lengths.get(match[1], 0)
             if total > limit:

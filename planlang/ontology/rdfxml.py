@@ -95,7 +95,16 @@ def read_rdfxml(content: bytes | str, file: str, *, base: str, label: str = "b")
 
 
 def _parse(text: str, file: str, base: str, label: str) -> Parsed:
+    """Parse with texts in one piece; if one has to be told, again in the pieces that tell its place."""
+    try:
+        return _parsed(text, file, base, label, in_pieces=False)
+    except _Stray:
+        return _parsed(text, file, base, label, in_pieces=True)
+
+
+def _parsed(text: str, file: str, base: str, label: str, *, in_pieces: bool) -> Parsed:
     parser = expat.ParserCreate(namespace_separator=" ")
+    parser.buffer_text = not in_pieces
     handler = _Handler(parser, text, file, base, label)
     try:
         parser.Parse(text, True)
@@ -103,6 +112,10 @@ def _parse(text: str, file: str, base: str, label: str) -> Parsed:
         open_lines = [frame.line for frame in handler.frames[1:]]
         raise BadInput([explain(problem, text, file, open_lines, handler.entities.names)]) from None
     return Parsed(handler.triples, counted(handler.diagnostics, handler.unsaid), handler.prefixes)
+
+
+class _Stray(Exception):
+    """Text stands where none belongs."""
 
 
 class _Handler:
@@ -321,6 +334,8 @@ class _Handler:
         elif kind == _LITERAL:
             frame.text.append(escape(data))
         elif kind != _SKIPPED and not data.isspace():
+            if self.parser.buffer_text:
+                raise _Stray
             stray, start = data.strip(), self.here()
             span = Span(self.file, start.line, start.column + len(data) - len(data.lstrip()))
             self.warn("O010", f"text between elements is skipped: {stray[:40]!r}", span)

@@ -57,18 +57,25 @@ def _said(triples: Triples, rows: Iterable[int], subjects: set[int]) -> list[lis
 def _not_once(triples: Triples, *columns: Sequence[int]) -> set[int]:
     """The subjects that do not stand in each of these rows exactly once."""
     found: set[int] = set()
-    every = [list(map(triples.subjects.__getitem__, rows)) for rows in columns]
-    sets = [set(subjects) for subjects in every]
-    for subjects, unique in zip(every, sets, strict=True):
-        if len(subjects) > len(unique):
-            found.update(subject for subject, number in Counter(subjects).items() if number > 1)
+    sets = [_column(triples.subjects, rows) for rows in columns]
+    for rows, unique in zip(columns, sets, strict=True):
+        if len(rows) > len(unique):
+            numbers = Counter(map(triples.subjects.__getitem__, rows))
+            found.update(subject for subject, number in numbers.items() if number > 1)
     return found | (sets[0].union(*sets) - sets[0].intersection(*sets))
+
+
+def _column(column: Sequence[int], rows: Iterable[int]) -> set[int]:
+    """The numbers that stand in some rows of a column."""
+    return set(map(column.__getitem__, rows))
 
 
 def _restrictions(triples: Triples) -> Iterator[Diagnostic]:
     properties, fillers, numbers = triples.by(ON_PROPERTY), triples.by(*_FILLERS, *_NUMBERS), triples.by(*_NUMBERS)
     odd = _not_once(triples, properties, fillers)
-    odd.update(triples.subjects[row] for row in properties if isinstance(triples.terms[triples.objects[row]], Literal))
+    values = {number for number in _column(triples.objects, properties) if isinstance(triples.terms[number], Literal)}
+    if values:
+        odd.update(triples.subjects[row] for row in properties if triples.objects[row] in values)
     odd.update(triples.subjects[row] for row in numbers if not _is_number(triples.term(triples.objects[row])))
     for said in _said(triples, (*properties, *fillers), odd):
         yield from _restriction(said)
@@ -105,10 +112,10 @@ def _is_number(term: Term) -> bool:
 
 def _lists(triples: Triples) -> Iterator[Diagnostic]:
     firsts, rests = triples.by(FIRST), triples.by(REST)
-    cells = {triples.subjects[row] for row in (*firsts, *rests)}
-    known = cells | {triples.numbers.get(NIL, -1)}
+    known = _column(triples.subjects, firsts) | _column(triples.subjects, rests) | {triples.numbers.get(NIL, -1)}
     odd = _not_once(triples, firsts, rests)
-    odd.update(triples.subjects[row] for row in rests if triples.objects[row] not in known)
+    if not _column(triples.objects, rests) <= known:
+        odd.update(triples.subjects[row] for row in rests if triples.objects[row] not in known)
     for said in _said(triples, (*firsts, *rests), odd):
         yield from _list(said, lambda term: triples.find(term) in known)
     yield from _circles(triples, rests)
@@ -134,6 +141,9 @@ def _list(triples: list[Triple], is_list: Callable[[Term], bool]) -> Iterator[Di
 
 def _circles(triples: Triples, rests: Sequence[int]) -> Iterator[Diagnostic]:
     """A warning for each list that comes back to a cell of its own."""
+    end = triples.numbers.get(NIL, -1)
+    if all(triples.subjects[row] < triples.objects[row] or triples.objects[row] == end for row in rests):
+        return  # every list goes on with a cell that was met later
     following = {triples.subjects[row]: row for row in reversed(rests)}
     done: set[int] = set()
     for begin in map(triples.subjects.__getitem__, rests):

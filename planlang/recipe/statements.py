@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
@@ -15,8 +16,7 @@ KINDS = ("some", "value", "min", "exactly")
 """Kinds of restrictions that say that there is something."""
 
 
-@dataclass(frozen=True, slots=True)
-class Filling:
+class Filling(NamedTuple):
     """A property (IRI) of an action and the term that fills it."""
 
     property: str

@@ -1,20 +1,22 @@
-"""What compiling costs: each stage of a recipe of 1,000 and of 10,000 steps, and how it grows; networkx beside ours.
+"""What compiling costs: from files of 1,000 to 10,000 steps and each stage of it, and how it grows; networkx beside.
 
-The large recipes are made in memory: random orders with ten orderings a step, and series-parallel ones. Every row is
-measured in a process of its own, so that its peak of memory is its own; "x" is the growth from 1,000 to 10,000 steps,
-and in the rows of the reduction the ratio of networkx to ours, in the same process. What comes from files is compiled
-with the vocabulary read anew, and with the vocabulary and the recipe's ontology kept.
+First recipes from files, in each syntax: random orders with ten orderings a step. The peer is networkx, which of all
+this does the transitive reduction alone. Then the stages, of recipes made in memory: the same orders, and
+series-parallel ones. Every row is measured in a process of its own, so that its peak of memory is its own; "x" is the
+growth from 1,000 to 10,000 steps, and in the rows of the reduction the ratio of networkx to ours, in the same process.
+Last the bundled recipe, with the vocabulary read anew, and with the vocabulary and the recipe's ontology kept. Seconds
+are of CPU time.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import random
 import resource
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
@@ -24,21 +26,11 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-BASE = "http://planlang.org/bench#"
-LOOKING = "http://knowrob.org/kb/knowrob.owl#LookingForSomething"
+from tests.benchmarks.large_recipes import ACTION, BASE, KNOWROB, PER_STEP, SYNTAXES, random_orders, write_recipe  # noqa: E402
+
+LOOKING = KNOWROB + ACTION
 SIZES = (1_000, 10_000)
-PER_STEP = 10
-
-
-def random_orders(size: int) -> list[tuple[int, int]]:
-    """Ten orderings a step, along a hidden linear order."""
-    rng = random.Random(size)
-    hidden = rng.sample(range(size), size)
-    pairs: dict[tuple[int, int], None] = {}
-    while len(pairs) < size * PER_STEP:
-        a, b = sorted(rng.sample(range(size), 2))
-        pairs[hidden[a], hidden[b]] = None
-    return list(pairs)
+FILE_SIZES = (1_000, 3_000, 10_000)
 
 
 def series_parallel_orders(size: int) -> list[tuple[int, int]]:
@@ -79,7 +71,7 @@ def stages(form: str, size: int) -> Iterator[tuple[str, float]]:
     from planlang.ontology import load
     from planlang.recipe import Actions, Ordering, Recipe, RecipeSet, Source, Step
     from planlang.recipe.check_unordered import check_free, check_unordered
-    from planlang.recipe.graph import recipe_graph, shortest_cycle
+    from planlang.recipe.graph import recipe_cycle
     from planlang.recipe.wise import check_wisdom
 
     ontology = load(ROOT / "recipes" / "serve_a_drink.omn")
@@ -97,9 +89,9 @@ def stages(form: str, size: int) -> Iterator[tuple[str, float]]:
         passed, began = now - began, now
         return passed
 
-    assert shortest_cycle(recipe_graph(recipe)) is None
+    assert recipe_cycle(recipe) is None
     yield "cycle search", lap()
-    for _ in (*check_wisdom(actions, recipe), *check_free(recipe), *check_unordered(actions, recipe, recipes)):
+    for _ in (*check_wisdom(actions, recipe, ()), *check_free(recipe), *check_unordered(actions, recipe, recipes, ())):
         pass
     yield "checks of orders", lap()
     recipes = canonical(recipes)
@@ -133,6 +125,52 @@ def reduction(form: str, size: int, *, with_networkx: bool) -> tuple[float, floa
     return reducing - began, done - reducing, theirs
 
 
+def from_file(path: Path) -> dict[str, float]:
+    """Seconds of reading a file and of compiling what it says, of the whole process, and its peak of memory [MB]."""
+    from planlang.compiler import compile_ontology
+    from planlang.kernel.environment import quiet_collector
+    from planlang.ontology import load
+
+    with quiet_collector():
+        began = time.process_time()
+        ontology = load(path)
+        read = time.process_time()
+        compile_ontology(ontology)
+        done = time.process_time()
+    return {"reading": read - began, "compiling": done - read, "process": done, "peak": peak()}
+
+
+def their_reduction(size: int) -> dict[str, float]:
+    """Seconds that networkx takes for the reduction of the same orders, and the peak of memory [MB]."""
+    import networkx as nx
+
+    graph = nx.DiGraph(random_orders(size))
+    began = time.process_time()
+    nx.transitive_reduction(graph)
+    return {"reduction": time.process_time() - began, "peak": peak()}
+
+
+def report_files() -> None:
+    """Print what recipes from files cost."""
+    theirs = {size: measured("--their-reduction", str(size)) for size in FILE_SIZES}
+    print(f"{'from a file':24}{'reading':>9}{'rest':>9}{'process':>9}{'peak':>8}{'x':>6}   networkx, reduction alone")
+    with tempfile.TemporaryDirectory() as folder:
+        for syntax in SYNTAXES:
+            first = None
+            for size in FILE_SIZES:
+                path = write_recipe(Path(folder), syntax, size)
+                found = measured("--from-file", str(path))
+                path.unlink()
+                total = found["reading"] + found["compiling"]
+                first = first or total
+                seconds = "".join(f"{found[name]:7.2f} s" for name in ("reading", "compiling", "process"))
+                peer = theirs[size]
+                beside = f"{peer['reduction']:7.2f} s ({peer['reduction'] / total:.1f} x), {peer['peak']:.0f} MB"
+                row = f"{syntax}, {size:,} steps"
+                print(f"{row:24}{seconds}{found['peak']:5.0f} MB{total / first:6.1f}   {beside}")
+    print()
+
+
 def files() -> Iterator[tuple[str, float]]:
     """Seconds of compiling the bundled recipe, the vocabulary read anew, and with the ontology kept."""
     from planlang.compiler import compile_ontology, compile_recipe
@@ -164,6 +202,7 @@ def measured(*arguments: str) -> Any:
 
 def report() -> None:
     """Print all measurements."""
+    report_files()
     print(f"{'stage':38}{'1,000':>9}{'10,000':>9}{'x':>7}{'us/step':>9}")
     for form in FORMS:
         small, large = (measured("--stages", form, str(size)) for size in SIZES)
@@ -191,6 +230,8 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--stages", nargs=2, metavar=("FORM", "SIZE"))
     parser.add_argument("--reduction", nargs=2, metavar=("FORM", "SIZE"))
+    parser.add_argument("--from-file", type=Path, metavar="RECIPE")
+    parser.add_argument("--their-reduction", type=int, metavar="SIZE")
     parser.add_argument("--alone", action="store_true", help="without networkx")
     parser.add_argument("--files", action="store_true")
     chosen = parser.parse_args()
@@ -203,6 +244,10 @@ def main() -> None:
     elif chosen.reduction:
         form, size = chosen.reduction
         print(json.dumps({"seconds": reduction(form, int(size), with_networkx=not chosen.alone), "peak": peak()}))
+    elif chosen.from_file:
+        print(json.dumps(from_file(chosen.from_file)))
+    elif chosen.their_reduction:
+        print(json.dumps(their_reduction(chosen.their_reduction)))
     elif chosen.files:
         print(json.dumps({"stages": dict(files())}))
     else:

@@ -101,7 +101,7 @@ def fix_recipe(
 
 def _in(path: Path, span: Span | None) -> Span | None:
     """The position in the file itself instead of the copy that is tried out."""
-    return span if span is None or Path(span.file).name != path.name else replace(span, file=str(path))
+    return span if span is None or Path(span.file).name != path.name else span._replace(file=str(path))
 
 
 class _Fixer:
