@@ -19,10 +19,10 @@ from executive.locations.reach import (
     touched_at,
     touched_by,
     touched_on_the_way,
-    unblocked,
 )
 from executive.locations.rejections import Rejections, first_body
 from executive.locations.relations import KINDS, BaseDemand, block_of, is_held
+from executive.locations.solving import unblocked
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from planlang.protocols import Array, Solution
 
@@ -191,16 +191,18 @@ class BaseJudge:
         """The best way to satisfy a reach from a base with one of some arms."""
         for arm in arms:
             for fine in (False, True):
-                ways = ways_of(reach, arm, self.around, log, fine=fine)
-                if ways is None:
-                    continue
-                ways = unblocked(ways, arm, self.around.solids(), log)
-                way = next(from_base(reach, base, arm, ways, self.around, self.inverse, log), None)
-                if way is not None:
-                    return way
-                known = self.reached(arm.name, base).get(reach)  # for an arm that can do little else from here
-                if known is not None and is_among(known, ways) and touched_by(known, base, self.around) is None:
-                    return known
+                counted = Rejections()
+                ways = ways_of(reach, arm, self.around, counted, fine=fine)
+                if ways is not None:
+                    ways = unblocked(ways, arm, self.around.solids(), counted)
+                    way = next(from_base(reach, base, arm, ways, self.around, self.inverse, counted), None)
+                    if way is not None:
+                        log.include(counted)
+                        return way
+                    known = self.reached(arm.name, base).get(reach)  # for an arm that can do little else from here
+                    if known is not None and is_among(known, ways) and touched_by(known, base, self.around) is None:
+                        return known
+            log.include(counted)  # all ways: the natural ones are among them
         return None
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:

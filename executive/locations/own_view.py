@@ -44,21 +44,40 @@ class OwnView:
         away = np.linalg.norm(points - eyes, axis=1)
         missed = (beyond > self.half_angle) | (away < self.limits[0] - CELL) | (away > self.limits[1] + CELL)
         left = np.flatnonzero(~missed)
-        if not len(left) or not len(self.solids):
-            return np.asarray(missed)
-        ahead = points[left, :2] - eyes[left, :2]
-        ahead /= np.maximum(np.linalg.norm(ahead, axis=1), 1e-9)[:, None]
-        across, up = np.meshgrid(SPOTS, SPOTS)
-        aside = min(block.half_x, block.half_y) * across.ravel()
-        ends = np.repeat(points[left, None], aside.size, axis=1)
-        ends[..., 0] -= ahead[:, None, 1] * aside
-        ends[..., 1] += ahead[:, None, 0] * aside
-        ends[..., 2] += (block.high - block.low) / 2 * up.ravel()
-        starts = np.repeat(eyes[left, None], aside.size, axis=1)
-        starts += AWAY * (ends - starts) / np.linalg.norm(ends - starts, axis=2)[..., None]
-        free = ~self.solids.crossed(starts.reshape(-1, 3), ends.reshape(-1, 3)).reshape(len(left), -1)
-        missed[left] = free.mean(axis=1) < FEW
+        if len(left):
+            lines = _lines(eyes[left], points[left], block)
+            missed[left] = _share(~self.solids.crossed(*lines), len(left)) < FEW
         return np.asarray(missed)
+
+    def hidden_by(self, solids: Solids, bases: Array, block: Block) -> NDArray[np.bool_]:
+        """From which bases (n, 3) pieces of the room surely hide a thing, of which they are not a part, (n,)."""
+        c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
+        dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
+        points = np.stack([c * dx + s * dy, c * dy - s * dx, np.full(len(bases), block.centre[2])], axis=1)
+        x, y, z = self.gaze.at_all(points)[1].T
+        eyes = np.stack([bases[:, 0] + c * x - s * y, bases[:, 1] + s * x + c * y, z], axis=1)
+        lines = _lines(eyes, np.tile(block.centre, (len(bases), 1)), block)
+        return np.asarray(_share(~solids.crossed(*lines), len(bases)) < FEW)
+
+
+def _lines(eyes: Array, points: Array, block: Block) -> tuple[Array, Array]:
+    """Segments from before eyes (n, 3) to some points across a thing at places (n, 3): starts and ends (n m, 3)."""
+    ahead = points[:, :2] - eyes[:, :2]
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1), 1e-9)[:, None]
+    across, up = (grid.ravel() for grid in np.meshgrid(SPOTS, SPOTS))
+    aside = min(block.half_x, block.half_y) * across
+    ends = np.repeat(points[:, None], aside.size, axis=1)
+    ends[..., 0] -= ahead[:, None, 1] * aside
+    ends[..., 1] += ahead[:, None, 0] * aside
+    ends[..., 2] += (block.high - block.low) / 2 * up
+    starts = np.repeat(eyes[:, None], aside.size, axis=1)
+    starts += AWAY * (ends - starts) / np.linalg.norm(ends - starts, axis=2)[..., None]
+    return starts.reshape(-1, 3), ends.reshape(-1, 3)
+
+
+def _share(free: NDArray[np.bool_], count: int) -> Array:
+    """Of the lines of each of so many places."""
+    return np.asarray(free.reshape(count, -1).mean(axis=1))
 
 
 class Unseen:

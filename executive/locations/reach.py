@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,21 +12,14 @@ from numpy.typing import NDArray
 from executive.locations.candidates import blocks
 from executive.locations.hand import HandTerm
 from executive.locations.inverse_map import InverseMaps
-from executive.locations.own_body import OwnBody
-from executive.locations.rejections import Rejections, first_body
+from executive.locations.rejections import COLLISION, OUT_OF_REACH, Reason, Rejections, first_body
+from executive.locations.solving import base_matrices, solve
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.locations.ways import CLASSES, HandPlan, Ways
-from executive.motion.solids import Solids
 from planlang.protocols import Array
 
 CHUNK = 48
 """Ways whose inverse kinematics is solved in one call."""
-FARTHEST = 1.2
-"""Largest move of a joint between neighbouring poses of a way [rad, m]."""
-INSIDE = 0.001
-"""How far a sphere of the arm must be inside something to count [m]."""
-ON_LATTICE, OFF_LATTICE = 0.005, 0.04
-"""The same for a posture of a map whose height is that of the target, or is not [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,142 +50,6 @@ class ReachSolution:
     arm: ArmModel
     plan: HandPlan
     joints: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Solved:
-    """Joint values (m, k, d) of m ways from m bases, and which of them are possible as far as spheres tell."""
-
-    joints: Array
-    ok: NDArray[np.bool_]
-
-
-def base_matrices(bases: Array) -> Array:
-    """Poses (m, 4, 4) of the base frame in the map for bases (m, 3)."""
-    matrices = np.zeros((len(bases), 4, 4))
-    matrices[:, 0, 0] = matrices[:, 1, 1] = np.cos(bases[:, 2])
-    matrices[:, 1, 0] = np.sin(bases[:, 2])
-    matrices[:, 0, 1] = -matrices[:, 1, 0]
-    matrices[:, 0, 3], matrices[:, 1, 3] = bases[:, 0], bases[:, 1]
-    matrices[:, 2, 2] = matrices[:, 3, 3] = 1.0
-    return matrices
-
-
-def base_matrix(base: Base) -> Array:
-    """Pose (4, 4) of the base frame in the map."""
-    return np.asarray(base_matrices(np.array([base]))[0])
-
-
-def unblocked(ways: Ways, arm: ArmModel, solids: Solids, rejections: Rejections) -> Ways:
-    """Ways in which the hand itself, wherever the base stands, would be inside nothing; others are counted."""
-    if not len(ways) or not len(arm.spheres.in_tip):
-        return ways
-    poses = ways.poses(np.arange(len(ways)))
-    points = poses[..., :3, :3].reshape(-1, 3, 3) @ arm.spheres.in_tip.T + poses[..., :3, 3].reshape(-1, 3, 1)
-    points = points.transpose(0, 2, 1)
-    lower, upper = points.min(axis=(0, 1)), points.max(axis=(0, 1))
-    near = solids.near((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2 + 0.1)
-    radii = arm.spheres.radii[arm.spheres.hand]
-    found = near.hits(points, radii, np.ones(len(radii), bool), ways.touches)
-    return ways.chosen(_none_inside(*found, near, len(ways), INSIDE, rejections.collision))
-
-
-def solve(
-    ways: Ways,
-    index: NDArray[np.intp],
-    bases: Array,
-    arm: ArmModel,
-    seeds: Array,
-    solids: Solids,
-    rejections: Rejections,
-    *,
-    own: OwnBody,
-    slack: float | None = None,
-) -> Solved:
-    """Joint values of ways (m,) from bases (m, 3), begun at seeds (m, s, d); spheres inside something rule out.
-
-    With ``slack`` the first seeds are within so many metres of solutions: where they are deeper inside something than
-    that, nothing is solved.
-    """
-    count, steps = len(index), ways.offsets.shape[1]
-    joints = np.zeros((count, steps, seeds.shape[2]))
-    to_base = np.linalg.inv(base_matrices(bases))
-    targets = to_base[:, None] @ ways.poses(index)
-    alive = np.arange(count)
-    if slack is not None:
-        alive = alive[_free(seeds[:, :1], bases, arm, solids, ways.touches, slack, own, rejections)]
-    q, solved = arm.solver.solve(targets[alive, ways.key], seeds[alive])
-    rejections.add("out of reach", int((~solved).sum()))
-    alive, q = alive[solved], q[solved]
-    joints[alive, ways.key] = q
-    others = [step for step in range(steps) if step != ways.key]
-    if others and len(alive):
-        goals = targets[alive][:, others].reshape(-1, 4, 4)
-        starts = np.repeat(q, len(others), axis=0)
-        found, good = arm.solver.solve(goals, starts[:, None])
-        good &= np.abs(found - starts).max(axis=1) <= FARTHEST
-        joints[alive[:, None], others] = found.reshape(len(alive), len(others), -1)
-        whole = good.reshape(len(alive), len(others)).all(axis=1)
-        rejections.add("out of reach", int((~whole).sum()))
-        alive = alive[whole]
-    postures = joints[alive][:, [ways.key, *others]]
-    alive = alive[_free(postures, bases[alive], arm, solids, ways.touches, INSIDE, own, rejections)]
-    ok = np.zeros(count, bool)
-    ok[alive] = True
-    return Solved(joints, ok)
-
-
-def _free(
-    q: Array,
-    bases: Array,
-    arm: ArmModel,
-    solids: Solids,
-    touches: str | None,
-    slack: float,
-    own: OwnBody,
-    rejections: Rejections,
-) -> NDArray[np.bool_]:
-    """At which bases (n, 3) no sphere of the arm is inside something by more than ``slack`` [m] at any q (n, s, d)."""
-    count, steps, size = q.shape
-    if not count or not len(arm.spheres.radii):
-        return np.ones(count, bool)
-    flat, matrices = q.reshape(-1, size), np.repeat(base_matrices(bases), steps, axis=0)
-    centres = arm.spheres.centres(flat)
-    points = centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
-    found = solids.hits(points, arm.spheres.radii, arm.spheres.hand, touches)
-    free = _none_inside(*found, solids, count, slack, rejections.collision)
-    rest = np.repeat(free, steps)
-    found = own.hits(centres[rest], arm.spheres.radii, flat[rest])
-    free[free] = _none_inside(*found, own.solids, int(free.sum()), slack, rejections.collision)
-    return free
-
-
-def arms_have_room(bases: Array, around: Surroundings, solids: Solids, rejections: Rejections) -> NDArray[np.bool_]:
-    """At which bases (n, 3) no arm, in its present posture, is inside something as far as spheres tell.
-
-    Others are counted.
-    """
-    arms = around.arms_as_they_are()
-    if not len(bases) or not len(arms.radii):
-        return np.ones(len(bases), bool)
-    matrices = base_matrices(bases)
-    points = arms.centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
-    found = solids.hits(points, arms.radii, arms.hand, None)
-    return _none_inside(*found, solids, len(bases), INSIDE, rejections.crowded)
-
-
-def _none_inside(
-    gap: Array, piece: NDArray[np.intp], solids: Solids, count: int, slack: float, reject: Callable[[str], None]
-) -> NDArray[np.bool_]:
-    """Which of ``count`` places keep their gaps in all postures; of others the first body they are inside is told."""
-    if not count:
-        return np.zeros(0, bool)
-    inside = (gap <= -slack).reshape(count, -1)
-    first = np.argmax(inside, axis=1)
-    blocked = np.flatnonzero(inside.any(axis=1))
-    for number in piece.reshape(inside.shape)[blocked, first[blocked]].tolist():
-        reject(solids.bodies[number])
-    return np.asarray(~inside.any(axis=1))
 
 
 def is_among(known: ReachSolution, ways: Ways) -> bool:
@@ -255,7 +112,7 @@ def from_base(
     seed: Array | None = None,
     generous: bool = False,
 ) -> Iterator[ReachSolution]:
-    """Ways that have a collision-free solution from one base, lazily, best first; reasons of others are counted.
+    """Ways that have a collision-free solution from one base, lazily, best first; others are counted, each once.
 
     Where the maps have postures these are the seeds; if ``generous``, ways beyond them are tried from the arm's own
     postures at last. ``seed`` (d,) is tried before: with it, solutions near it are preferred.
@@ -280,27 +137,28 @@ def from_base(
         own_seeds = arm.seeds if seed is None else np.vstack([seed, arm.seeds])
         rest = rest[within_reach(ways, rest, placed, arm)]
         passes.append((rest, np.broadcast_to(own_seeds, (len(rest), *own_seeds.shape))))
-    if not any(len(chosen) for chosen, _ in passes):
-        rejections.add("out of reach")
-    done: set[int] = set()
+    tried = np.concatenate([chosen for chosen, _ in passes]) if passes else np.zeros(0, np.intp)
+    rejections.add(OUT_OF_REACH.text, len(ways) - len(np.unique(tried)))
+    done, counted = set[int](), set[int]()
     for chosen, begun in passes:
         for part in blocks(len(chosen), CHUNK):
             rows = [row for row in range(part.start, part.stop) if int(chosen[row]) not in done]
             mine = chosen[rows]
-            solved = solve(
-                ways, mine, np.repeat(there[None], len(mine), 0), arm, begun[rows], solids, rejections, own=own
-            )
-            for row in np.flatnonzero(solved.ok):
-                number = int(mine[row])
+            solved = solve(ways, mine, np.repeat(there[None], len(mine), 0), arm, begun[rows], solids, own=own)
+            for number, joints, reason in zip(mine.tolist(), solved.joints, solved.reasons, strict=True):
                 if number in done:
                     continue
-                solution = ReachSolution(reach, arm, ways.plan(number), solved.joints[row])
-                body = touched_by(solution, base, around)
-                if body is None:
-                    done.add(number)
-                    yield solution
-                else:
-                    rejections.collision(body)
+                if reason is None:
+                    solution = ReachSolution(reach, arm, ways.plan(number), joints)
+                    body = touched_by(solution, base, around)
+                    if body is None:
+                        done.add(number)
+                        yield solution
+                        continue
+                    reason = Reason(COLLISION, body)
+                if number not in counted:
+                    counted.add(number)
+                    rejections.count([reason])
 
 
 def _looked_up(ways: Ways, base: Array, arm: ArmModel, inverse: InverseMaps) -> tuple[NDArray[np.intp], Array, Array]:

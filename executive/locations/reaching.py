@@ -18,18 +18,10 @@ from executive.locations.effort import Effort
 from executive.locations.hand_ways import ways_of
 from executive.locations.judging import PLACES, BaseJudge, scored
 from executive.locations.own_view import Unseen
-from executive.locations.reach import (
-    OFF_LATTICE,
-    ON_LATTICE,
-    Reach,
-    ReachSolution,
-    arms_have_room,
-    hand_is_stopped,
-    solve,
-    unblocked,
-)
+from executive.locations.reach import Reach, ReachSolution, hand_is_stopped
 from executive.locations.rejections import Rejections
 from executive.locations.relations import BaseDemand, block_of
+from executive.locations.solving import OFF_LATTICE, ON_LATTICE, arms_have_room, solve, unblocked
 from executive.locations.surroundings import ArmModel, Base
 from executive.locations.ways import CLASSES, Ways
 from executive.motion.solids import Solids
@@ -213,16 +205,12 @@ class ReachingSearch:
                     arm,
                     seeds[:, None],
                     solids,
-                    self.log,
                     own=self.around.own_body(arm),
                     slack=slack,
                 )
-                ok[mine] = solved.ok
-                joints.update(
-                    (int(row), values)
-                    for row, values, good in zip(chosen, solved.joints, solved.ok, strict=True)
-                    if good
-                )
+                self.log.count(solved.reasons)
+                ok[mine] = [reason is None for reason in solved.reasons]
+                joints |= zip(chosen.tolist(), solved.joints, strict=True)
         return ok, joints
 
 

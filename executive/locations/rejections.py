@@ -15,6 +15,18 @@ MOST_PLACES = 5000
 
 
 @dataclass(frozen=True, slots=True)
+class Reason:
+    """Why a candidate was rejected, and the body that was in its way, if one was."""
+
+    text: str
+    body: str | None = None
+
+
+COLLISION, NO_ROOM = "in collision", "no room for the base"
+OUT_OF_REACH = Reason("out of reach")
+
+
+@dataclass(frozen=True, slots=True)
 class Judged:
     """One place that was looked at: what it was rejected for, "" if it was accepted."""
 
@@ -51,15 +63,39 @@ class Rejections:
         if number:
             self.counts[reason] += number
 
+    def count(self, reasons: Iterable[Reason | None]) -> None:
+        """Count candidates, one for each reason that is one."""
+        for reason in reasons:
+            if reason is not None:
+                self.counts[reason.text] += 1
+                if reason.body is not None:
+                    self.blocking[reason.body] += 1
+
     def collision(self, body: str) -> None:
         """Count one candidate rejected because of a body in its way."""
-        self.add("in collision")
-        self.blocking[body] += 1
+        self.count([Reason(COLLISION, body)])
 
     def crowded(self, body: str) -> None:
         """Count one candidate rejected because a body leaves the robot no room to stand there."""
-        self.add("no room for the base")
-        self.blocking[body] += 1
+        self.count([Reason(NO_ROOM, body)])
+
+    def include(self, other: Rejections) -> None:
+        """Add what another counted and remembered."""
+        self.counts.update(other.counts)
+        self.blocking.update(other.blocking)
+        self.places.extend(other.places[: max(0, MOST_PLACES - len(self.places))])
+        self.scored.extend(other.scored)
+        self.refused.extend(other.refused)
+
+    def copy(self) -> Rejections:
+        """The same, to go on from twice."""
+        fresh = Rejections(self.explained)
+        fresh.include(self)
+        return fresh
+
+    def begin_again(self, before: Rejections) -> None:
+        """Forget what was counted since a copy was made, as it is all looked at once more; places are remembered."""
+        self.counts, self.blocking = Counter(before.counts), Counter(before.blocking)
 
     def judge(self, base: Base, score: float, reason: str = "", body: str | None = None) -> None:
         """Remember a place and what became of it."""

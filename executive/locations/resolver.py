@@ -17,11 +17,12 @@ from executive.locations.hand_terms import hand_holds
 from executive.locations.hand_ways import ways_of
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.judging import BaseJudge
-from executive.locations.reach import Reach, ReachSolution, from_base, is_among, touched_by, unblocked
+from executive.locations.reach import Reach, ReachSolution, from_base, is_among, touched_by
 from executive.locations.reaching import ReachingSearch
 from executive.locations.rejections import Rejections
 from executive.locations.relations import base_demand, hand_demand, thing_demand
 from executive.locations.resting import thing_holds, thing_poses
+from executive.locations.solving import unblocked
 from executive.locations.standing import standing_places
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from planlang.designators import Device, Location, Object
@@ -78,12 +79,13 @@ class Resolver:
         if (solution := judge.at(here, 1.0, demand, arms, log)) is not None:
             found.append(here)
             yield solution
+        before = log.copy()
         for effort in EFFORTS if wanted else EFFORTS[:1]:
-            counted = log if effort is EFFORTS[0] or log.places else Rejections()
+            log.begin_again(before)
             places = (
-                ReachingSearch(judge, wanted, demand, arms, effort, counted).places()
+                ReachingSearch(judge, wanted, demand, arms, effort, log).places()
                 if wanted
-                else standing_places(judge, demand, counted)
+                else standing_places(judge, demand, log)
             )
             for solution in places:
                 if any(math.dist(solution.base[:2], other[:2]) <= APART for other in found):

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from executive.locations.grid import around_places
 from executive.locations.judging import MOST_CROWDED, PLACES, BaseJudge, scored
+from executive.locations.own_view import Unseen
 from executive.locations.reaching import TRAVEL
 from executive.locations.rejections import Rejections
 from executive.locations.relations import BaseDemand, block_of
 from executive.locations.sight import sight_score
-from planlang.protocols import Solution
+from planlang.protocols import Array, Solution
 
+AT_ONCE = 60
+"""Places that are looked at before, and between, judging what is surely not seen."""
 MOST_AREAS = 600
 """Places that are judged."""
 
@@ -44,7 +47,12 @@ def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> It
     good = np.flatnonzero(roomy & (score > 0))
     log.scored.append((bases[good], total[good]))
     order = good[np.argsort(-total[good].round(9), kind="stable")]
-    for row in islice(_spread(squares[order], order), MOST_AREAS):
+    hidden = 0
+    rows = np.fromiter(islice(_spread(squares[order], order), MOST_AREAS), np.intp)
+    for row, unseen in zip(rows.tolist(), _surely_unseen(judge, demand, bases[rows]), strict=True):
+        if unseen and (hidden := hidden + 1) > MOST_CROWDED:
+            log.add("not visible")
+            continue
         place = bases[row].round(PLACES)
         base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
         worth = float(total[row])
@@ -54,6 +62,24 @@ def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> It
         answer = judge.answer(base, float(total[row]), {}, demand, log)
         if answer is not None:
             yield answer
+
+
+def _surely_unseen(judge: BaseJudge, demand: BaseDemand, bases: Array) -> Iterator[bool]:
+    """From which bases (n, 3) the robot itself, or the room, surely hides what has to be seen; looked at lazily."""
+    around = judge.around
+    view = around.own_view()
+    for first in range(0, len(bases), AT_ONCE):
+        part = bases[first : first + AT_ONCE]
+        # what is found at once needs no more than an exact look
+        if view is None or first == 0:
+            yield from (False for _ in part)
+            continue
+        unseen = np.zeros(len(part), bool)
+        for name in judge.to_see(demand):
+            block, solids = block_of(name, around), around.solids()
+            others = solids.only(np.array([body != name for body in solids.bodies], bool))
+            unseen |= Unseen(view, block)(part) | view.hidden_by(others, part, block)
+        yield from unseen.tolist()
 
 
 def _spread(squares: NDArray[np.intp], order: NDArray[np.intp]) -> Iterator[int]:
