@@ -85,6 +85,7 @@ class Rejections:
         self.blocking.update(other.blocking)
         self.places.extend(other.places[: max(0, MOST_PLACES - len(self.places))])
         self.scored.extend(other.scored)
+        self.refused.extend(other.refused)
 
     def copy(self) -> Rejections:
         """The same, to go on from twice."""
