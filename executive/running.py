@@ -128,6 +128,7 @@ def run_plan_file(options: RunOptions) -> RunResult:
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         stack.callback(truth.close)
         executive = RobotExecutive(platform_of(robot, semantic_map, truth, believed, options.seed, options.progress))
+        executive.platform.around.prepare()
         if options.resume is not None and not options.bindings:
             bound = told_parameters(options.resume, bound)
         header = _header(path, semantic_map, robot, options, scene.start, bound)

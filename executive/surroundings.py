@@ -154,6 +154,11 @@ class BelievedSurroundings:
             known = self._own[arm.name] = state, self._shapes[arm.name].now(self.world)
         return known[1]
 
+    def prepare(self) -> None:
+        """Work out now what arms need to find their way, once for this robot: later a plan would wait for it."""
+        for arm in self.arms:
+            self.quick_check(arm, None)
+
     def quick_check(self, arm: ArmModel, touches: str | None) -> QuickCheck:
         """What tells without PyBullet how an arm may move here; ``touches`` as in :meth:`contacts`."""
         joints = self.world.configuration().joints

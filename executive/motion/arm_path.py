@@ -29,6 +29,8 @@ MOST_HITS = 40
 """Exact hits on paths after which spheres are not asked any more."""
 KEPT_APART = (0.015, 0.0)
 """How far everything is kept apart where the ends allow it [m]; less when no path is found like that."""
+EXACT_CHECKS = 3000
+"""How many exact checks a search may ask for in all, once spheres are not asked any more."""
 FORBIDDEN = 0.5
 """How near paths come to a place of an exact hit at most, in units of the edge resolution."""
 
@@ -208,7 +210,7 @@ def plan_path(
     rng: np.random.Generator,
     *,
     moments: Callable[[Array], Array] | None = None,
-    iterations: int = 2000,
+    iterations: int = 1000,
     shortcuts: int = 40,
 ) -> Array:
     """Waypoints (n, d) of a path that is exactly free, from start to goal, at most whole turns away from it.
@@ -253,6 +255,8 @@ def _paths(search: _Search, start: Array, goal: Array, iterations: int) -> Itera
     here, there = _Tree([start]), _Tree([goal])
     space, reach = search.space, REACH * search.space.resolution
     for _ in range(iterations):
+        if search.exactly and search.counts["exact checks"] > EXACT_CHECKS:
+            return
         if known != search.counts["exact hits"]:
             known = search.counts["exact hits"]
             here, there = (tree.pruned(search.edge_free) for tree in (here, there))

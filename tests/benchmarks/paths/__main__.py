@@ -131,6 +131,8 @@ def _cases(room: Room, robot: Robot) -> Iterator[Case]:
 
 def _asked(platform: Platform, arm: ArmModel, start: Array, goal: Array, oracle: Oracle, room: Room) -> Case:
     base, joints = platform.base(), dict(platform.world.configuration().joints)
+    for master, followers in platform.around.world.robot.description.followers.items():
+        joints |= {one.joint: one.multiplier * joints.get(master, 0.0) + one.offset for one in followers}
     platform.around.quick_check(arm, None)  # what is worked out once for a robot and kept is not counted
     objection, length, ours = None, 0.0, True
     began = time.process_time()
