@@ -3,7 +3,8 @@
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
 # make fuzz    broken files; FUZZ_SECONDS=1800 for half an hour, FUZZ_SEED=7 for other cases
-# make bench-locations   how places are found, beside samplers and other inverse kinematics, judged by PyBullet
+# make bench-locations   how places are found, beside samplers and other inverse kinematics, judged by PyBullet;
+#                        PARTS=hard,infeasible for some of it, ROOMS=20 for less; finished parts are kept in .venv
 #
 # Everything happens in .venv, made on first use by python3.11, or python3 if that is 3.11 or newer.
 # PYTHON=/path/to/python make test   takes another interpreter.
@@ -73,10 +74,13 @@ bench: $(VENV)/.bench-stamp
 	    test "$$benchmark" = tests/benchmarks/seeds.py && continue; \
 	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
 	done
+	@echo "== paths of an arm"; $(BIN)/python -m tests.benchmarks.paths
 
 ROOMS ?= 200
+PARTS ?=
 bench-locations: $(VENV)/.bench-stamp
-	$(BIN)/python -m tests.benchmarks.locations --rooms $(ROOMS)
+	$(BIN)/python -m tests.benchmarks.locations --rooms $(ROOMS) --parts "$(PARTS)" \
+	    --keep $(VENV)/bench-locations-$(ROOMS).json
 
 # coverage run, not pytest --cov: our pytest plugin is imported before pytest-cov could look.
 # Without tests over random plans: what is covered has to be the same each time.

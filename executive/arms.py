@@ -70,6 +70,7 @@ def _model(robot: Robot, arm: Arm, world: PyBulletWorld) -> ArmModel:
         max_opening=arm.gripper.max_opening if arm.gripper is not None else 0.0,
         hand_links=world.robot.hand_links(arm.tip),
         hand_radius=world.robot.hand_radius(arm.tip, arm.approach),
+        hand_corners=world.robot.hand_corners(arm.tip),
         shoulder_low=low,
         shoulder_high=high,
         reach=1.02 * float(np.linalg.norm(tips - shoulders, axis=1).max()),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import sys
@@ -13,10 +14,13 @@ from typing import Any
 
 import typer
 
-from planlang.diagnostics import BadInput, Diagnostic, Severity
+from planlang.diagnostics import BadInput, Diagnostic, Severity, error
 
 DONE, FAILED, BAD_INPUT, MISSING_CAPABILITY, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """Exit codes of the command."""
+
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
+"""What a file system answers that takes no more."""
 
 _COLOURS = {Severity.ERROR: typer.colors.RED, Severity.WARNING: typer.colors.YELLOW, Severity.NOTE: typer.colors.CYAN}
 
@@ -49,7 +53,11 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool) -> None:
     except (BrokenPipeError, typer.Exit, typer.BadParameter):
         raise
     except Exception as problem:
-        reply = _internal_error(problem)
+        if isinstance(problem, OSError) and problem.errno in _FULL:
+            told = "; ".join((f"what was to be written does not fit: {problem}", *getattr(problem, "__notes__", ())))
+            reply = Answer(BAD_INPUT, (error("C004", told, help="make room on the disk, or name another place"),))
+        else:
+            reply = _internal_error(problem)
     if as_json:
         whole = {"command": command, "exit_code": reply.exit_code, **reply.data}
         whole["diagnostics"] = [diagnostic.as_json() for diagnostic in reply.diagnostics]

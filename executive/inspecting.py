@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
-from PIL import Image, ImageDraw
 
 from executive.arms import arm_models
 from executive.assembly import mapped
 from executive.capabilities import Arm, Robot, bind_robot
 from executive.carrying import with_carrying
 from executive.console import Answer
-from executive.locations import ArmModel
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.locations.reachability_building import keep_maps, reachability_maps
 from executive.outputs import replace
@@ -26,10 +21,6 @@ from sim import PyBulletWorld, Scene
 
 USEFUL = ("carrying", "prepare_grasp", "handover")
 """Postures that plans and the executive ask for."""
-SCALE = 6
-"""Pixels of a cell."""
-MARGIN, CAPTION = 12, 16
-BACKGROUND, INK = (255, 255, 255), (40, 40, 40)
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 
@@ -41,6 +32,8 @@ class InspectOptions:
     robot: Path | str
     urdf: Path | None = None
     picture: Path | None = None
+    record: Path | None = None
+    """Where to write a recording for the rerun viewer."""
     progress: Callable[[str], None] = lambda line: None
 
 
@@ -50,16 +43,29 @@ def inspect(options: InspectOptions) -> Answer:
     robot = with_carrying(bare)
     world = PyBulletWorld(Scene(()), robot.body())
     try:
-        models = arm_models(robot, world)
-        bounds = dict(world.robot.limits)
+        return _inspected(options, bare, robot, world)
     finally:
         world.close()
+
+
+def _inspected(options: InspectOptions, bare: Robot, robot: Robot, world: PyBulletWorld) -> Answer:
+    models = arm_models(robot, world)
+    bounds = dict(world.robot.limits)
+    for file in (options.picture, options.record):
+        if file is not None and not models:
+            raise BadInput([error("C004", f"{file}: {robot.name} has no arm whose reach could be drawn")])
     keep_maps(models, robot.torso, lambda *done: mapped(options.progress, *done))
     maps = {model.name: reachability_maps(model, robot.torso) for model in models}
+    if options.record is not None:
+        from executive.report.reach_recording import save_reach_recording
+        from executive.report.shapes import drawn_in
+
+        save_reach_recording(options.record, drawn_in(world, robot.urdf), models, maps)
     if options.picture is not None:
-        if not models:
-            raise BadInput([error("C004", f"{options.picture}: {robot.name} has no arm whose reach could be drawn")])
-        replace(options.picture, lambda path: _drawn(robot, models, maps).save(path, format="PNG"))
+        from executive.locations.reach_picture import save_reach_picture
+
+        radius = robot.base.radius
+        replace(options.picture, lambda path: save_reach_picture(path, robot.name, models, maps, radius))
     lacking = list(_lacking(bare))
     lines = [*_body_lines(robot)]
     for arm in robot.arms:
@@ -116,47 +122,3 @@ def _lacking(robot: Robot) -> Iterator[str]:
         yield "a camera: nothing can be looked for ([camera] in the robot file)"
     known = robot.postures
     yield from (f"a posture {name} ([postures.{name}] in the robot file)" for name in USEFUL if name not in known)
-
-
-# Picture
-
-
-def _drawn(robot: Robot, models: Sequence[ArmModel], maps: Mapping[str, Maps]) -> Image.Image:
-    """A row per arm; per class of grasp the reach from above (x up, y left) and from the right side (x right, z up)."""
-    rows = [[_panels(maps[model.name][grasp]) for grasp in GraspClass] for model in models]
-    width = max(sum(panel.shape[1] + MARGIN for pair in row for panel in pair) for row in rows) + MARGIN
-    heights = [max(panel.shape[0] for pair in row for panel in pair) + CAPTION + MARGIN for row in rows]
-    image = Image.new("RGB", (width, sum(heights) + CAPTION + MARGIN), BACKGROUND)
-    draw = ImageDraw.Draw(image)
-    title = f"{robot.name}: share of headings in reach (blue none, yellow all), from above and from the side"
-    draw.text((MARGIN, 4), title, fill=INK)
-    top = CAPTION + MARGIN
-    for model, row, height in zip(models, rows, heights, strict=True):
-        left = MARGIN
-        for grasp, pair in zip(GraspClass, row, strict=True):
-            draw.text((left, top), f"{model.name}, {grasp.value}", fill=INK)
-            for panel in pair:
-                image.paste(Image.fromarray(panel), (left, top + CAPTION))
-                left += panel.shape[1] + MARGIN
-        top += height
-    return image
-
-
-def _panels(found: ReachabilityMap) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    rows = found.rows
-    x, y, z = (np.asarray(rows[name], np.intp) for name in ("x", "y", "z"))
-    heading = np.asarray(rows["yaw"], np.intp)
-    return _panel(-x, -y, heading), _panel(-z, x, heading)
-
-
-def _panel(down: NDArray[np.intp], right: NDArray[np.intp], heading: NDArray[np.intp]) -> NDArray[np.uint8]:
-    """The share of headings of each cell (rows downwards, columns to the right), as pixels."""
-    if not len(down):
-        return np.full((SCALE, SCALE, 3), 230, np.uint8)
-    shape = (int(np.ptp(down)) + 1, int(np.ptp(right)) + 1, YAWS)
-    seen = np.zeros(shape, np.bool_)
-    seen[down - down.min(), right - right.min(), heading] = True
-    share = seen.mean(axis=2)[..., None]
-    low, high = np.array([40.0, 60.0, 160.0]), np.array([250.0, 220.0, 60.0])
-    pixels = np.where(share > 0, low + share * (high - low), 230.0)
-    return np.asarray(np.kron(pixels, np.ones((SCALE, SCALE, 1))), np.uint8)

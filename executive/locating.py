@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from executive.assembly import check_start, placed, platform_of
 from executive.capabilities import bind_robot
@@ -23,10 +23,6 @@ from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.ontology import expand, load, shorten
 from planlang.phrases import Lexicon, read_location, read_thing, write_location
 from sim import PyBulletWorld
-from sim.geometry import corners, hull
-
-if TYPE_CHECKING:
-    from executive.locations.picture import Scenery
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +143,7 @@ def _resolved(
     found: list[Diagnostic],
     options: LocateOptions,
 ) -> Answer:
-    log, failure = Rejections(), None
+    log, failure = Rejections(explained=True), None
     places: list[tuple[str, dict[str, Any]]] = []
     try:
         if what is None:
@@ -167,35 +163,21 @@ def _resolved(
     }
     lines = [phrase, *(f"  {line}" for line, _ in places)]
     if not places:
-        data["failure"] = [type(failure).__name__]
-        lines = [phrase, str(failure).replace(f"{location}: ", "", 1)]  # the phrase says it already
+        said = str(failure).replace(f"{location}: ", "", 1)  # the phrase says it already
+        data |= {"failure": [type(failure).__name__], "message": said}
+        lines = [phrase, said]
     elif counts:
         lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in counts.items())}")
     if options.explain is not None:
-        from executive.locations.picture import Resolution, save_picture
+        from executive.locations.floor_plan import Resolution
+        from executive.locations.picture import save_picture
+        from executive.scenery import scenery_of
 
         bases = [(place["x"], place["y"], place["yaw"]) for _, place in places]
-        resolution = Resolution(options.phrase, bases, log.places, log.scored, counts, blocking)
-        scenery = scenery_of(platform, meant.values(), None if what is None else meant[what])
+        arms = [place.get("arm", "") for _, place in places]
+        details = [arm if not arm or arm.endswith("arm") else f"{arm} arm" for arm in arms]
+        resolution = Resolution(options.phrase, bases, log.places, log.scored, log.refused, counts, blocking, details)
+        scenery = scenery_of(platform, location, meant.values(), None if what is None else meant[what])
         write_complete(options.explain, lambda temporary: save_picture(temporary, scenery, resolution))
         data["picture"] = str(options.explain)
     return Answer(DONE if places else FAILED, tuple(found), "\n".join(lines), data)
-
-
-def scenery_of(platform: Platform, meant: Collection[str], placed_thing: str | None = None) -> Scenery:
-    """What a picture shows besides the resolution; places are as large as the base, or as a thing that is placed."""
-    from executive.locations.picture import Outline, Scenery
-
-    world = platform.around.world
-    bodies = []
-    tops = {name: float(corners(world.pose(name), world.scene.body(name).size)[:, 2].max()) for name in world.names()}
-    for name in sorted(tops, key=lambda name: tops[name]):  # what is on top is drawn last
-        body = world.scene.body(name)
-        if body.shape == "room" or name in world.attached():
-            continue
-        points = corners(world.pose(name), body.size)[:, :2]
-        kind = "meant" if name in meant else body.shape if body.shape in ("person", "marker") else "solid"
-        bodies.append(Outline(name, hull(points), kind))
-    robot = platform.robot.base.radius
-    size = robot if placed_thing is None else max(world.size(placed_thing)[:2]) / 2
-    return Scenery(world.scene.bounds, bodies, size, platform.base(), robot)

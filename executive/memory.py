@@ -8,7 +8,9 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from executive.arm_choice import ArmChoices
 from executive.locations import ArmModel, Base, Reach, ReachSolution
+from executive.locations.hand import HandTerm
 from executive.locations.ways import HandPlan
 from executive.platform import Platform
 from planlang.protocols import Array
@@ -36,7 +38,7 @@ def snapshot(platform: Platform) -> dict[str, Any]:
     state["believed"] = platform.around.world.snapshot()
     state["belief"] = platform.belief.snapshot()
     state["rng"] = platform.rng.bit_generator.state
-    state["arm"] = platform.preferred
+    state["arms"] = platform.choices.state()
     state["begun"] = [
         [arm, revision, list(base), _way_json(way)]
         for arm, (revision, base, way) in platform.begun_grasps.items()
@@ -58,7 +60,7 @@ def restore(platform: Platform, state: Mapping[str, Any], *, world: bool) -> Non
         platform.around.world.restore_state(state["believed"])
         platform.rng.bit_generator.state = state["rng"]
         arms = {arm.name: arm for arm in platform.around.arms}
-        platform.preferred = None if state["arm"] is None else arms[state["arm"]].name
+        platform.choices = ArmChoices.restored(state["arms"], arms)
         platform.begun_grasps = {
             arms[arm].name: (int(revision), _base(base), _way(way, arms)) for arm, revision, base, way in state["begun"]
         }
@@ -86,10 +88,18 @@ def _way(state: Any, arms: Mapping[str, ArmModel]) -> ReachSolution:
     return ReachSolution(_reach(*reach), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
 
 
-def _reach(kind: str, body: str, grasp: str | None, some: Any, heights: Any, inside: bool, also: Any) -> Reach:
+def _reach(
+    kind: str, body: str, grasp: str | None, some: Any, heights: Any, inside: bool, also: Any, before: bool
+) -> Reach:
     low, high = heights
     named = None if some is None else tuple(map(str, some))
-    return Reach(kind, body, grasp, named, (float(low), float(high)), inside, tuple(map(tuple, also)))
+    terms = tuple(_term(*term) for term in also)
+    return Reach(kind, body, grasp, named, (float(low), float(high)), inside, terms, before)
+
+
+def _term(name: str, body: str, within: float | None, beyond: float | None, negated: bool, viewer: Any) -> HandTerm:
+    seen = None if viewer is None else (float(viewer[0]), float(viewer[1]))
+    return HandTerm(name, body, within, beyond, negated, seen)
 
 
 def _ways(states: Any, arms: Mapping[str, ArmModel]) -> Iterator[ReachSolution]:

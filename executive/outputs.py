@@ -27,6 +27,9 @@ def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path 
             problems.append(error("C004", f"{name} {path} is a folder", help="name a file in it"))
         elif not folder.is_dir():
             problems.append(error("C004", f"{name} {path}: there is no folder {folder}", help=f"mkdir -p {folder}"))
+        elif _is_device(path):
+            if not os.access(path, os.W_OK):
+                problems.append(error("C004", f"{name} {path} cannot be written to"))
         elif not os.access(folder, os.W_OK):
             problems.append(error("C004", f"{name} {path}: the folder {folder} cannot be written to"))
         elif path.resolve() in taken:
@@ -40,15 +43,22 @@ def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path 
 def replace(path: Path, write: Callable[[Path], None]) -> None:
     """Let ``write`` fill a temporary file beside ``path``, then put it in place; on any failure ``path`` is as before.
 
-    The temporary file keeps the suffix of ``path``, which some writers choose the format by.
+    The temporary file keeps the suffix of ``path``, which some writers choose the format by. A link is followed; what
+    is no file but a device or a pipe gets the content when it is complete.
     Raises BadInput when the system does not let the file be written.
     """
     temporary: Path | None = None
     try:
-        number, temporary_name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+        device = _is_device(path)
+        path = path if device else path.resolve()
+        folder = None if device else path.parent
+        number, temporary_name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=folder)
         os.close(number)
         temporary = Path(temporary_name)
         write(temporary)
+        if device:
+            path.write_bytes(temporary.read_bytes())
+            return
         temporary.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask())
         temporary.replace(path)
     except OSError as problem:
@@ -84,6 +94,10 @@ def write_plan(path: Path, source: str, *, force: bool) -> None:
             advice = f"planlang check {path} shows what was edited; --force overwrites it; -o writes somewhere else"
             raise BadInput([error("C005", f"{path} was edited since it was compiled", help=advice)])
     write_text(path, source)
+
+
+def _is_device(path: Path) -> bool:
+    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def _write(path: Path, text: str) -> None:

@@ -9,22 +9,23 @@ from itertools import product
 
 import numpy as np
 
+from executive.arm_choice import ArmChoices
 from executive.capabilities import Gripper, Robot
 from executive.knowledge import Belief
 from executive.locations import ArmModel, Base, Block, ReachSolution, Resolver
 from executive.motion import (
-    GoalInCollision,
     Grid,
+    JointSpace,
     MotionError,
     NoPath,
-    StartInCollision,
     cartesian_path,
     clearance_field,
     plan_base_path,
     plan_path,
+    time_curve,
     time_path,
 )
-from executive.surroundings import BEYOND, BelievedSurroundings
+from executive.surroundings import BelievedSurroundings
 from planlang import Fluent, checkpoint, wait_for
 from planlang.designators import Location, Object
 from planlang.failures import ActionUnresolvable, LookingGoalUnreachable
@@ -55,8 +56,8 @@ class Platform:
     releasing: frozenset[str]
     """Action classes that let go of something."""
     rng: np.random.Generator
-    preferred: str | None = None
-    """Arm that was chosen last where the plan left the choice; it is kept."""
+    choices: ArmChoices = field(default_factory=ArmChoices)
+    """Arms that were chosen where the plan left the choice."""
     begun_grasps: dict[str, tuple[int, Base, ReachSolution]] = field(default_factory=dict)
     """Arm -> revision, base and grasp whose pre-grasp was taken."""
 
@@ -114,41 +115,51 @@ class Platform:
     def arm_path(self, arm: ArmModel, goal: Array, touches: str | None = None) -> Trajectory:
         """A timed path of an arm through the believed world; raises a MotionError."""
         self.sync()
-        start, base = self.arm_joints(arm), self.base()
+        chain, base, start = arm.solver.chain, self.base(), self.arm_joints(arm)
+        space = JointSpace.of(arm.lower, arm.upper, continuous=chain.continuous, resolution=arm.resolution)
+        quick = self.around.quick_check(arm, touches)
 
-        def is_free(q: Array) -> bool:
-            return not self.around.contacts(base, arm, q, touches)
+        def touching(q: Array) -> list[tuple[str, str]]:
+            # at the start all of the robot is looked at; later on what stands still touches nothing new
+            among = None if np.array_equal(q, start) else quick.doubtful(q)
+            contacts = self.around.contacts(base, arm, q, touches, among=among)
+            return [(contact.part, contact.body) for contact in contacts]
 
-        for kind, q in ((StartInCollision, start), (GoalInCollision, goal)):
-            if contacts := self.around.contacts(base, arm, q, touches):
-                raise kind(q.tolist(), [(contact.part, contact.body) for contact in contacts])
-        for step in STEPS:
-            path = plan_path(start, goal, is_free, arm.lower, arm.upper, self.rng, resolution=arm.resolution * step)
-            if path is None:
-                break
-            trajectory = self._timed(arm.joints, path)
-            if all(map(is_free, trajectory.positions[1:])):
-                return trajectory
-        raise NoPath(tuple(start), tuple(goal), {})
+        def moments(path: Array) -> Array:
+            """Where the arm is looked at exactly: at each of the world's steps, and at the resolution of checks."""
+            return np.concatenate([space.points(path), self._timed(arm.joints, path).positions[1:]])
+
+        path = plan_path(start, goal, space, quick, touching, self.rng, moments=moments)
+        return self._timed(arm.joints, path)
 
     def straight_path(self, arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
         """A timed straight line of the tip to a pose (4, 4) of the map; raises a MotionError with the reason."""
         self.sync()
         start, base = self.arm_joints(arm), self.base()
+        quick = self.around.quick_check(arm, touches)
+
+        def is_free(row: Array) -> bool:
+            return not self.around.contacts(base, arm, row, touches, among=quick.doubtful(row))
+
         line = cartesian_path(
             arm.solver,
             start,
             arm.solver.chain.fk(start)[0],
             np.linalg.inv(Pose.planar(*base).matrix()) @ pose,
-            lambda row: not self.around.contacts(base, arm, row, touches),
+            is_free,
         )
         if line.waypoints is None:
             raise MotionError(line.reason)
-        return self._timed(arm.joints, line.waypoints)
+        for timing in (time_curve, time_path):  # a curve swings out a little, also over the limits of a joint
+            trajectory = self._timed(arm.joints, line.waypoints, timing)
+            rows = trajectory.positions[1:]
+            if arm.solver.chain.within(rows, 1e-6).all() and all(map(is_free, rows)):
+                return trajectory
+        raise MotionError("in collision between two steps")
 
-    def _timed(self, joints: Sequence[str], path: Array) -> Trajectory:
+    def _timed(self, joints: Sequence[str], path: Array, timing: Callable[..., Trajectory] = time_path) -> Trajectory:
         limits = [self.robot.limits[name] for name in joints]
-        return time_path(
+        return timing(
             tuple(joints),
             path,
             velocity=[limit.speed for limit in limits],
@@ -160,12 +171,18 @@ class Platform:
     # Hands
 
     def in_order(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
-        """The arm that was chosen before first: a choice is kept."""
-        return sorted(arms, key=lambda arm: arm.name != self.preferred)
+        """The arm that was chosen before first: a choice is kept; those last that others are using."""
+        mine, others = self.choices.mine(), self.choices.others()
+        return sorted(arms, key=lambda arm: (arm.name != mine, arm.name in others))
+
+    def holding(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """Those that hold something, and not for somebody else, the one that was chosen before first."""
+        others = self.choices.others()
+        return [arm for arm in self.in_order(arms) if self.around.held(arm.name) and arm.name not in others]
 
     def use(self, arm: ArmModel, way: ReachSolution) -> None:
         """Remember which arm was chosen, and the grasp that was begun."""
-        self.preferred = arm.name
+        self.choices.choose(arm.name)
         if way.reach.kind == "grasp":
             self.begun_grasps[arm.name] = (self.belief.revision, self.base(), way)
 
@@ -259,12 +276,13 @@ class Platform:
 
     async def look_at(self, point: Array, name: str) -> None:
         """Turn the neck so that a map point (3,) is in the picture; raises LookingGoalUnreachable."""
-        if self.around.gaze is None:
+        camera = self.robot.camera
+        if self.around.gaze is None or camera is None:
             await checkpoint()
             return
         inverse = np.linalg.inv(Pose.planar(*self.base()).matrix())
         neck, beyond, _ = self.around.gaze.at((inverse @ np.append(point, 1.0))[:3])
-        if beyond > BEYOND:
+        if beyond > camera.half_angle:
             raise LookingGoalUnreachable(what=name)
         if not self.around.gaze.joints:
             await checkpoint()

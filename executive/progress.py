@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from planlang import Trace
-from planlang.kernel.hosts import Steps
 from planlang.kernel.past import Past
 from planlang.kernel.tree import Node
 
@@ -18,8 +17,6 @@ class ToldTrace(Trace):
     """A trace that tells each record to listeners as well; written to a file when there is a path."""
 
     listeners: tuple[Callable[[Record], None], ...] = ()
-    problem: BaseException | None = None
-    """What a listener raised first. It is told no more, and :meth:`heed` raises this where the plan can be ended."""
 
     @classmethod
     def to(
@@ -41,27 +38,9 @@ class ToldTrace(Trace):
         for listener in self.listeners:
             try:
                 listener(record)
-            except BaseException as problem:  # records are written amid the scheduler's work, where nothing may raise
-                self.problem = self.problem or problem
+            except BaseException as problem:  # it is told no more; the run ends with this
                 self.listeners = tuple(other for other in self.listeners if other is not listener)
-
-    def heed(self) -> None:
-        """Raise what a listener has raised, once."""
-        if self.problem is not None:
-            problem, self.problem = self.problem, None
-            raise problem
-
-
-class HeedingWorld:
-    """A world whose next step raises what a listener of the trace has raised."""
-
-    def __init__(self, world: Steps, trace: ToldTrace) -> None:
-        self.world, self.trace, self.rate = world, trace, world.rate
-
-    def step(self) -> None:
-        """Advance by one step."""
-        self.trace.heed()
-        self.world.step()
+                self._fail(problem)
 
 
 def progress_lines(rate: int, say: Callable[[str], None]) -> Callable[[Record], None]:

@@ -13,7 +13,7 @@ from executive.plan_files import compiled_plan, import_plan, main_plan
 from executive.resuming import parameters_of, sha256, told
 from executive.running import BUDGET
 from planlang import budget
-from planlang.diagnostics import Diagnostic, Span, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.kernel.continued import Different
 from planlang.kernel.recorded import RecordedRun
 from planlang.language.plans import Plan
@@ -42,7 +42,10 @@ def replay_trace(
         if sha256(plan) != recorded.header.get("plan_sha256"):
             found.append(warning("X022", "the plan is another one than that of the trace", Span(recorded.name)))
         function = main_plan(import_plan(plan), task)
-        result = replay(_as_run(function, recorded), recorded)
+        try:
+            result = replay(_as_run(function, recorded), recorded)
+        except ValueError as problem:
+            raise BadInput([error("X020", str(problem), Span(recorded.name, 1))]) from None
     data: dict[str, Any] = {"equal": result.equal, "lines": result.of, "repeated": result.lines}
     if result.difference is None:
         return Answer(DONE, tuple(found), f"{recorded.name}: {result}", data)

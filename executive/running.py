@@ -21,7 +21,7 @@ from executive.knowledge import Belief, SemanticMap, read_map, scene_of
 from executive.outputs import replace as write_complete
 from executive.plan_actions import judged, needs_of
 from executive.plan_files import bound_parameters, compiled_plan, import_plan, line_in, main_plan
-from executive.progress import HeedingWorld, ToldTrace, progress_lines
+from executive.progress import ToldTrace, progress_lines
 from executive.resuming import bring_back, past_of, refuse_other, sha256, told_parameters
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
@@ -167,7 +167,7 @@ def _execute(
     try:
         run(
             _budgeted(plan, bound, executive),
-            host=SimulationHost(HeedingWorld(world, trace)),
+            host=SimulationHost(world),
             executive=executive,
             seed=options.seed,
             schedule=options.schedule,
@@ -176,7 +176,6 @@ def _execute(
             resumable=True,
             resume=past,
         )
-        trace.heed()
     except PlanFailure as failure:
         code, outcome = FAILED, explain(failure)
         chain = tuple(type(link).__name__ for link in failure.chain())
@@ -190,7 +189,7 @@ def _execute(
     except Exception as problem:
         path = Path(str(inspect.getsourcefile(plan.function)))
         line = line_in(problem, path)
-        if line is None or _is_own(problem):
+        if line is None or _is_own(problem, path):
             raise
         outcome = f"{type(problem).__name__}: {problem}\n  in the plan, {path.name}:{line}"
         code, chain = FAILED, (type(problem).__name__,)
@@ -204,10 +203,12 @@ def _execute(
     return RunResult(code, outcome, state, (), truth.steps / truth.rate, chain)
 
 
-def _is_own(problem: BaseException) -> bool:
-    """Whether an exception arose in the executive or the simulator rather than in the plan or in how it uses them."""
-    last = Path(traceback.extract_tb(problem.__traceback__)[-1].filename)
-    return any(last.is_relative_to(Path(inspect.getfile(kind)).parent) for kind in (RobotExecutive, PyBulletWorld))
+def _is_own(problem: BaseException, plan: Path) -> bool:
+    """Whether an exception arose in the executive or the simulator, or in what they call, rather than in the plan."""
+    files = [Path(frame.filename) for frame in traceback.extract_tb(problem.__traceback__)]
+    below = files[len(files) - files[::-1].index(plan) :] if plan in files else files
+    folders = [Path(inspect.getfile(kind)).parent for kind in (RobotExecutive, PyBulletWorld)]
+    return any(file.is_relative_to(folder) for file in below for folder in folders)
 
 
 def _compiled(options: RunOptions, stack: ExitStack, found: list[Diagnostic]) -> Path:

@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from executive.arm_bodies import ArmBodies, arm_bodies
 from executive.capabilities import Robot
 from executive.knowledge import Belief
 from executive.locations import ArmModel, Base, Block, ComfortZone, Door, Held
 from executive.locations.field import Floor
-from executive.locations.own_body import OwnBody, own_body
+from executive.locations.own_body import OwnBody, OwnShapes
+from executive.locations.own_view import OwnView, still_pieces
 from executive.locations.reachability import GraspClass, ReachabilityMap
 from executive.locations.reachability_building import reachability_maps
-from executive.locations.solids import Solids
-from executive.motion import Boxes, Gaze
+from executive.locations.spheres import PlacedSpheres
+from executive.motion import Boxes, Gaze, QuickCheck
 from executive.motion.clearance import Band
+from executive.motion.solids import Solids
 from planlang.designators import Device, Object
 from planlang.ontology import expand
 from planlang.protocols import Array, Configuration, Contact, Pose
 from sim import PyBulletWorld
+from sim.bodies import FLOOR
 
 SEEN_SHARE = 0.3
 """Share of an object that must be visible for a place to count as one from where it is seen."""
-BEYOND = 0.2
-"""How far the neck's limits may keep an object from the middle of the picture [rad]."""
+LEANING = 0.05
+"""How far a top may lean to count as level [rad]."""
 CLOSING_STEPS = 24
 """In how many steps closing fingers are looked at."""
 
@@ -44,11 +48,14 @@ class BelievedSurroundings:
         self.world, self.robot, self.belief, self.gaze = world, robot, belief, gaze
         self.arms: tuple[ArmModel, ...] = tuple(arms)
         self._maps: dict[tuple[str, GraspClass], ReachabilityMap] = {}
-        self._solids: tuple[object, Solids] | None = None
+        self._bodies: tuple[object, Boxes, Solids] | None = None
         self._floor: tuple[object, Floor] | None = None
         self._links = frozenset(world.robot.solid_names)
+        self._shapes = {arm.name: OwnShapes(world, arm.joints, arm.spheres, robot.torso, arm.lift) for arm in self.arms}
+        self._placed: tuple[object, PlacedSpheres] | None = None
         self._own: dict[str, tuple[object, OwnBody]] = {}
-        self._lifts: tuple[object, dict[tuple[str, float], bool]] = (None, {})
+        self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
+        self._arm_bodies: dict[str, tuple[object, ArmBodies]] = {}
 
     def arms_of(self, device: Device) -> Sequence[ArmModel]:
         """Arms that a device designator may mean: by the robot's part, else by type and side."""
@@ -117,10 +124,7 @@ class BelievedSurroundings:
 
     def solids(self) -> Solids:
         """The pieces of all bodies that are not held."""
-        state = self._state()
-        if self._solids is None or self._solids[0] != state:
-            self._solids = state, Solids.of(self.world.solids())
-        return self._solids[1]
+        return self._of_bodies()[1]
 
     def _state(self) -> object:
         """What the places of all bodies depend on."""
@@ -133,39 +137,69 @@ class BelievedSurroundings:
             self._maps[key] = reachability_maps(arm, self.robot.torso, (grasp,))[grasp]
         return self._maps[key]
 
+    def arms_as_they_are(self) -> PlacedSpheres:
+        """Spheres inside all arms in their present posture, as they stick out from the base wherever it goes."""
+        joints = self.world.configuration().joints
+        state = tuple(joints.items())
+        if self._placed is None or self._placed[0] != state:
+            postures = [(arm.spheres, np.array([joints[name] for name in arm.joints])) for arm in self.arms]
+            self._placed = state, PlacedSpheres.of(postures)
+        return self._placed[1]
+
     def own_body(self, arm: ArmModel) -> OwnBody:
         """The rest of the robot in its present posture, as an arm meets it."""
         state = tuple(self.world.configuration().joints.items())
         known = self._own.get(arm.name)
         if known is None or known[0] != state:
-            known = state, own_body(self.world, arm.joints, arm.spheres, self.robot.torso, arm.lift)
-            self._own[arm.name] = known
+            known = self._own[arm.name] = state, self._shapes[arm.name].now(self.world)
         return known[1]
 
-    def lifts(self, arm: ArmModel, torso: float) -> bool:
-        """Whether the rest of the robot, in its present posture, does not touch itself with the torso at a position."""
+    def quick_check(self, arm: ArmModel, touches: str | None) -> QuickCheck:
+        """What tells without PyBullet how an arm may move here; ``touches`` as in :meth:`contacts`."""
+        joints = self.world.configuration().joints
+        rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
+        state = rest, self._state(), tuple(self.belief.held.values())
+        known = self._arm_bodies.get(arm.name)
+        if known is None or known[0] != state:
+            known = state, arm_bodies(self.world, arm.solver.chain, self.robot.base_link)
+            self._arm_bodies[arm.name] = known
+        base = self.world.link_pose(self.robot.base_link).matrix()
+        floor = next((body.name for body in self.world.scene.bodies if body.shape == "room"), FLOOR)
+        return known[1].against(base, self.solids(), floor, (arm.hand_links, touches))
+
+    def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
+        """Positions of the torso at which the rest of the robot, in its present posture, does not touch itself."""
         if arm.lift is None:
-            return True
+            return tuple(torsos)
         now = self.world.configuration()
         state = tuple(now.joints.items())
         if self._lifts[0] != state:
             self._lifts = state, {}
-        known = self._lifts[1]
-        if (arm.name, torso) not in known:
-            robot = self.world.robot
-            own = frozenset[int]().union(*(robot.moved_by(name) for name in arm.joints if name != arm.lift.joint))
-            rest = {name for number, name in enumerate(robot.solid_names) if number not in own}
-            there = Configuration(now.base, {**now.joints, arm.lift.joint: torso})
-            known[arm.name, torso] = not any(
-                contact.part in rest and contact.body in rest for contact in self.world.contacts(there)
-            )
-        return known[arm.name, torso]
+        known, joint, robot = self._lifts[1], arm.lift.joint, self.world.robot
+        own = frozenset[int]().union(*(robot.moved_by(name) for name in arm.joints if name != joint))
+        rest = {name for number, name in enumerate(robot.solid_names) if number not in own}
+        for torso in torsos:
+            if (joint, torso) not in known:
+                found = self.world.contacts(Configuration(now.base, {**now.joints, joint: torso}))
+                known[joint, torso] = [(c.part, c.body) for c in found if {c.part, c.body} <= self._links]
+        return tuple(torso for torso in torsos if not any(rest.issuperset(pair) for pair in known[joint, torso]))
 
     def boxes_but(self, without: Sequence[str]) -> tuple[Boxes, tuple[str, ...]]:
         """Boxes around the pieces of all bodies that are not held, some left out; and whose they are."""
-        pieces = [piece for piece in self.world.solids() if piece.body not in without]
-        sizes = np.array([piece.size for piece in pieces]).reshape(-1, 3)
-        return Boxes.around([piece.pose for piece in pieces], sizes), tuple(piece.body for piece in pieces)
+        boxes, solids = self._of_bodies()
+        if not set(without) & set(solids.bodies):
+            return boxes, solids.bodies
+        kept = np.flatnonzero([body not in without for body in solids.bodies])
+        return boxes.only(kept), tuple(solids.bodies[index] for index in kept)
+
+    def _of_bodies(self) -> tuple[Boxes, Solids]:
+        """Boxes around the pieces, and the pieces themselves."""
+        state = self._state()
+        if self._bodies is None or self._bodies[0] != state:
+            pieces = self.world.solids()
+            sizes = np.array([piece.size for piece in pieces]).reshape(-1, 3)
+            self._bodies = state, Boxes.around([piece.pose for piece in pieces], sizes), Solids.of(pieces)
+        return self._bodies[1:]
 
     def is_round(self, name: str) -> bool:
         """Whether a body is a cylinder."""
@@ -183,6 +217,15 @@ class BelievedSurroundings:
         """What a body is believed to rest on."""
         found = self.world.support(name)
         return found if found in self.world.names() else None
+
+    def rests_at(self, name: str) -> float | None:
+        """Height of the level top on which things can rest, of a room its floor [m]; None for what has none."""
+        shape, block = self.world.scene.body(name).shape, self.block(name)
+        if shape == "room":
+            return block.low
+        leans = np.abs(self.pose(name).matrix()[2, :3]).max() < math.cos(LEANING)
+        lying = shape == "cylinder" and not block.round
+        return None if shape in ("person", "marker") or leans or lying else block.high
 
     def is_solid(self, name: str) -> bool:
         """Whether a body can be touched: a marker cannot."""
@@ -255,8 +298,7 @@ class BelievedSurroundings:
 
     def obstacles(self) -> Boxes:
         """Boxes around the pieces of all bodies that are not held, the floor left out."""
-        poses, sizes = self.world.obstacles()
-        return Boxes.around(poses, np.array(sizes).reshape(-1, 3))
+        return self.boxes_but(())[0]
 
     def silhouette(self) -> tuple[Band, ...]:
         """What the robot needs of room when it stands or turns, with what it holds, in its present posture."""
@@ -269,10 +311,11 @@ class BelievedSurroundings:
         q: Array | None = None,
         touches: str | None = None,
         opened: bool = False,
+        among: Collection[tuple[str, str]] | None = None,
     ) -> tuple[Contact, ...]:
         """Penetrations with an arm at ``q``, all else as it is; its hand may touch the body ``touches``.
 
-        ``opened``: with the fingers of the arm open.
+        ``opened``: with the fingers of the arm open. ``among``: the only pairs that can touch, if that is known.
         """
         joints = dict(self.world.configuration().joints)
         if arm is not None and q is not None:
@@ -280,7 +323,7 @@ class BelievedSurroundings:
             joints |= gripper.opened if opened and gripper is not None else {}
             joints |= zip(arm.joints, map(float, q), strict=True)
         ignore = [(link, touches) for link in sorted(arm.hand_links)] if arm is not None and touches is not None else []
-        return self.world.contacts(Configuration(base, joints), ignore=ignore)
+        return self.world.contacts(Configuration(base, joints), ignore=ignore, among=among)
 
     def stops_closing(self, base: Base, arm: ArmModel, q: Array, around: str) -> str | None:
         """The body that a finger of an arm at ``q`` would meet, closing from open, before it meets ``around``."""
@@ -290,9 +333,17 @@ class BelievedSurroundings:
         joints = dict(self.world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
         joints |= gripper.opened
         moving = list(gripper.joints)
-        for share in np.linspace(0.0, 1.0, CLOSING_STEPS + 1)[1:].tolist():
+        steps = [
+            {name: (1.0 - share) * gripper.opened[name] + share * gripper.closed[name] for name in moving}
+            for share in np.linspace(0.0, 1.0, CLOSING_STEPS + 1)[1:].tolist()
+        ]
+        links = [self.world.robot.moved_by(name) for name in moving]
+        apart = len(frozenset[int]().union(*links)) == sum(map(len, links))
+        if apart and self.world.passed(Configuration(base, joints), steps) <= {around}:
+            return None  # each finger goes its way whatever becomes of the others
+        for step in steps:
             for name in tuple(moving):
-                value = (1.0 - share) * gripper.opened[name] + share * gripper.closed[name]
+                value = step[name]
                 contacts = self.world.contacts(Configuration(base, joints | {name: value}), [name])
                 bodies = [contact.body for contact in contacts]
                 if not bodies:
@@ -316,6 +367,13 @@ class BelievedSurroundings:
         camera = self.robot.camera
         return (0.0, 0.0) if camera is None else (camera.near, camera.far)
 
+    def own_view(self) -> OwnView | None:
+        """What the robot's own body, neck and camera, in its present posture, leave to be seen; None without camera."""
+        camera = self.robot.camera
+        if self.gaze is None or camera is None:
+            return None
+        return OwnView(still_pieces(self.world, self.gaze.joints), self.gaze, camera.half_angle, self.camera_range())
+
     def hidden(self, base: Base, name: str) -> str | None:
         """None if the neck can turn the camera to a body from a base and nothing is in between.
 
@@ -329,11 +387,12 @@ class BelievedSurroundings:
         centre = self.block(name).centre
         neck, beyond, camera = self.gaze.at(turn.T @ (centre - np.array([x, y, 0.0])))
         away = float(np.linalg.norm(centre - (turn @ camera + np.array([x, y, 0.0]))))
-        if beyond > BEYOND or not self.robot.camera.near <= away <= self.robot.camera.far:
+        if beyond > self.robot.camera.half_angle or not self.robot.camera.near <= away <= self.robot.camera.far:
             return ""
         joints = {**self.world.configuration().joints, **dict(zip(self.gaze.joints, map(float, neck), strict=True))}
         configuration = Configuration(base, joints)
-        if self.world.visible(name, configuration=configuration) >= SEEN_SHARE:
+        share, lines = self.world.sight(name, configuration)
+        if share >= SEEN_SHARE:
             return None
-        hits = {hit: lines for hit, lines in self.world.hiding(name, configuration).items() if hit != name}
+        hits = {hit: number for hit, number in lines.items() if hit != name}
         return max(hits, key=lambda hit: hits[hit]) if hits else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import NamedTuple
 
@@ -28,14 +28,42 @@ class Span(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
+class Rename:
+    """Write one name (IRI) for another that nothing defines; ``is_sure`` if no third is nearly as like it."""
+
+    written: str
+    meant: str
+    is_sure: bool = False
+
+    def __str__(self) -> str:
+        written, meant = self.written, self.meant
+        short = meant.rsplit("#", 1)[-1].rsplit("/", 1)[-1]
+        is_elsewhere = written.removesuffix(written.rsplit("#", 1)[-1]) != meant.removesuffix(meant.rsplit("#", 1)[-1])
+        return f"`{short}` ({meant})" if is_elsewhere else f"`{short}`"
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """State in a task that one step comes before another (all IRIs)."""
+
+    task: str
+    before: str
+    after: str
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One message about the user's input. ``code`` is a key of :data:`CODES`."""
+    """One message about the user's input. ``code`` is a key of :data:`CODES`.
+
+    ``suggestion`` is what the help says as a change of the file, where that can be said so.
+    """
 
     severity: Severity
     code: str
     message: str
     span: Span | None = None
     help: str | None = None
+    suggestion: Rename | Order | None = None
 
     def __str__(self) -> str:
         where = f"{self.span}: " if self.span else ""
@@ -43,13 +71,15 @@ class Diagnostic:
         return f"{text}\n    help: {self.help}" if self.help else text
 
     def as_json(self) -> dict[str, object]:
-        """A JSON object with severity, code, message, span (or null) and help (or null)."""
+        """A JSON object with severity, code, message, span (or null), help (or null); a suggestion if there is one."""
+        suggestion = {"suggestion": asdict(self.suggestion)} if self.suggestion is not None else {}
         return {
             "severity": self.severity.value,
             "code": self.code,
             "message": self.message,
             "span": self.span._asdict() if self.span else None,
             "help": self.help,
+            **suggestion,
         }
 
 
@@ -61,14 +91,26 @@ class BadInput(Exception):
         super().__init__("\n".join(map(str, diagnostics)))
 
 
-def error(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:
+def error(
+    code: str,
+    message: str,
+    span: Span | None = None,
+    help: str | None = None,
+    suggestion: Rename | Order | None = None,
+) -> Diagnostic:
     """An error: the input cannot be used."""
-    return Diagnostic(Severity.ERROR, code, message, span, help)
+    return Diagnostic(Severity.ERROR, code, message, span, help, suggestion)
 
 
-def warning(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:
+def warning(
+    code: str,
+    message: str,
+    span: Span | None = None,
+    help: str | None = None,
+    suggestion: Rename | Order | None = None,
+) -> Diagnostic:
     """A warning: usable, but probably not what was meant."""
-    return Diagnostic(Severity.WARNING, code, message, span, help)
+    return Diagnostic(Severity.WARNING, code, message, span, help, suggestion)
 
 
 def note(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:

@@ -5,10 +5,23 @@ and ``robot.py`` own what is in the physics client, ``contact.py``, ``rays.py`` 
 ``playback.py``, ``sinking.py`` and ``people.py`` move things. Only ``engine.py`` imports PyBullet.
 """
 
+from sim.hulls import Hulled, hull_of
 from sim.outline import Solid
 from sim.person import Reach, reach_of
 from sim.perturb import perturb
 from sim.scene import Body, CameraModel, RobotBody, Scene
 from sim.world import PyBulletWorld
 
-__all__ = ["Body", "CameraModel", "PyBulletWorld", "Reach", "RobotBody", "Scene", "Solid", "perturb", "reach_of"]
+__all__ = [
+    "Body",
+    "CameraModel",
+    "Hulled",
+    "PyBulletWorld",
+    "Reach",
+    "RobotBody",
+    "Scene",
+    "Solid",
+    "hull_of",
+    "perturb",
+    "reach_of",
+]

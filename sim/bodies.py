@@ -6,15 +6,16 @@ two arrays, so that a contact query asks PyBullet about near pairs only.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planlang.protocols import Array, Pose
 from sim.engine import bullet
-from sim.geometry import rotation
+from sim.geometry import overlaps, rotation
 from sim.scene import Body, Scene
 
 FLOOR = "floor"
@@ -63,6 +64,8 @@ class Bodies:
         self.bodies = {body.name: body for body in scene.bodies}
         self.poses = {body.name: body.pose for body in scene.bodies}
         self.removed: set[str] = set()
+        self.hidden: set[int] = set()
+        """Pieces that are out of the way for a moment; what interrupts that leaves them here."""
         self.pieces: list[Piece] = []
         self.of: dict[str, list[int]] = {body.name: [] for body in scene.bodies}
         """Body -> indices of its pieces."""
@@ -122,8 +125,7 @@ class Bodies:
         piece = self.pieces[index]
         if piece.body in self.removed:
             return
-        body = self.poses[piece.body]
-        pose = body if piece.offset == _HERE else body @ piece.offset
+        pose = self.place_of(piece)
         bullet.resetBasePositionAndOrientation(piece.uid, pose.position, pose.orientation, physicsClientId=self.client)
         x, y, z = piece.part.size
         if piece.part.kind != "box":
@@ -132,10 +134,16 @@ class Bodies:
         self.lower[index] = np.asarray(pose.position) - reach
         self.upper[index] = np.asarray(pose.position) + reach
 
+    def place_of(self, piece: Piece) -> Pose:
+        """Where a piece is in the map, with its body."""
+        body = self.poses[piece.body]
+        return body if piece.offset == _HERE else body @ piece.offset
+
     def remove(self, name: str) -> None:
         """Take a body out of the world: it touches nothing and is not seen."""
         self.removed.add(name)
         self.hide(self.of[name])
+        self.hidden.difference_update(self.of[name])
         self.lower[self.of[name]], self.upper[self.of[name]] = np.inf, -np.inf
 
     def restore(self, name: str) -> None:
@@ -143,27 +151,28 @@ class Bodies:
         self.removed.discard(name)
         self.place(name, self.poses[name])
 
-    def hide(self, indices: Iterable[int]) -> None:
+    def hide(self, indices: Sequence[int]) -> None:
         """Move pieces out of the way inside the client only; :meth:`show` brings them back."""
+        self.hidden.update(indices)  # before they go: an interrupt may come at any moment
         for index in indices:
             bullet.resetBasePositionAndOrientation(
                 self.pieces[index].uid, _AWAY, (0, 0, 0, 1), physicsClientId=self.client
             )
 
-    def show(self, indices: Iterable[int]) -> None:
+    def show(self, indices: Sequence[int]) -> None:
         """Undo :meth:`hide`."""
         for index in indices:
             self._put(index)
+        self.hidden.difference_update(indices)
 
     def name_of(self, uid: int) -> str | None:
         """Name of the body that a piece of this id belongs to."""
         index = self._index.get(uid)
         return None if index is None else self.pieces[index].body
 
-    def near(self, lower: Array, upper: Array) -> Array:
+    def near(self, lower: Array, upper: Array) -> NDArray[np.bool_]:
         """(n, m) booleans: which of n boxes overlap the boxes of which pieces."""
-        overlap: Array = np.all((lower[:, None] <= self.upper[None]) & (upper[:, None] >= self.lower[None]), axis=2)
-        return overlap
+        return overlaps(lower, upper, self.lower, self.upper)
 
     def box_of(self, name: str) -> tuple[Array, Array]:
         """Lower and upper corner of the box around the body along the map's axes; a removed one has none (inf)."""

@@ -81,7 +81,7 @@ class Camera:
     def _outline(self, index: int) -> Array:
         """Points in the map whose convex hull is the piece (a polygonal one for round pieces)."""
         piece = self.bodies.pieces[index]
-        place = self.bodies.poses[piece.body] @ piece.offset
+        place = self.bodies.place_of(piece)
         size = piece.part.size
         if piece.part.kind == "box":
             return corners(place, size)
@@ -95,61 +95,40 @@ class Camera:
         points: Array = np.vstack(rings) @ rotation(place).T + np.asarray(place.position)
         return points
 
-    def visible(self, name: str, model: CameraModel, pose: Pose, cast: Any) -> float:
-        """Share (0..1) of a body's surface facing the camera that a straight line of sight reaches.
+    def sight(self, name: str, model: CameraModel, pose: Pose, cast: Any) -> tuple[float, dict[str, int]]:
+        """Share (0..1) of a body's surface facing the camera that a straight line of sight reaches; what lines hit.
 
-        0 when its centre is beyond the camera's distances; points outside the field of view count as hidden.
-        ``cast`` is the world's batch of rays.
+        0 when its centre is beyond the camera's distances; points outside the field of view count as hidden, but their
+        lines are told as well. ``cast`` is the world's batch of rays.
         """
-        if name in self.bodies.removed or not model.near <= self.bodies.poses[name].distance(pose) <= model.far:
-            return 0.0
-        points, weights = self._facing(name, _axes(model, pose)[0])
-        framed = self._framed(points, model, pose)
-        if not framed.any():
-            return 0.0
-        free = np.array([hit == name for hit in self._lines(points[framed], model, pose, cast)])
-        return round(float(weights[framed][free].sum() / weights.sum()), 3)
-
-    def hits(self, name: str, model: CameraModel, pose: Pose, cast: Any) -> dict[str, int]:
-        """What lines from the camera to the surface that faces it hit first; whatever the field of view."""
-        points, _ = self._facing(name, _axes(model, pose)[0])
+        axes = _axes(model, pose)
+        points, weights = self._facing(name, axes[0])
+        if name in self.bodies.removed or not len(points):
+            return 0.0, {}
+        offset = points - axes[0]
+        starts = axes[0] + offset / np.linalg.norm(offset, axis=1)[:, None] * _CLIP
+        lines: Sequence[str | None] = cast(starts, axes[0] + offset * 1.01)
         found: dict[str, int] = {}
-        for hit in self._lines(points, model, pose, cast) if len(points) else ():
+        for hit in lines:
             if hit is not None:
                 found[hit] = found.get(hit, 0) + 1
-        return found
-
-    def _framed(self, points: Array, model: CameraModel, pose: Pose) -> NDArray[np.bool_]:
-        """Which points are in the field of view."""
-        eye, forward, up = _axes(model, pose)
-        right = np.cross(forward, up)
-        offset = points - eye
-        depth = offset @ forward
-        wide = math.tan(model.fov / 2)
-        return np.asarray(
-            (depth > _CLIP)
-            & (np.abs(offset @ right) <= depth * wide)
-            & (np.abs(offset @ up) <= depth * wide * model.height / model.width)
-        )
-
-    def _lines(self, points: Array, model: CameraModel, pose: Pose, cast: Any) -> Sequence[str | None]:
-        eye = _axes(model, pose)[0]
-        offset = points - eye
-        starts = eye + offset / np.linalg.norm(offset, axis=1)[:, None] * _CLIP
-        hits: Sequence[str | None] = cast(starts, eye + offset * 1.01)
-        return hits
+        if not model.near <= self.bodies.poses[name].distance(pose) <= model.far:
+            return 0.0, found
+        seen = _framed(offset, model, axes) & np.array([hit == name for hit in lines], bool)
+        return round(float(weights[seen].sum() / weights.sum()), 3), found
 
     def _facing(self, name: str, eye: Array) -> tuple[Array, Array]:
         """Points on the surface that face the eye, and their shares of the silhouette."""
         points, weights = [], []
         for index in self.bodies.of[name]:
             piece = self.bodies.pieces[index]
-            place = self.bodies.poses[piece.body] @ piece.offset
+            place = self.bodies.place_of(piece)
             local, normals, areas = _surface(piece.part.kind, piece.part.size)
-            turned = local @ rotation(place).T + np.asarray(place.position)
+            turn = rotation(place).T
+            turned = local @ turn + np.asarray(place.position)
             towards = eye - turned
             distance = np.linalg.norm(towards, axis=1)
-            cosine = np.sum(normals @ rotation(place).T * towards, axis=1) / np.maximum(distance, 1e-9)
+            cosine = np.sum(normals @ turn * towards, axis=1) / np.maximum(distance, 1e-9)
             seen = cosine > 0.05
             points.append(turned[seen])
             weights.append((cosine * areas / np.maximum(distance, 1e-9) ** 2)[seen])
@@ -173,7 +152,7 @@ class Camera:
         piece = self.bodies.pieces[index]
         if piece.part.outward is None or piece.body in self.bodies.removed:
             return False
-        wall = self.bodies.poses[piece.body] @ piece.offset
+        wall = self.bodies.place_of(piece)
         normal = rotation(wall) @ np.asarray(piece.part.outward)
         return float((np.asarray(eye) - np.asarray(wall.position)) @ normal) > 0.0
 
@@ -204,6 +183,19 @@ def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
     """Position, viewing direction and upward direction of the camera in the map."""
     turn = rotation(pose)
     return np.asarray(pose.position), turn @ np.asarray(model.forward), turn @ np.asarray(model.up)
+
+
+def _framed(offset: Array, model: CameraModel, axes: tuple[Array, Array, Array]) -> NDArray[np.bool_]:
+    """Which points, told by their offsets from the camera, are in its field of view."""
+    _, forward, up = axes
+    right = np.cross(forward, up)
+    depth = offset @ forward
+    wide = math.tan(model.fov / 2)
+    return np.asarray(
+        (depth > _CLIP)
+        & (np.abs(offset @ right) <= depth * wide)
+        & (np.abs(offset @ up) <= depth * wide * model.height / model.width)
+    )
 
 
 @lru_cache(maxsize=256)

@@ -14,7 +14,8 @@ import numpy as np
 from planlang.protocols import Array, Contact, Pose
 from sim.bodies import Bodies
 from sim.engine import bullet
-from sim.robot import TOLERANCE, Robot, close_pairs
+from sim.geometry import overlaps
+from sim.robot import TOLERANCE, Robot
 
 SUPPORT_DEPTH = 0.02
 """How deep a held object may be in what it touched when it was grasped [m]."""
@@ -51,6 +52,8 @@ class Query:
     """Whether a hand's contact with what it holds counts as well (while its fingers close)."""
     itself: bool = True
     """Whether to look for self-collision; a motion of the base alone causes none."""
+    among: Collection[tuple[str, str]] | None = None
+    """Pairs of a link, or a held body, and another link or a body, besides which nothing can touch."""
 
 
 class Contacts:
@@ -58,14 +61,20 @@ class Contacts:
 
     def __init__(self, robot: Robot, bodies: Bodies, held: dict[str, Held]) -> None:
         self.robot, self.bodies, self.held = robot, bodies, held
-        self._pairs = np.array(robot.self_pairs, dtype=np.intp).reshape(-1, 2)
+        self._pairs = np.zeros((len(robot.solid), len(robot.solid)), bool)
+        for pair in robot.self_pairs:
+            self._pairs[pair] = True
         hands = [robot.hand_of(link) for link in robot.body.hands]
         self._hands = frozenset().union(*hands)
 
     def find(self, query: Query) -> tuple[Contact, ...]:
         """All contacts: links first, in the order of the URDF, then held objects in the order of grasping."""
-        lower, upper = self.robot.boxes()
         found: dict[tuple[str, str], float] = {}
+        if query.among is not None:
+            for part, body in query.among:
+                self._of_pair(part, body, query, found)
+            return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
+        lower, upper = self.robot.boxes()
         self._of_links(query, lower, upper, found)
         if query.itself:
             self._of_the_robot_itself(query, lower, upper, found)
@@ -75,6 +84,30 @@ class Contacts:
             if query.itself:
                 self._of_held_and_robot(name, query, lower, upper, found)
         return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
+
+    def _of_pair(self, part: str, body: str, query: Query, found: dict[tuple[str, str], float]) -> None:
+        """One pair that is not allowed to touch, or only by as much as what something held stood on."""
+        if {part, body} & set(query.ignore) or {(part, body), (body, part)} & set(query.ignore):
+            return
+        if part not in self.held and body in self.held:
+            part, body = body, part
+        number, other = self.robot.number.get(part), self.robot.number.get(body)
+        if number is not None and other is not None:
+            _deepen(found, part, body, self.robot.depth_between(number, other))
+            return
+        for index in () if other is not None else self.bodies.of[body]:
+            piece = self.bodies.pieces[index]
+            if piece.part.limb and (number is None or number in self._hands):
+                continue
+            if number is not None:
+                _deepen(found, part, body, self.robot.depth_with(number, piece.uid))
+                continue
+            depth = -self.bodies.gap(self.bodies.of[part], [index], 0.0)
+            if body not in self.held[part].touched or depth > SUPPORT_DEPTH:
+                _deepen(found, part, body, depth)
+        if number is None and other is not None:
+            depths = (self.robot.depth_with(other, self.bodies.pieces[mine].uid) for mine in self.bodies.of[part])
+            _deepen(found, part, body, max(depths, default=0.0))
 
     def _of_links(self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]) -> None:
         near = self.bodies.near(lower, upper)
@@ -98,7 +131,8 @@ class Contacts:
     def _of_the_robot_itself(
         self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
     ) -> None:
-        for a, b in close_pairs(self._pairs, lower, upper):
+        near = self._pairs & overlaps(lower, upper, lower, upper)
+        for a, b in zip(*(axis.tolist() for axis in np.nonzero(near)), strict=True):
             if query.links is not None and a not in query.links and b not in query.links:
                 continue
             first, second = self.robot.solid_names[a], self.robot.solid_names[b]

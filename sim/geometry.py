@@ -5,21 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planlang.protocols import Array, Pose
 
 
 def rotations(quaternions: Array) -> Array:
     """(n, 4) unit quaternions -> (n, 3, 3) rotation matrices."""
-    x, y, z, w = quaternions.T
-    return np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=-1),
-            np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=-1),
-            np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=-1),
-        ],
-        axis=1,
-    )
+    columns = quaternions.T
+    (xx, xy, xz, xw), (_, yy, yz, yw), (_, _, zz, zw), _ = 2 * (columns[:, None] * columns[None])
+    found = np.empty((len(quaternions), 3, 3))
+    found[:, 0, 0], found[:, 0, 1], found[:, 0, 2] = 1 - (yy + zz), xy - zw, xz + yw
+    found[:, 1, 0], found[:, 1, 1], found[:, 1, 2] = xy + zw, 1 - (xx + zz), yz - xw
+    found[:, 2, 0], found[:, 2, 1], found[:, 2, 2] = xz - yw, yz + xw, 1 - (xx + yy)
+    return found
+
+
+def overlaps(lower: Array, upper: Array, other_lower: Array, other_upper: Array) -> NDArray[np.bool_]:
+    """(n, m): which of n boxes along the map's axes, told by their corners (n, 3), overlap which of m others."""
+    found = lower[:, 0, None] <= other_upper[:, 0]
+    found &= upper[:, 0, None] >= other_lower[:, 0]
+    for axis in (1, 2):
+        found &= lower[:, axis, None] <= other_upper[:, axis]
+        found &= upper[:, axis, None] >= other_lower[:, axis]
+    return np.asarray(found)
 
 
 def rotation(pose: Pose) -> Array:

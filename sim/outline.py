@@ -35,14 +35,7 @@ def solids(bodies: Bodies, left_out: Iterable[str]) -> Iterator[Solid]:
         x, y, z = piece.part.size
         if piece.part.kind != "box":
             x = y = max(x, y)
-        pose = bodies.poses[piece.body] @ piece.offset
-        yield Solid(piece.body, piece.part.kind, (x, y, z), pose, piece.part.limb)
-
-
-def boxes_around(bodies: Bodies, left_out: Iterable[str]) -> tuple[tuple[Pose, ...], tuple[Size, ...]]:
-    """Poses in the map and sizes [m] of boxes around the pieces of all bodies, floors and some bodies left out."""
-    found = tuple(solids(bodies, left_out))
-    return tuple(solid.pose for solid in found), tuple(solid.size for solid in found)
+        yield Solid(piece.body, piece.part.kind, (x, y, z), bodies.place_of(piece), piece.part.limb)
 
 
 def bands(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +11,18 @@ from numpy.typing import NDArray
 from planlang.diagnostics import BadInput, Span, error
 from planlang.protocols import Array, Configuration, Pose
 from sim.engine import bullet, quiet
-from sim.geometry import rotation, rotations
+from sim.geometry import corners, overlaps, rotation, rotations
+from sim.hulls import Hulled, hulls_of
 from sim.scene import RobotBody
 from sim.self_contact import TOLERANCE as TOLERANCE
 from sim.self_contact import watched_pairs
 from sim.urdf import Follower, loadable, read_description
 
-Index = NDArray[np.intp]
+WITHIN = 0.001
+"""Distance up to which links of one body are looked at [m]: asked for 0, PyBullet 3.2.7 tells no point of some that are
+centimetres in each other."""
+Shape = tuple[str, tuple[float, float, float], Pose]
+"""Kind, extents [m] and pose of a primitive."""
 
 
 class Robot:
@@ -33,7 +39,9 @@ class Robot:
         self.uid = self._load()
         self._read_joints()
         self._read_links()
+        self._hulls: dict[int, list[Hulled]] = {}
         self.shown: dict[str, float] = {}
+        self._shapes: dict[int, tuple[Shape, ...]] = {}
         self.base = (0.0, 0.0, 0.0)
         self.show(Configuration(self.base, {name: min(max(0.0, lo), hi) for name, (lo, hi) in self.limits.items()}))
         self._measure()
@@ -126,6 +134,8 @@ class Robot:
             moved = [(self.joints[name], value) for name, value in changed]
             if self._followers:
                 moved += [follow for name, value in changed for follow in self._following(name, value)]
+            # until they are there nobody knows where they are: an interrupt may come at any moment
+            self.shown.update((name, math.nan) for name, _ in changed)
             bullet.resetJointStatesMultiDof(
                 self.uid,
                 [index for index, _ in moved],
@@ -135,11 +145,12 @@ class Robot:
             self.shown.update(changed)
         base = (float(configuration.base[0]), float(configuration.base[1]), float(configuration.base[2]))
         if base != self.base:
-            self.base = base
             pose = Pose.planar(*base) @ self._inertial
+            self.base = (math.nan, math.nan, math.nan)
             bullet.resetBasePositionAndOrientation(
                 self.uid, pose.position, pose.orientation, physicsClientId=self.client
             )
+            self.base = base
 
     def _following(self, name: str, value: float) -> list[tuple[int, float]]:
         """Where the joints are that mimic a joint, by index."""
@@ -155,8 +166,8 @@ class Robot:
         state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
         return Pose(tuple(state[4]), tuple(state[5]))
 
-    def _frames(self) -> Array:
-        """(n, 7) positions and quaternions of the frames of the solid links."""
+    def frames(self) -> Array:
+        """(n, 7) positions and quaternions in the map of the frames of the solid links."""
         rows = []
         if self._moving_solid:
             states = bullet.getLinkStates(
@@ -170,7 +181,7 @@ class Robot:
 
     def _measure(self) -> None:
         """A box around each solid link, in its frame: the map-aligned one at this configuration, taken along."""
-        frames = self._frames()
+        frames = self.frames()
         axes = rotations(frames[:, 3:])
         around = [bullet.getAABB(self.uid, index, physicsClientId=self.client) for index in self.solid]
         corners = np.array(around, dtype=float).reshape(-1, 2, 3)
@@ -180,11 +191,25 @@ class Robot:
 
     def boxes(self) -> tuple[Array, Array]:
         """(n, 3) lower and upper corners of map-aligned boxes around the solid links."""
-        frames = self._frames()
+        return self._boxes(self.frames(), slice(None))
+
+    def _boxes(self, frames: Array, numbers: slice | NDArray[np.intp]) -> tuple[Array, Array]:
+        """The same for frames (m, 7) of links of some numbers (m,)."""
         axes = rotations(frames[:, 3:])
-        center = frames[:, :3] + np.einsum("nij,nj->ni", axes, self._center)
-        half = np.einsum("nij,nj->ni", np.abs(axes @ self._axes), self._half)
+        center = frames[:, :3] + np.einsum("nij,nj->ni", axes, self._center[numbers])
+        half = np.einsum("nij,nj->ni", np.abs(axes @ self._axes[numbers]), self._half[numbers])
         return center - half, center + half
+
+    def boxes_along(self, numbers: Sequence[int], steps: Iterable[Mapping[str, float]]) -> tuple[Array, Array]:
+        """The same for some links, no base link among them, at joint values that are shown one after another."""
+        indices = [self.solid[number] for number in numbers]
+        frames = []
+        for joints in steps:
+            self.show(Configuration(self.base, joints))
+            states = bullet.getLinkStates(self.uid, indices, computeForwardKinematics=True, physicsClientId=self.client)
+            frames += [state[4] + state[5] for state in states]
+        every = np.tile(np.array(numbers, np.intp), len(frames) // max(len(indices), 1))
+        return self._boxes(np.array(frames, dtype=float).reshape(-1, 7), every)
 
     def ancestors(self, index: int) -> list[int]:
         """A link and those it hangs from, by index."""
@@ -238,11 +263,16 @@ class Robot:
             away = max(away, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
         return away
 
-    def shapes(self, number: int) -> list[tuple[str, tuple[float, float, float], Pose]]:
+    def shapes(self, number: int) -> tuple[Shape, ...]:
         """Primitives of a solid link: "box", "cylinder", "sphere" or "mesh", extents [m], pose in the link's frame.
 
         A cylinder lies along z (a capsule is told as one, without its caps); of a mesh it is a box around it.
         """
+        if number not in self._shapes:
+            self._shapes[number] = self._read_shapes(number)
+        return self._shapes[number]
+
+    def _read_shapes(self, number: int) -> tuple[Shape, ...]:
         index = self.solid[number]
         frame = self.link_pose(self.link_names[index])
         if index == -1:
@@ -265,8 +295,22 @@ class Robot:
                     matrix = np.eye(4)
                     matrix[:3, :3], matrix[:3, 3] = self._axes[number], self._center[number]
                     x, y, z = (2 * self._half[number]).tolist()
-                    return [("mesh", (x, y, z), Pose.from_matrix(matrix))]
-        return found
+                    return (("mesh", (x, y, z), Pose.from_matrix(matrix)),)
+        return tuple(found)
+
+    def hulls(self, number: int) -> list[Hulled]:
+        """The convex shapes of a solid link, in the link's frame."""
+        if number in self._hulls:
+            return self._hulls[number]
+        index = self.solid[number]
+        frame = self.link_pose(self.link_names[index]).inverse()
+        if index == -1:
+            place = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client))
+        else:
+            state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
+            place = Pose(state[0], state[1])
+        self._hulls[number] = hulls_of(self.client, self.uid, index, frame @ place)
+        return self._hulls[number]
 
     def hand_links(self, link: str) -> frozenset[str]:
         """Names of the solid links of the hand at a link."""
@@ -275,22 +319,33 @@ class Robot:
     def hand_radius(self, link: str, axis: tuple[float, float, float]) -> float:
         """How far the hand at a link extends around an axis through the link's frame, in its present posture [m]."""
         rows = sorted(self.hand_of(link))
-        lower, upper = (corners[rows] for corners in self.boxes())
-        corners = np.array([np.where(side, lower, upper) for side in np.ndindex(2, 2, 2)]).reshape(-1, 3)
+        lower, upper = (ends[rows] for ends in self.boxes())
+        points = np.array([np.where(side, lower, upper) for side in np.ndindex(2, 2, 2)]).reshape(-1, 3)
         pose = self.link_pose(link)
-        away = (corners - np.asarray(pose.position)) @ rotation(pose)
+        away = (points - np.asarray(pose.position)) @ rotation(pose)
         across = away - np.outer(away @ np.asarray(axis), axis)
         return float(np.linalg.norm(across, axis=1).max())
 
-    def near_pairs(self, pairs: list[tuple[int, int]] | tuple[tuple[int, int], ...]) -> list[tuple[int, int]]:
+    def hand_corners(self, link: str) -> Array:
+        """Corners (n, 3) [m] of boxes around the pieces of the hand at a link, in its frame, in the present posture."""
+        back = self.link_pose(link).inverse()
+        found = [np.zeros((0, 3))]
+        for number in sorted(self.hand_of(link)):
+            at = back @ self.link_pose(self.solid_names[number])
+            for _, size, offset in self.shapes(number):
+                found.append(corners(at @ offset, size))
+        return np.concatenate(found)
+
+    def near_pairs(self, pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
         """Those pairs whose boxes overlap."""
         lower, upper = self.boxes()
-        return close_pairs(np.array(pairs, dtype=np.intp).reshape(-1, 2), lower, upper)
+        near = overlaps(lower, upper, lower, upper)
+        return [(a, b) for a, b in pairs if near[a, b]]
 
     def depth_between(self, a: int, b: int) -> float:
         """Penetration of two solid links [m], 0 when they are apart."""
         points = bullet.getClosestPoints(
-            self.uid, self.uid, 0.0, self.solid[a], self.solid[b], physicsClientId=self.client
+            self.uid, self.uid, WITHIN, self.solid[a], self.solid[b], physicsClientId=self.client
         )
         return max((-point[8] for point in points), default=0.0)
 
@@ -310,13 +365,6 @@ def _support(kind: int, size: Sequence[float]) -> tuple[Array | None, float]:
         case bullet.GEOM_CYLINDER | bullet.GEOM_CAPSULE:
             return np.array([[0.0, 0.0, size[0] / 2], [0.0, 0.0, -size[0] / 2]]), size[1]
     return None, 0.0
-
-
-def close_pairs(pairs: Index, lower: Array, upper: Array) -> list[tuple[int, int]]:
-    """Rows of (n, 2) ``pairs`` whose boxes overlap."""
-    a, b = pairs[:, 0], pairs[:, 1]
-    overlap = np.all((lower[a] <= upper[b]) & (upper[a] >= lower[b]), axis=1)
-    return [(int(x), int(y)) for x, y in pairs[overlap]]
 
 
 def _text(name: bytes) -> str:

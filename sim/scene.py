@@ -5,6 +5,7 @@ Lengths in metres, angles in radians; the map has z up and the floor at z = 0.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -95,6 +96,11 @@ class CameraModel:
     """Where it looks, in the link's frame: z for an optical frame, x for a body frame."""
     up: tuple[float, float, float] = (0.0, -1.0, 0.0)
     """What is up in its picture, in the link's frame."""
+
+    @property
+    def half_angle(self) -> float:
+        """From the middle of the picture to its corners [rad]."""
+        return math.atan(math.tan(self.fov / 2) * math.hypot(1.0, self.height / self.width))
 
 
 @dataclass(frozen=True, slots=True)

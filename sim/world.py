@@ -15,7 +15,8 @@ from sim.camera import Camera, Picture
 from sim.contact import PARTED, Contacts, Held, Ignored, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
-from sim.outline import Size, Solid, bands, boxes_around, solids
+from sim.geometry import rotations
+from sim.outline import Solid, bands, solids
 from sim.people import People
 from sim.person import Reach, parts_of
 from sim.playback import BASE, Playback, advance, begin
@@ -104,6 +105,14 @@ class PyBulletWorld:
         self._show(configuration or self._now)
         return self.robot.link_pose(link)
 
+    def solid_frames(self, configuration: Configuration | None = None) -> Array:
+        """(n, 4, 4) frames in the map of the robot's solid links, in their order, now or at another configuration."""
+        self._show(configuration or self._now)
+        places = self.robot.frames()
+        frames = np.zeros((len(places), 4, 4))
+        frames[:, :3, :3], frames[:, :3, 3], frames[:, 3, 3] = rotations(places[:, 3:]), places[:, :3], 1.0
+        return frames
+
     def start(self, group: str, trajectory: Trajectory) -> None:
         """Begin a motion. A joint obeys the newest motion: another group that moves one of these joints is halted.
 
@@ -135,11 +144,13 @@ class PyBulletWorld:
         moving: Collection[str] | None = None,
         *,
         ignore: Ignored = (),
+        among: Collection[tuple[str, str]] | None = None,
     ) -> tuple[Contact, ...]:
         """Penetrations of the robot and of what it holds, now or at another configuration; joints not named stay.
 
         ``moving``: joint names, "x", "y", "yaw" or "base": look only at links that these move. ``ignore``: names of
         bodies or links, or (part, body) pairs, that may touch. In self-collision the body is a link's name as well.
+        ``among``: the only pairs that can touch at all, where somebody knows; they are looked at, nothing else.
         Left out: penetrations up to 0.5 mm; a hand and what it holds; hands, or held objects, and a person's arms; up
         to 2 cm between a held object and what it has touched since it was grasped.
         """
@@ -149,7 +160,18 @@ class PyBulletWorld:
         if moving is not None:
             links = frozenset[int]().union(*(self._robot.moved_by(name) for name in moving))
             itself = not set(moving) <= {*BASE, "base"}
-        return self._find(configuration or self._now, Query(links, ignore, itself=itself))
+        return self._find(configuration or self._now, Query(links, ignore, itself=itself, among=among))
+
+    def passed(self, start: Configuration, steps: Sequence[Mapping[str, float]]) -> frozenset[str]:
+        """Bodies that the links which some joints move may meet on a way; no others can be touched there.
+
+        ``start``: the configuration at the beginning; ``steps``: the joints' values, one after another.
+        """
+        self._show(start)
+        links = frozenset[int]().union(*(self.robot.moved_by(name) for step in steps for name in step))
+        lower, upper = self.robot.boxes_along(sorted(links), steps)
+        near = self._bodies.near(lower, upper).any(axis=0)
+        return frozenset(self._bodies.pieces[index].body for index in np.flatnonzero(near).tolist())
 
     def silhouette(self, without: Collection[str] = ()) -> tuple[tuple[float, float, float], ...]:
         """What the robot, with what it holds, needs of room when it turns on the spot in its present posture.
@@ -161,11 +183,6 @@ class PyBulletWorld:
         found = bands(self.robot, self._bodies, self._held, without)
         self._here()
         return found
-
-    def obstacles(self) -> tuple[tuple[Pose, ...], tuple[Size, ...]]:
-        """Poses in the map and sizes [m] of boxes around the pieces of all bodies not held, floors left out."""
-        self._here()
-        return boxes_around(self._bodies, self._held)
 
     def solids(self) -> tuple[Solid, ...]:
         """The convex pieces of all bodies not held, where they are, floors left out."""
@@ -179,6 +196,8 @@ class PyBulletWorld:
         return self._contacts.between(links)
 
     def _here(self) -> None:
+        if self._bodies.hidden:  # a query was interrupted
+            self._bodies.show(sorted(self._bodies.hidden))
         self._show(self._now)
 
     def _show(self, configuration: Configuration) -> None:
@@ -257,6 +276,10 @@ class PyBulletWorld:
         """Body -> link of the robot that holds it."""
         return {name: held.link for name, held in self._held.items()}
 
+    def touched_since_grasp(self, name: str) -> frozenset[str]:
+        """Bodies that a held one has touched ever since it was grasped: it may go on touching them a little."""
+        return frozenset(self._held[name].touched)
+
     def falling(self, name: str) -> bool:
         """Whether a body is on its way down."""
         return name in self._falling.on_the_way
@@ -319,20 +342,21 @@ class PyBulletWorld:
         self.scene.body(name)
         if isinstance(camera, Pose):
             self._here()
-            return self._camera.visible(name, self._optics(), camera, self._rays.seeing_through_the_robot)
+            return self._camera.sight(name, self._optics(), camera, self._rays.seeing_through_the_robot)[0]
         self._show(configuration or self._now)
         pose = self.robot.link_pose(camera or self._optics().link)
-        return self._camera.visible(name, self._optics(), pose, self._rays.cast)
+        return self._camera.sight(name, self._optics(), pose, self._rays.cast)[0]
 
-    def hiding(self, name: str, configuration: Configuration | None = None) -> Mapping[str, int]:
-        """What is hit first on straight lines from the camera to the side of a body that faces it: name -> lines.
+    def sight(self, name: str, configuration: Configuration | None = None) -> tuple[float, Mapping[str, int]]:
+        """What is :meth:`visible` of a body by the robot's camera, and what lines to the side that faces it hit first.
 
-        The robot's own links are told by their names; lines that reach the body count for it.
+        The latter as name -> lines; the robot's own links are told by their names, and lines that reach the body count
+        for it.
         """
         self.scene.body(name)
         self._show(configuration or self._now)
         pose = self.robot.link_pose(self._optics().link)
-        return self._camera.hits(name, self._optics(), pose, self._rays.cast)
+        return self._camera.sight(name, self._optics(), pose, self._rays.cast)
 
     def _optics(self) -> CameraModel:
         return self.robot.body.camera

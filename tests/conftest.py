@@ -22,7 +22,7 @@ def corpus() -> Path:
     return CORPUS
 
 
-COSTLY = ("native", "reachability")
+COSTLY = ("native", "reachability", "spheres")
 """Kinds of cached things that take seconds to make and are named by what they depend on."""
 
 

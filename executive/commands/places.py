@@ -81,18 +81,25 @@ def inspect_command(
         Path | None, typer.Option(metavar="FILE", help="The robot's geometry, if the self-model does not name it.")
     ] = None,
     picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw what the arms reach, as PNG.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Record it for rerun (needs planlang[record]).")
+    ] = None,
     json: AsJson = False,
 ) -> None:
     """Show a robot's chains, joints, limits and postures, what its arms reach, and what is missing."""
 
     def work() -> Answer:
         source = find("robot", robot, bundled("ontologies") / "robots")
-        problems = check_outputs({"--picture": picture}, {"the robot": source, "--urdf": urdf})
+        problems = check_outputs({"--picture": picture, "--record": record}, {"the robot": source, "--urdf": urdf})
+        if record is not None:
+            from executive.report.recording import missing
+
+            problems.extend(missing())
         if urdf is not None and not urdf.is_file():
             problems.append(error("C001", f"no such URDF file: {urdf}"))
         refuse(problems)
         from executive.inspecting import InspectOptions, inspect
 
-        return inspect(InspectOptions(source, urdf, picture, (lambda line: None) if json else say))
+        return inspect(InspectOptions(source, urdf, picture, record, (lambda line: None) if json else say))
 
     answer("robot inspect", work, as_json=json)

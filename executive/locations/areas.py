@@ -36,6 +36,8 @@ OF_A_THING: Mapping[str, tuple[float, float]] = {
     "far_from": (0.6, math.inf),
 }
 """The same of a hand or an object."""
+HEIGHTS = (0.02, 0.15)
+"""Least and greatest height of the lowest point over a top, for `above` [m]."""
 FACING = math.radians(30)
 """A base faces what is within this angle of its heading [rad]."""
 HAIR = 1e-3

@@ -7,7 +7,6 @@ rows of a way costs a rotation of constants and a look at the field of room.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -15,105 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.field import Field
-from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
+from executive.locations.inverse_map import SQUARE_BITS, InverseMaps, Rows
 from executive.locations.surroundings import ArmModel
 from executive.locations.ways import CLASSES, Ways
 from planlang.protocols import Array
 
-SLACK = 0.03
-"""Room that may be missing in the field, whose cells are 5 cm wide: places are judged exactly later [m]."""
-ROOMY = 0.3
-"""More room than this is not better [m]."""
-SPREAD = 0.1
-"""Of places of one way in a square of this side only the best is kept [m]."""
-
-MOST_MAPS = 24
-"""Maps that are kept prepared."""
+TIE = 1e-9
+"""Of places whose scores differ by less than this the one of the better row comes first."""
+AT_ONCE = 200_000
+"""Places that are looked at in one go: more would not stay in the processor's memory."""
+COUNTED = 48
+"""Of each way so many places without room, unwanted and unseen are counted: reasons are told beside one another."""
 
 Indices = NDArray[np.intp]
 Weigh = Callable[[Array], Array]
 """Bases (m, 3) -> weights (m,), 0 where a place will not do."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """Rows of a map that a way can use at its height, best first."""
-
-    v: Array
-    """(n, 2) [m]."""
-    yaw: Array
-    score: Array
-    row: Indices
-    torso: Array
-
-    def of(self, torsos: list[float]) -> _Rows:
-        """Those for some torso positions."""
-        kept = np.isin(self.torso, torsos)
-        if kept.all():
-            return self
-        return _Rows(self.v[kept], self.yaw[kept], self.score[kept], self.row[kept], self.torso[kept])
-
-
-class InverseMap:
-    """A reachability map prepared for inversion."""
-
-    def __init__(self, forward: ReachabilityMap) -> None:
-        self.forward = forward
-        rows = forward.rows
-        yaw = rows["yaw"].astype(float) * (2 * math.pi / YAWS)
-        c, s = np.cos(yaw), np.sin(yaw)
-        x, y = CELL * rows["x"].astype(float), CELL * rows["y"].astype(float)
-        self._v = np.stack([c * x + s * y, c * y - s * x], axis=1)
-        self._yaw = yaw
-        self._score = rows["score"].astype(float).round(6)
-        self._roll = rows["roll"].astype(np.int64)
-        self._level = rows["z"].astype(np.int64)
-        self.reach = float(np.linalg.norm(self._v, axis=1).max()) if len(rows) else 0.0
-        """Farthest that a base is from a point that it reaches, horizontally [m]."""
-        self._known: dict[tuple[float, int, float, int], _Rows] = {}
-
-    def rows(self, z: float, roll: int, least: float, most: int) -> _Rows:
-        """Rows for a height [m] and roll, of at least a score, no more than ``most`` for each torso position."""
-        key = (round(z, 6), roll, least, most)
-        if key not in self._known:
-            if len(self._known) > 64:
-                self._known.clear()
-            self._known[key] = self._find(z, roll, least, most)
-        return self._known[key]
-
-    def _find(self, z: float, roll: int, least: float, most: int) -> _Rows:
-        forward = self.forward
-        flipped = forward.grasp is GraspClass.TOP and roll == -1
-        chosen: list[Indices] = []
-        torsos: list[Array] = []
-        for torso in forward.heights(z):
-            rise = float(forward.lift.rise(torso)) if forward.lift is not None else 0.0
-            level = round((z - rise) / CELL)
-            fitting = (self._level == level) & (self._score >= least) & (flipped | (self._roll == roll))
-            index = np.flatnonzero(fitting)
-            index = index[np.argsort(-self._score[index], kind="stable")][:most]
-            chosen.append(index)
-            torsos.append(np.full(len(index), torso))
-        rows = np.concatenate(chosen) if chosen else np.zeros(0, np.intp)
-        heights = np.concatenate(torsos) if torsos else np.zeros(0)
-        order = np.argsort(-self._score[rows], kind="stable")
-        rows, heights = rows[order], heights[order]
-        v, yaw = self._v[rows], self._yaw[rows]
-        if flipped:  # a turned hand is the same as another heading
-            v, yaw = -v, yaw - math.pi
-        return _Rows(v, yaw, self._score[rows], rows, heights)
-
-
-_prepared: dict[tuple[object, ...], InverseMap] = {}
-
-
-def inverse_map(forward: ReachabilityMap, facts: tuple[object, ...]) -> InverseMap:
-    """The map of an arm prepared for inversion, once in a process for all maps of the same ``facts``."""
-    if facts not in _prepared:
-        while len(_prepared) >= MOST_MAPS:
-            del _prepared[next(iter(_prepared))]
-        _prepared[facts] = InverseMap(forward)
-    return _prepared[facts]
+Misses = Callable[[Array], NDArray[np.bool_]]
+"""Bases (m, 3) -> whether something is surely not seen from there (m,)."""
 
 
 @dataclass(slots=True)
@@ -133,9 +50,11 @@ class Candidates:
     crowded: list[tuple[float, Array]] = field(default_factory=list)
     """Promising places without room, with their scores."""
     without_room: int = 0
-    """Places without room, counted up to as many of a way as would be looked at."""
+    """Places without room, up to so many of each way."""
     unwanted: int = 0
     """Places with room of which the other conjuncts say that they will not do, counted likewise."""
+    unseen: int = 0
+    """Places that are left and from which the robot would not see what it has to, counted likewise."""
 
     def __len__(self) -> int:
         return len(self.scores)
@@ -147,11 +66,12 @@ class Candidates:
 
 def invert(
     hands: Sequence[tuple[ArmModel, Ways]],
-    inverse: Callable[[ArmModel, GraspClass], InverseMap],
+    inverse: InverseMaps,
     room: Field,
     weigh: Weigh | None,
-    lifts: Callable[[ArmModel, float], bool],
+    lifted: Callable[[ArmModel, Sequence[float]], tuple[float, ...]],
     *,
+    misses: Misses | None = None,
     least: float,
     rows: int,
     each: int,
@@ -159,73 +79,146 @@ def invert(
     """Places for some arms and their ways.
 
     Of each way those ``each`` with the best score are kept, well spread. ``weigh`` is the other conjuncts' opinion.
-    ``lifts`` tells whether the torso may be somewhere with the rest of the robot as it is. ``least`` and ``rows`` bound
-    the rows of the maps by score, and by number for each torso position.
+    ``lifted`` tells where the torso may be with the rest of the robot as it is, ``misses`` from where the robot would
+    not see what it has to. ``least`` and ``rows`` bound the rows of the maps by score, and by number for each torso
+    position.
     """
-    parts: list[tuple[Array, Array, int, int, Indices, Array]] = []
     found = Candidates()
+    parts: list[_Part] = []
     for number, (arm, ways) in enumerate(hands):
-        for way in range(len(ways)):
-            chosen = inverse(arm, CLASSES[int(ways.grasps[way])]).rows(
-                float(ways.points[way, 2]), int(ways.rolls[way]), least, rows
-            )
-            chosen = chosen.of([torso for torso in np.unique(chosen.torso).tolist() if lifts(arm, torso)])
+        alike: dict[tuple[float, int, int], list[int]] = {}
+        heights = ways.points[:, 2].round(6).tolist()
+        for way, kind in enumerate(zip(heights, ways.grasps.tolist(), ways.rolls.tolist(), strict=True)):
+            alike.setdefault(kind, []).append(way)
+        for (z, grasp, roll), mine in alike.items():
+            chosen = inverse(arm, CLASSES[grasp]).rows(z, roll, least, rows)
+            chosen = chosen.of(lifted(arm, chosen.torsos))
             if not len(chosen.row):
                 continue
-            part = _one(ways, way, chosen, room, weigh, each, found)
-            if part is not None:
-                bases, scores, index = part
-                parts.append((bases, scores, number, way, chosen.row[index], chosen.torso[index]))
+            for some in blocks(len(mine), max(1, AT_ONCE // len(chosen.row))):
+                part = _Part.of(ways, np.array(mine[some], np.intp), chosen, room, weigh, misses, each, number)
+                parts.append(part)
+    found.without_room = sum(part.without_room for part in parts)
+    found.unwanted = sum(part.unwanted for part in parts)
+    found.unseen = sum(part.unseen for part in parts)
+    crowded = [(part.number, *place) for part in parts for place in part.crowded]
+    found.crowded = [(score, base) for _, _, score, base in sorted(crowded, key=lambda place: place[:2])]
     if not parts:
         return found
-    found.bases = np.concatenate([part[0] for part in parts])
-    found.scores = np.concatenate([part[1] for part in parts])
-    sizes = [len(scores) for _, scores, *_ in parts]
-    found.arms = np.repeat([part[2] for part in parts], sizes)
-    found.ways = np.repeat([part[3] for part in parts], sizes)
-    found.rows = np.concatenate([part[4] for part in parts])
-    found.torsos = np.concatenate([part[5] for part in parts])
-    found.ranks = np.concatenate([np.arange(len(scores)) for _, scores, *_ in parts])
+    arms = np.concatenate([np.full(len(part.ways), part.number, np.intp) for part in parts])
+    whole = np.concatenate([part.ways for part in parts])
+    order = np.lexsort((whole, arms))
+    found.arms, found.ways = arms[order], whole[order]
+    found.bases = np.concatenate([part.bases for part in parts])[order]
+    found.scores = np.concatenate([part.scores for part in parts])[order]
+    found.rows = np.concatenate([part.rows for part in parts])[order]
+    found.torsos = np.concatenate([part.torsos for part in parts])[order]
+    found.ranks = np.concatenate([part.ranks for part in parts])[order]
     return found
 
 
-def _one(
-    ways: Ways, way: int, chosen: _Rows, room: Field, weigh: Weigh | None, each: int, found: Candidates
-) -> tuple[Array, Array, Indices] | None:
-    """The best places of one way: bases, scores, and which rows they come from."""
-    heading = float(ways.headings[way])
-    c, s = math.cos(heading), math.sin(heading)
-    x = ways.points[way, 0] - (c * chosen.v[:, 0] - s * chosen.v[:, 1])
-    y = ways.points[way, 1] - (s * chosen.v[:, 0] + c * chosen.v[:, 1])
-    free = room.at(np.stack([x, y], axis=1))
-    index = np.flatnonzero(free > -SLACK)
-    found.without_room += min(len(free) - len(index), each)
-    weight = float(ways.weights[way])
-    if not len(index):
-        best = int(np.argmax(chosen.score))
-        found.crowded.append(
-            (weight * float(chosen.score[best]), np.array([x[best], y[best], heading - chosen.yaw[best]]))
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """The best places of some ways of one arm, of one class, roll and height: they use the same rows of a map."""
+
+    number: int
+    """Of the arm."""
+    bases: Array
+    scores: Array
+    ways: Indices
+    rows: Indices
+    torsos: Array
+    ranks: Indices
+    without_room: int
+    unwanted: int
+    unseen: int
+    crowded: list[tuple[int, float, Array]]
+    """Ways without any place that has room: their number, the score and place of the best row."""
+
+    @staticmethod
+    def of(
+        ways: Ways,
+        index: Indices,
+        chosen: Rows,
+        room: Field,
+        weigh: Weigh | None,
+        misses: Misses | None,
+        each: int,
+        number: int,
+    ) -> _Part:
+        """All rows (n) for all ways (w) at once, looked up in the field in its own cells."""
+        factors = room.looked_up(ways.points[index, :2], ways.headings[index], chosen.v)
+        free = np.count_nonzero(factors, axis=1)
+        without_room = int(np.minimum(factors.shape[1] - free, COUNTED).sum())
+        crowded = [
+            (
+                way,
+                float(ways.weights[way]) * float(chosen.score[0]),
+                _bases(ways, np.array([way]), chosen, np.zeros(1, int))[0],
+            )
+            for way in index[free == 0].tolist()
+        ]
+        index, factors = index[free > 0], factors[free > 0]
+        scores = factors * chosen.score * ways.weights[index, None]
+        unwanted = 0
+        if weigh is not None and len(index):
+            way, row = np.nonzero(factors)
+            liked = weigh(_bases(ways, index[way], chosen, row))
+            scores[way, row] *= liked
+            unwanted = int(np.minimum(np.bincount(way[liked <= 0], minlength=len(index)), COUNTED).sum())
+        unseen = 0
+        if misses is not None and len(index):
+            way, row = np.nonzero(scores)
+            missed = misses(_bases(ways, index[way], chosen, row))
+            scores[way[missed], row[missed]] = 0.0
+            unseen = int(np.minimum(np.bincount(way[missed], minlength=len(index)), COUNTED).sum())
+        way, row, ranks = _best(scores, chosen.squares, each)
+        return _Part(
+            number,
+            _bases(ways, index[way], chosen, row),
+            scores[way, row],
+            index[way],
+            chosen.row[row],
+            chosen.torso[row],
+            ranks,
+            without_room,
+            unwanted,
+            unseen,
+            crowded,
         )
-        return None
-    scores = weight * chosen.score[index] * (0.3 + np.clip(free[index], 0.0, ROOMY))
-    if weigh is not None:
-        liked = weigh(np.stack([x[index], y[index], heading - chosen.yaw[index]], axis=1))
-        found.unwanted += min(int((liked <= 0).sum()), each)
-        index, scores = index[liked > 0], (scores * liked)[liked > 0]
-        if not len(index):
-            return None
-    few = min(len(index), 8 * each)
-    top = np.argpartition(-scores, few - 1)[:few] if few < len(index) else np.arange(len(index))
-    top = top[np.lexsort((top, -scores[top].round(6)))]
-    cells = np.rint(chosen.v[index[top]] / SPREAD).astype(np.int64)
-    _, first = np.unique(cells[:, 0] * 1024 + cells[:, 1], return_index=True)
-    kept = np.sort(first)[:each]
-    # places of the same cell come after all others
-    rest = np.setdiff1d(np.arange(len(top)), kept, assume_unique=True)[: max(each - len(kept), 0)]
-    top = top[np.concatenate([kept, rest])]
-    index = index[top]
-    bases = np.stack([x[index], y[index], heading - chosen.yaw[index]], axis=1)
-    return bases, scores[top], index
+
+
+def _bases(ways: Ways, index: Indices, chosen: Rows, row: Indices) -> Array:
+    """Bases (m, 3) from which ways (m,) are reached by rows (m,)."""
+    heading = ways.headings[index]
+    c, s = np.cos(heading), np.sin(heading)
+    x, y = chosen.v[row, 0], chosen.v[row, 1]
+    points = ways.points[index]
+    return np.stack([points[:, 0] - (c * x - s * y), points[:, 1] - (s * x + c * y), heading - chosen.yaw[row]], axis=1)
+
+
+def _best(scores: Array, squares: Indices, each: int) -> tuple[Indices, Indices, Indices]:
+    """Of each row of scores (w, n) those above 0 that are best, well spread: row, column, and rank in the row.
+
+    ``squares`` (n,) number the squares of :data:`SPREAD` that the columns are in: the best of each come first.
+    """
+    if 8 * each < scores.shape[1]:
+        worse = TIE * np.arange(scores.shape[1]) - scores
+        top = np.argpartition(worse, 8 * each - 1, axis=1)[:, : 8 * each]
+        way, place = np.nonzero(np.take_along_axis(scores, top, 1))
+        row = top[way, place]
+    else:
+        way, row = np.nonzero(scores)
+    # ways are told apart by twice their number: scores are less than 1
+    order = np.argsort(2.0 * way + (TIE * row - scores[way, row]))
+    way, row = way[order], row[order]
+    again = np.ones(len(way), np.intp)
+    again[np.unique((way << SQUARE_BITS) + squares[row], return_index=True)[1]] = 0
+    order = np.argsort(2 * way + again, kind="stable")
+    way, row = way[order], row[order]
+    rank = np.arange(len(way)) - np.searchsorted(way, way)
+    kept = rank < each
+    return way[kept], row[kept], rank[kept]
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:

@@ -13,30 +13,47 @@ from planlang.protocols import Array
 
 CELL = 0.05
 """Side of a cell of the grid [m]."""
+HAIR = 1e-6
+"""Share of a cell by which places on the border of two are taken to be in one of them."""
+SLACK = 0.03
+"""Room that may be missing in the grid, whose cells are 5 cm wide: places are judged exactly later [m]."""
+DOUBTFUL = 0.15
+"""How good a place is where the middle of the cell has no room, but its border may have."""
+ROOMY = 0.3
+"""More room than this is not better [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Field:
-    """Room [m] over a square of the map, in a frame of its own, so that it moves with what it is about."""
+    """How good the room is over a square of the map, in a frame of its own, so that it moves with what it is about."""
 
     x: float
     y: float
     yaw: float
     half: int
     """Cells from the middle to each side."""
-    room: Array
-    """(2 half + 1, 2 half + 1), rows along the frame's x."""
+    factors: Array
+    """How good the room is at each cell, rows along the frame's x, flat; with a border of cells that have none."""
 
-    def at(self, points: Array) -> Array:
-        """Room (...,) at the cells of points (..., 2), -inf outside the square."""
+    def looked_up(self, points: Array, headings: Array, v: Array) -> Array:
+        """How good the room is at points (w, 2) - Rz(headings (w,)) v (n, 2), (w, n): 0 where there is none.
+
+        All have to be within the reach that the field was made for. It is done in the field's own frame and cells, as
+        what is only looked at needs neither places nor distances.
+        """
         c, s = math.cos(self.yaw) / CELL, math.sin(self.yaw) / CELL
-        dx, dy = points[..., 0] - self.x, points[..., 1] - self.y
-        row = np.rint(c * dx + s * dy).astype(np.intp) + self.half
-        column = np.rint(c * dy - s * dx).astype(np.intp) + self.half
-        most = 2 * self.half
-        inside = (row >= 0) & (row <= most) & (column >= 0) & (column <= most)
-        found = self.room[np.clip(row, 0, most), np.clip(column, 0, most)]
-        return np.asarray(np.where(inside, found, -np.inf))
+        x, y = points[:, 0] - self.x, points[:, 1] - self.y
+        turns = headings - self.yaw
+        cosine, sine = np.cos(turns)[:, None] / CELL, np.sin(turns)[:, None] / CELL
+        rows = (c * x + s * y + HAIR)[:, None] - (cosine * v[:, 0] - sine * v[:, 1])
+        columns = (c * y - s * x + HAIR)[:, None] - (sine * v[:, 0] + cosine * v[:, 1])
+        # a hair towards the larger cell: places of the maps are on borders of cells, wherever the map has its origin
+        np.rint(rows, out=rows)
+        np.rint(columns, out=columns)
+        rows *= 2 * self.half + 3
+        rows += columns
+        rows += (2 * self.half + 4) * (self.half + 1)  # the middle cell
+        return np.asarray(self.factors[rows.astype(np.intp)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,4 +77,7 @@ class Floor:
         across, along = np.meshgrid(steps, steps)
         c, s = math.cos(yaw), math.sin(yaw)
         points = np.stack([centre[0] + c * along - s * across, centre[1] + s * along + c * across], axis=-1)
-        return Field(centre[0], centre[1], yaw, half, self.at(points.reshape(-1, 2)).reshape(along.shape))
+        room = self.at(points.reshape(-1, 2)).reshape(along.shape).round(9)
+        roomy = np.where(room > 0.0, 0.3 + np.clip(room, 0.0, ROOMY), DOUBTFUL)
+        factors = np.where(room > -SLACK, roomy, 0.0)
+        return Field(centre[0], centre[1], yaw, half, np.pad(factors, 1).ravel())

@@ -17,6 +17,8 @@ from planlang.protocols import Array
 
 TURNS = (0.0, 0.5, -0.5)
 """Headings relative to facing what a place is about [rad]."""
+AWAY = (math.pi, math.pi / 2, -math.pi / 2)
+"""The same where it must not be faced."""
 COARSE = 2 * CELL
 """Distance of neighbouring places [m]."""
 
@@ -29,12 +31,13 @@ def around_places(demand: BaseDemand, around: Surroundings) -> tuple[Array, Arra
     along, across = (grid.ravel() for grid in np.meshgrid(steps, steps, indexing="ij"))
     c, s = math.cos(yaw), math.sin(yaw)
     points = np.stack([middle[0] + c * along - s * across, middle[1] + s * along + c * across], axis=1)
-    room = around.floor().at(points)
+    room = around.floor().at(points).round(9)
     squares = np.add.outer(np.arange(2 * half + 1) // 3 * 100_000, np.arange(2 * half + 1) // 3).ravel()
     inside = room > -np.inf
     points, room, squares = points[inside], room[inside], squares[inside]
     bearing = np.arctan2(looked_at[1] - points[:, 1], looked_at[0] - points[:, 0])
-    turns = (0.0,) if any(isinstance(term, Facing) for term in demand.areas) else TURNS
+    turned = [term.negated for term in demand.areas if isinstance(term, Facing)]
+    turns = TURNS if not turned else AWAY if all(turned) else (0.0,)
     bases = np.concatenate([np.column_stack([points, bearing + turn]) for turn in turns])
     return bases, np.tile(room, len(turns)), np.tile(squares, len(turns))
 

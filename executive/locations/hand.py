@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,18 @@ def _axes(first: Sequence[float] | Array, second: Sequence[float] | Array) -> Ar
     a, b, c = first
     d, e, f = second
     return np.array([[a, d, b * f - c * e], [b, e, c * d - a * f], [c, f, a * e - b * d]])
+
+
+class HandTerm(NamedTuple):
+    """One conjunct about a hand: relation, body, greatest and least distance if they are stated, whether negated."""
+
+    name: str
+    body: str
+    within: float | None = None
+    beyond: float | None = None
+    negated: bool = False
+    viewer: tuple[float, float] | None = None
+    """Whose left and right is meant, where the body has no front of its own."""
 
 
 @dataclass(frozen=True, slots=True)

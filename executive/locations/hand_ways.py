@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
-from executive.locations.areas import OF_A_THING, area_of
-from executive.locations.block import Block
-from executive.locations.hand import Held
+from executive.locations.hand_terms import satisfied
 from executive.locations.reach import Reach
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
@@ -31,8 +29,6 @@ NATURAL = (GraspClass.SIDE,)
 """Classes of grasps that are tried first."""
 MOST_SPOTS = 24
 """Places on a surface that a hand is asked to put something on."""
-AT_CENTRE = 0.01
-"""How far from the centre a grip point may be [m]."""
 
 
 def ways_of(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejections, *, fine: bool) -> Ways | None:
@@ -40,10 +36,12 @@ def ways_of(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejec
     ways = _made(reach, arm, around, rejections, fine=fine)
     if ways is None or not len(ways):
         return None
-    for name, body, first, second, negated in reach.also:
-        kept = _satisfied(name, body, (first, second), ways, arm, around) != negated
+    step = ways.key if not reach.before else 0 if reach.kind == "grasp" else -1
+    for term in reach.also:
+        kept = satisfied(term, ways.points + ways.offsets[:, step], ways.rotations, arm, around)
         if not kept.all():
-            rejections.add(f"{'' if negated else 'not '}{name.strip('_').replace('_', ' ')} {body}", int((~kept).sum()))
+            said = f"{term.name.strip('_').replace('_', ' ')} {term.body}"
+            rejections.add(said if term.negated else f"not {said}", int((~kept).sum()))
         ways = ways.chosen(kept)
     return ways if len(ways) else None
 
@@ -56,8 +54,9 @@ def _made(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejecti
         case "retreat":
             return retreat_ways(reach.body, around.grasped_at(reach.body), arm.frame)
         case "above":
+            block, lowest = block_of(reach.body, around), partial(arm.lowest, held=held)
             ways = above_ways(
-                reach.body, block_of(reach.body, around), arm.frame, held, arm.hand_radius, reach.heights, fine=fine
+                reach.body, block, arm.frame, held, lowest, reach.heights, inset=arm.hand_radius, fine=fine
             )
             return _of_class(ways, reach)
         case "offer":
@@ -65,7 +64,7 @@ def _made(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejecti
     if held is None:
         rejections.add("nothing in the hand to put down")
         return None
-    demand = ThingDemand(None if reach.inside else reach.body, reach.body if reach.inside else None, (), ())
+    demand = ThingDemand(None if reach.inside else reach.body, reach.body if reach.inside else None)
     spots = islice(thing_poses(held.name, held.size, demand, around, rejections), MOST_SPOTS)
     centres = np.array([spot.position for spot in spots]).reshape(-1, 3)
     return place_ways(reach.body, centres, arm.frame, held, fine=fine) if len(centres) else None
@@ -86,48 +85,3 @@ def _of_class(ways: Ways, reach: Reach) -> Ways:
     if reach.grasp is None:
         return ways
     return ways.chosen(ways.grasps == CLASSES.index(GraspClass(reach.grasp)))
-
-
-def _satisfied(
-    name: str,
-    body: str,
-    bounds: tuple[float | None, float | None],
-    ways: Ways,
-    arm: ArmModel,
-    around: Surroundings,
-) -> NDArray[np.bool_]:
-    """Which ways also satisfy a relation (or the kind of another reach) about a body."""
-    held = around.held(arm.name)
-    middles = ways.points if held is None else ways.points + held.offsets(ways.rotations)
-    block = block_of(body, around)
-    match name:
-        case "offer" | "in_reach_of":
-            zone = around.zone(body)
-            return np.array([zone.contains(point) for point in middles], bool)
-        case "above":
-            low, high = bounds[0] or 0.02, 0.15 if bounds[1] is None else bounds[1]
-            over = (_lowest(ways, arm, held) - block.high).round(6)
-            return np.asarray((over >= low) & (over <= high) & (block.distance(middles[:, :2]) <= 0))
-        case "grasp" | "retreat" | "in_center_of":
-            return np.asarray(np.linalg.norm(ways.points - block.centre, axis=1) <= AT_CENTRE)
-        case "place" | "on" | "in_":
-            return _resting(name, middles, block)
-        case _:
-            most, least = bounds
-            default = OF_A_THING[name]
-            limits = (default[0] if least is None else least, default[1] if most is None else most)
-            x, y, _ = around.base()
-            area = area_of(name, name, body, block, around.front(body), (x, y), 0.0, limits)
-            return np.asarray(area.score(middles[:, :2]) > 0)
-
-
-def _lowest(ways: Ways, arm: ArmModel, held: Held | None) -> NDArray[np.float64]:
-    lowest = np.full(len(ways), -arm.hand_radius) if held is None else held.lowest_of(ways.rotations)
-    return np.asarray(ways.points[:, 2] + lowest)
-
-
-def _resting(name: str, middles: NDArray[np.float64], block: Block) -> NDArray[np.bool_]:
-    over = block.distance(middles[:, :2]) <= 0
-    if name == "in_":
-        return np.asarray(over & (middles[:, 2] > block.low) & (middles[:, 2] < block.high))
-    return np.asarray(over & (middles[:, 2] > block.high))

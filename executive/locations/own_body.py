@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.reachability import Lift
-from executive.locations.solids import Solids
 from executive.locations.spheres import CORE, ArmSpheres
+from executive.motion.solids import Solids
 from planlang.protocols import Array, Configuration
-from sim import PyBulletWorld, Solid
+from sim import PyBulletWorld
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,7 +20,7 @@ class OwnBody:
 
     solids: Solids
     watched: NDArray[np.bool_]
-    """Which spheres of the arm (k) must not be inside which pieces (n): (k, n)."""
+    """Which pieces (n) spheres of the arm (k) must not be inside: (n, k)."""
     lifted: NDArray[np.bool_]
     """Which pieces the torso lifts (n,)."""
     rise: float
@@ -29,52 +29,50 @@ class OwnBody:
 
     def hits(self, points: Array, radii: Array, q: Array) -> tuple[Array, NDArray[np.intp]]:
         """Smallest gap (m,) of spheres at points (m, k, 3) of the base frame for joints (m, d), and of which piece."""
-        if not len(self.solids) or not points.size:
-            return np.full(len(points), np.inf), np.zeros(len(points), np.intp)
-        gaps = np.full((*points.shape[:2], len(self.solids)), np.inf)
-        for group, shift in ((~self.lifted, 0.0), (self.lifted, self._shift(q))):
-            if not group.any():
-                continue
-            moved = points.copy()
-            moved[:, :, 2] -= shift
-            gaps[:, :, group] = self.solids.only(group).gaps(moved) - radii[:, None]
-        gaps[:, ~self.watched] = np.inf
-        flat = gaps.reshape(len(points), -1)
-        least = np.argmin(flat, axis=1)
-        return flat[np.arange(len(points)), least], least % len(self.solids)
-
-    def _shift(self, q: Array) -> Array | float:
-        """How much higher than now the torso is (m, 1)."""
-        if self.lift is None:
-            return 0.0
-        return np.asarray(self.lift.rise(q[:, self.lift.column]) - self.rise)[:, None]
+        raised = None
+        if self.lift is not None and self.lifted.any():
+            raised = np.outer(self.lift.rise(q[:, self.lift.column]) - self.rise, self.lifted)
+        return self.solids.closest(points, radii, ~self.watched, raised)
 
 
-def own_body(
-    world: PyBulletWorld, joints: tuple[str, ...], spheres: ArmSpheres, torso: str | None, lift: Lift | None
-) -> OwnBody:
-    """The rest of the robot in its present posture, for an arm of some joints."""
-    robot = world.robot
-    now = dict(world.configuration().joints)
-    moved = frozenset[int]().union(*(robot.moved_by(name) for name in joints if name != torso))
-    carried = robot.moved_by(torso) if torso is not None and torso in now else frozenset[int]()
-    pairs = {frozenset(pair) for pair in robot.self_pairs}
-    pieces, numbers = [], []
-    world.link_pose(robot.link_names[-1], Configuration((0.0, 0.0, 0.0), now))
-    for number, link in enumerate(robot.solid_names):
-        if number in moved:
-            continue
-        there = robot.link_pose(link)
-        for kind, size, pose in robot.shapes(number):
-            if kind == "mesh":
-                kind, size = "box", (CORE * size[0], CORE * size[1], CORE * size[2])
-            pieces.append(Solid(link, kind, size, there @ pose, limb=False))
-            numbers.append(number)
-    watched = np.array(
-        [[frozenset((int(mine), other)) in pairs for other in numbers] for mine in spheres.links], bool
-    ).reshape(len(spheres.links), len(numbers))
-    kept = np.asarray(watched.any(axis=0), bool)
-    solids = Solids.of([piece for piece, keep in zip(pieces, kept, strict=True) if keep])
-    lifted = np.array([number in carried for number in numbers], bool)[kept]
-    rise = 0.0 if lift is None else float(lift.rise(now.get(lift.joint, lift.lowest)))
-    return OwnBody(solids, watched[:, kept], lifted, rise, lift)
+class OwnShapes:
+    """The same in no posture: pieces in the frames of their links."""
+
+    def __init__(
+        self, world: PyBulletWorld, joints: tuple[str, ...], spheres: ArmSpheres, torso: str | None, lift: Lift | None
+    ) -> None:
+        """For an arm of some joints; ``torso`` is the one of them that carries it."""
+        self._lift = lift
+        robot = world.robot
+        moved = frozenset[int]().union(*(robot.moved_by(name) for name in joints if name != torso))
+        carried = robot.moved_by(torso) if torso in robot.joints else frozenset[int]()
+        watching = np.zeros((len(robot.solid), len(robot.solid)), bool)
+        for pair in robot.self_pairs:
+            watching[pair] = watching[pair[::-1]] = True
+        watched = watching[spheres.links]
+        others = [number for number in range(len(robot.solid)) if number not in moved and watched[:, number].any()]
+        pieces = [(number, *shape) for number in others for shape in robot.shapes(number)]
+        self._links = np.array([number for number, *_ in pieces], np.intp)
+        self._names = tuple(robot.solid_names[number] for number in self._links)
+        self._local = np.array([pose.matrix() for *_, pose in pieces]).reshape(-1, 4, 4)
+        self._shapes = [
+            ("box", (CORE * x, CORE * y, CORE * z)) if kind == "mesh" else (kind, (x, y, z))
+            for _, kind, (x, y, z), _ in pieces
+        ]
+        self._watched = watched[:, self._links].T
+        self._lifted = np.array([number in carried for number in self._links.tolist()], bool)
+
+    def now(self, world: PyBulletWorld) -> OwnBody:
+        """In the present posture."""
+        joints = world.configuration().joints
+        frames = world.solid_frames(Configuration((0.0, 0.0, 0.0), joints))
+        matrices = frames[self._links] @ self._local
+        solids = Solids.placed(self._names, matrices, self._shapes, np.zeros(len(matrices), bool))
+        rise = 0.0 if self._lift is None else float(self._lift.rise(joints.get(self._lift.joint, self._lift.lowest)))
+        return OwnBody(solids, self._watched, self._lifted, rise, self._lift)
+
+
+def _solid(kind: str, size: tuple[float, float, float]) -> tuple[str, tuple[float, float, float]]:
+    """A primitive that is surely filled: of a mesh the core of the box around it."""
+    x, y, z = size
+    return ("box", (CORE * x, CORE * y, CORE * z)) if kind == "mesh" else (kind, size)

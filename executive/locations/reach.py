@@ -3,31 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.candidates import InverseMap, blocks
-from executive.locations.own_body import OwnBody
-from executive.locations.reachability import GraspClass
-from executive.locations.rejections import Rejections, first_body
-from executive.locations.solids import Solids
+from executive.locations.candidates import blocks
+from executive.locations.hand import HandTerm
+from executive.locations.inverse_map import InverseMaps
+from executive.locations.rejections import COLLISION, OUT_OF_REACH, Reason, Rejections, first_body
+from executive.locations.solving import base_matrices, solve
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.locations.ways import CLASSES, HandPlan, Ways
 from planlang.protocols import Array
 
 CHUNK = 48
 """Ways whose inverse kinematics is solved in one call."""
-FARTHEST = 1.2
-"""Largest move of a joint between neighbouring poses of a way [rad, m]."""
-INSIDE = 0.001
-"""How far a sphere of the arm must be inside something to count [m]."""
-ON_LATTICE, OFF_LATTICE = 0.005, 0.04
-"""The same for a posture of a map whose height is that of the target, or is not [m]."""
-
-Inverse = Callable[[ArmModel, GraspClass], InverseMap]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +36,10 @@ class Reach:
     """Of the lowest point over the body's top, for "above" [m]."""
     inside: bool = False
     """For "place": in the body, not on it."""
-    also: tuple[tuple[str, str, float | None, float | None, bool], ...] = ()
-    """What else holds of the hand: relation or kind of reach, body, two bounds, whether it is negated."""
+    also: tuple[HandTerm, ...] = ()
+    """What else holds of the hand."""
+    before: bool = False
+    """For "grasp" and "retreat": where the hand stands before the thing, not at it, is where that holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,118 +52,12 @@ class ReachSolution:
     joints: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Solved:
-    """Joint values (m, k, d) of m ways from m bases, and which of them are possible as far as spheres tell."""
-
-    joints: Array
-    ok: NDArray[np.bool_]
-
-
-def base_matrices(bases: Array) -> Array:
-    """Poses (m, 4, 4) of the base frame in the map for bases (m, 3)."""
-    matrices = np.zeros((len(bases), 4, 4))
-    matrices[:, 0, 0] = matrices[:, 1, 1] = np.cos(bases[:, 2])
-    matrices[:, 1, 0] = np.sin(bases[:, 2])
-    matrices[:, 0, 1] = -matrices[:, 1, 0]
-    matrices[:, 0, 3], matrices[:, 1, 3] = bases[:, 0], bases[:, 1]
-    matrices[:, 2, 2] = matrices[:, 3, 3] = 1.0
-    return matrices
-
-
-def base_matrix(base: Base) -> Array:
-    """Pose (4, 4) of the base frame in the map."""
-    return np.asarray(base_matrices(np.array([base]))[0])
-
-
-def unblocked(ways: Ways, arm: ArmModel, solids: Solids, rejections: Rejections) -> Ways:
-    """Ways in which the hand itself, wherever the base stands, would be inside nothing; others are counted."""
-    if not len(ways) or not len(arm.spheres.in_tip):
-        return ways
+def is_among(known: ReachSolution, ways: Ways) -> bool:
+    """Whether a way's poses are those of one of some ways."""
     poses = ways.poses(np.arange(len(ways)))
-    count, steps = poses.shape[:2]
-    points = poses[:, :, None, :3, 3] + np.einsum("nkij,hj->nkhi", poses[..., :3, :3], arm.spheres.in_tip)
-    radii = arm.spheres.radii[arm.spheres.hand]
-    points = points.reshape(count, -1, 3)
-    near = solids.near(points.reshape(-1, 3).mean(axis=0), float(np.ptp(points.reshape(-1, 3), axis=0).max()) + 0.1)
-    gap, piece = near.hits(points, np.tile(radii, steps), np.ones(points.shape[1], bool), ways.touches)
-    free = gap > -INSIDE
-    for index in np.flatnonzero(~free):
-        rejections.collision(near.bodies[int(piece[index])])
-    return ways.chosen(free)
-
-
-def solve(
-    ways: Ways,
-    index: NDArray[np.intp],
-    bases: Array,
-    arm: ArmModel,
-    seeds: Array,
-    solids: Solids,
-    rejections: Rejections,
-    *,
-    own: OwnBody,
-    slack: float | None = None,
-) -> Solved:
-    """Joint values of ways (m,) from bases (m, 3), begun at seeds (m, s, d); spheres inside something rule out.
-
-    With ``slack`` the first seeds are within so many metres of solutions: where they are deeper inside something than
-    that, nothing is solved.
-    """
-    count, steps = len(index), ways.offsets.shape[1]
-    joints = np.zeros((count, steps, seeds.shape[2]))
-    to_base = np.linalg.inv(base_matrices(bases))
-    targets = to_base[:, None] @ ways.poses(index)
-    alive = np.arange(count)
-    if slack is not None:
-        alive = alive[_free(seeds[:, 0], bases, arm, solids, ways.touches, slack, own, rejections)]
-    q, solved = arm.solver.solve(targets[alive, ways.key], seeds[alive])
-    rejections.add("out of reach", int((~solved).sum()))
-    alive, q = alive[solved], q[solved]
-    joints[alive, ways.key] = q
-    others = [step for step in range(steps) if step != ways.key]
-    if others and len(alive):
-        goals = targets[alive][:, others].reshape(-1, 4, 4)
-        starts = np.repeat(q, len(others), axis=0)
-        found, good = arm.solver.solve(goals, starts[:, None])
-        good &= np.abs(found - starts).max(axis=1) <= FARTHEST
-        joints[alive[:, None], others] = found.reshape(len(alive), len(others), -1)
-        whole = good.reshape(len(alive), len(others)).all(axis=1)
-        rejections.add("out of reach", int((~whole).sum()))
-        alive = alive[whole]
-    for step in (ways.key, *others):
-        alive = alive[_free(joints[alive, step], bases[alive], arm, solids, ways.touches, INSIDE, own, rejections)]
-    ok = np.zeros(count, bool)
-    ok[alive] = True
-    return Solved(joints, ok)
-
-
-def _free(
-    q: Array,
-    bases: Array,
-    arm: ArmModel,
-    solids: Solids,
-    touches: str | None,
-    slack: float,
-    own: OwnBody,
-    rejections: Rejections,
-) -> NDArray[np.bool_]:
-    """For which rows no sphere of the arm is inside something by more than ``slack`` [m]."""
-    if not len(q) or not len(arm.spheres.radii):
-        return np.ones(len(q), bool)
-    matrices = base_matrices(bases)
-    centres = arm.spheres.centres(q)
-    points = np.einsum("nij,nkj->nki", matrices[:, :3, :3], centres) + matrices[:, None, :3, 3]
-    gap, piece = solids.hits(points, arm.spheres.radii, arm.spheres.hand, touches)
-    free = gap > -slack
-    rest = np.flatnonzero(free)
-    own_gap, part = own.hits(centres[rest], arm.spheres.radii, q[rest])
-    free[rest] = own_gap > -slack
-    for row in np.flatnonzero(own_gap <= -slack):
-        rejections.collision(own.solids.bodies[int(part[row])])
-    for row in np.flatnonzero(gap <= -slack):
-        rejections.collision(solids.bodies[int(piece[row])])
-    return np.asarray(free)
+    if poses.shape[1:] != known.plan.poses.shape:
+        return False
+    return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
 
 
 def touched_by(solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
@@ -194,6 +82,18 @@ def touched_at(rows: Array, solution: ReachSolution, base: Base, around: Surroun
     return None
 
 
+def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings) -> bool:
+    """Whether the hand itself is in something at a pose of a solution, or when it closes: wherever the base stands."""
+    plan, hand, bodies = solution.plan, solution.arm.hand_links, around.names()
+    for q in solution.joints:
+        contacts = around.contacts(base, solution.arm, q, plan.touches, plan.opened)
+        if any(contact.part in hand and contact.body in bodies for contact in contacts):
+            return True
+    if solution.reach.kind != "grasp":
+        return False
+    return around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body) is not None
+
+
 def between(joints: Array) -> Array:
     """Points on the lines between neighbouring rows (k, d): the middles, then the quarters, (3 (k - 1), d)."""
     first, step = joints[:-1], np.diff(joints, axis=0)
@@ -206,13 +106,13 @@ def from_base(
     arm: ArmModel,
     ways: Ways,
     around: Surroundings,
-    inverse: Inverse,
+    inverse: InverseMaps,
     rejections: Rejections,
     *,
     seed: Array | None = None,
     generous: bool = False,
 ) -> Iterator[ReachSolution]:
-    """Ways that have a collision-free solution from one base, lazily, best first; reasons of others are counted.
+    """Ways that have a collision-free solution from one base, lazily, best first; others are counted, each once.
 
     Where the maps have postures these are the seeds; if ``generous``, ways beyond them are tried from the arm's own
     postures at last. ``seed`` (d,) is tried before: with it, solutions near it are preferred.
@@ -237,30 +137,31 @@ def from_base(
         own_seeds = arm.seeds if seed is None else np.vstack([seed, arm.seeds])
         rest = rest[within_reach(ways, rest, placed, arm)]
         passes.append((rest, np.broadcast_to(own_seeds, (len(rest), *own_seeds.shape))))
-    if not any(len(chosen) for chosen, _ in passes):
-        rejections.add("out of reach")
-    done: set[int] = set()
+    tried = np.concatenate([chosen for chosen, _ in passes]) if passes else np.zeros(0, np.intp)
+    rejections.add(OUT_OF_REACH.text, len(ways) - len(np.unique(tried)))
+    done, counted = set[int](), set[int]()
     for chosen, begun in passes:
         for part in blocks(len(chosen), CHUNK):
             rows = [row for row in range(part.start, part.stop) if int(chosen[row]) not in done]
             mine = chosen[rows]
-            solved = solve(
-                ways, mine, np.repeat(there[None], len(mine), 0), arm, begun[rows], solids, rejections, own=own
-            )
-            for row in np.flatnonzero(solved.ok):
-                number = int(mine[row])
+            solved = solve(ways, mine, np.repeat(there[None], len(mine), 0), arm, begun[rows], solids, own=own)
+            for number, joints, reason in zip(mine.tolist(), solved.joints, solved.reasons, strict=True):
                 if number in done:
                     continue
-                solution = ReachSolution(reach, arm, ways.plan(number), solved.joints[row])
-                body = touched_by(solution, base, around)
-                if body is None:
-                    done.add(number)
-                    yield solution
-                else:
-                    rejections.collision(body)
+                if reason is None:
+                    solution = ReachSolution(reach, arm, ways.plan(number), joints)
+                    body = touched_by(solution, base, around)
+                    if body is None:
+                        done.add(number)
+                        yield solution
+                        continue
+                    reason = Reason(COLLISION, body)
+                if number not in counted:
+                    counted.add(number)
+                    rejections.count([reason])
 
 
-def _looked_up(ways: Ways, base: Array, arm: ArmModel, inverse: Inverse) -> tuple[NDArray[np.intp], Array, Array]:
+def _looked_up(ways: Ways, base: Array, arm: ArmModel, inverse: InverseMaps) -> tuple[NDArray[np.intp], Array, Array]:
     """For one base the ways that the maps know a posture for, one entry for each torso position: way, score, seed."""
     c, s = math.cos(base[2]), math.sin(base[2])
     local = ways.points - np.array([base[0], base[1], 0.0])

@@ -31,6 +31,7 @@ from executive.locations.reachability import (
     ordered,
     row_type,
 )
+from executive.locations.reachability_sampling import cells_of, is_bound, sampled
 from executive.locations.surroundings import ArmModel
 from executive.motion import Chain, InverseKinematics
 from planlang.protocols import Array
@@ -129,7 +130,18 @@ def lift_of(chain: Chain, torso: str | None) -> Lift | None:
 def _entry_name(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> str:
     chain = arm.solver.chain
     computed_by = type(chain.backend).__name__
-    facts = (VERSION, chain.digest, computed_by, lift, grasp.value, arm.frame, CELL, YAWS, arm.seeds.tolist())
+    way = "sampled" if is_bound(_carried(chain, lift)) else "lattice"
+    facts = (
+        VERSION if way == "lattice" else (VERSION, way),
+        chain.digest,
+        computed_by,
+        lift,
+        grasp.value,
+        arm.frame,
+        CELL,
+        YAWS,
+        arm.seeds.tolist(),
+    )
     return hashlib.sha256(repr(facts).encode()).hexdigest()
 
 
@@ -201,9 +213,17 @@ class _Lattice:
             yield inside, np.ravel_multi_index(tuple(moved[inside].T), self.shape)
 
 
+def _carried(full: Chain, lift: Lift | None) -> Chain:
+    """The chain without what lifts it."""
+    return full if lift is None else full.locked({lift.joint: lift.lowest})
+
+
 def _build_rows(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> Rows:
     full = arm.solver.chain
-    chain = full if lift is None else full.locked({lift.joint: lift.lowest})
+    chain = _carried(full, lift)
+    if is_bound(chain):
+        floor = FLOOR - (0.0 if lift is None else float(lift.rise(lift.highest)))
+        return ordered(np.concatenate([_sampled_rows(chain, grasp, arm.frame, roll, floor) for roll in grasp.rolls]))
     solver = InverseKinematics(chain)
     columns = [full.names.index(name) for name in chain.names]
     rng = np.random.default_rng(0)
@@ -218,6 +238,21 @@ def _build_rows(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> Rows:
         q, solved = _solved(lattice, solver, arm.seeds[:, columns], rng)
         parts.append(_as_rows(lattice, chain, q, np.flatnonzero(solved)))
     return ordered(np.concatenate(parts))
+
+
+def _sampled_rows(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, floor: float) -> Rows:
+    """Of each cell of the lattice the best of the postures that are in it."""
+    q, places, levels = sampled(chain, grasp, frame, roll, floor, np.random.default_rng(0))
+    score = _scores(chain, q)
+    cells = np.column_stack([levels, cells_of(places)])
+    order = np.lexsort((np.arange(len(q)), -score.round(9)))
+    _, first = np.unique(cells[order], axis=0, return_index=True) if len(q) else (None, np.zeros(0, np.intp))
+    best = order[first]
+    rows = np.zeros(len(best), row_type(chain.dof))
+    rows["z"], rows["x"], rows["y"], rows["yaw"] = cells[best].T
+    rows["roll"], rows["q"] = roll, q[best]
+    rows["score"] = _normal(score[best])
+    return rows
 
 
 def _solved(
@@ -278,7 +313,13 @@ def _as_rows(lattice: _Lattice, chain: Chain, q: NDArray[np.float32], index: Ind
     yaw, *cells = np.unravel_index(index, lattice.shape)
     rows["yaw"], rows["roll"], rows["q"] = yaw, lattice.roll, q[index]
     rows["x"], rows["y"], rows["z"] = (np.stack(cells, axis=-1) + lattice.first).T
-    score = _scores(chain, q[index].astype(float))
-    full = float(np.percentile(score, USUAL_MANIPULABILITY)) or 1.0
-    rows["score"] = np.clip(score / full, 1e-3, 1.0)
+    rows["score"] = _normal(_scores(chain, q[index].astype(float)))
     return rows
+
+
+def _normal(score: Array) -> Array:
+    """Scores in (0, 1]."""
+    if not len(score):
+        return score
+    full = float(np.percentile(score, USUAL_MANIPULABILITY)) or 1.0
+    return np.asarray(np.clip(score / full, 1e-3, 1.0))

@@ -15,6 +15,18 @@ MOST_PLACES = 5000
 
 
 @dataclass(frozen=True, slots=True)
+class Reason:
+    """Why a candidate was rejected, and the body that was in its way, if one was."""
+
+    text: str
+    body: str | None = None
+
+
+COLLISION, NO_ROOM = "in collision", "no room for the base"
+OUT_OF_REACH = Reason("out of reach")
+
+
+@dataclass(frozen=True, slots=True)
 class Judged:
     """One place that was looked at: what it was rejected for, "" if it was accepted."""
 
@@ -29,22 +41,60 @@ class Judged:
 class Rejections:
     """Counts of one resolution, for the failure and the trace."""
 
+    explained: bool = False
+    """Whether people will see them even if a place is found: then what takes the room of others is looked at, too."""
     counts: Counter[str] = field(default_factory=Counter)
     blocking: Counter[str] = field(default_factory=Counter)
     places: list[Judged] = field(default_factory=list)
     """Places that were looked at, in that order; the first thousands."""
     scored: list[tuple[Array, Array]] = field(default_factory=list)
     """Candidates (m, 3) before they were looked at, and their scores (m,)."""
+    refused: list[tuple[str, Array]] = field(default_factory=list)
+    """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
+
+    def refuse(self, reason: str, candidates: Array) -> None:
+        """Count candidates (m, 2 or more) rejected for a reason, and remember where they are."""
+        if len(candidates):
+            self.add(reason, len(candidates))
+            self.refused.append((reason, candidates))
 
     def add(self, reason: str, number: int = 1) -> None:
         """Count ``number`` candidates rejected for a reason."""
         if number:
             self.counts[reason] += number
 
+    def count(self, reasons: Iterable[Reason | None]) -> None:
+        """Count candidates, one for each reason that is one."""
+        for reason in reasons:
+            if reason is not None:
+                self.counts[reason.text] += 1
+                if reason.body is not None:
+                    self.blocking[reason.body] += 1
+
     def collision(self, body: str) -> None:
         """Count one candidate rejected because of a body in its way."""
-        self.add("in collision")
-        self.blocking[body] += 1
+        self.count([Reason(COLLISION, body)])
+
+    def crowded(self, body: str) -> None:
+        """Count one candidate rejected because a body leaves the robot no room to stand there."""
+        self.count([Reason(NO_ROOM, body)])
+
+    def include(self, other: Rejections) -> None:
+        """Add what another counted and remembered."""
+        self.counts.update(other.counts)
+        self.blocking.update(other.blocking)
+        self.places.extend(other.places[: max(0, MOST_PLACES - len(self.places))])
+        self.scored.extend(other.scored)
+
+    def copy(self) -> Rejections:
+        """The same, to go on from twice."""
+        fresh = Rejections(self.explained)
+        fresh.include(self)
+        return fresh
+
+    def begin_again(self, before: Rejections) -> None:
+        """Forget what was counted since a copy was made, as it is all looked at once more; places are remembered."""
+        self.counts, self.blocking = Counter(before.counts), Counter(before.blocking)
 
     def judge(self, base: Base, score: float, reason: str = "", body: str | None = None) -> None:
         """Remember a place and what became of it."""

@@ -9,9 +9,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from executive.locations.areas import OF_A_BASE, OF_A_THING, SIDES, Area, Facing, area_of
+from executive.locations.areas import HEIGHTS, OF_A_BASE, OF_A_THING, SIDES, Area, Facing, area_of
 from executive.locations.block import Block
+from executive.locations.bounds import bounds, check_consistent, contradictory
 from executive.locations.doors import Clear
+from executive.locations.hand import HandTerm
 from executive.locations.reach import Reach
 from executive.locations.surroundings import Surroundings
 from planlang.designators import Location, Object, Relation
@@ -35,33 +37,43 @@ TABLE: Mapping[str, Meaning] = {
         "X a person: what the hand holds, or the hand, is inside their comfort zone; else what the base would need",
         "X a person: inside their comfort zone",
     ),
-    "visible_from": Meaning("the camera sees X within its limits, by at least 30 % of its side that faces it"),
+    "visible_from": Meaning(
+        "the camera, turned to X as far as the neck can, sees at least 30 % of the side of X that faces it"
+    ),
     "above": Meaning(
         None, "level, lowest point of hand and held object 2 to 15 cm over X's top, what is held over X's footprint"
     ),
-    "on": Meaning(None, "puts what it holds on X, from above", "rests on X's top, the whole footprint supported"),
-    "in_": Meaning(None, "puts what it holds into X, from above", "inside X's volume, resting"),
+    "on": Meaning(
+        None,
+        "puts what it holds on X, from above",
+        "rests on X's level top, of a room on its floor, the whole footprint supported",
+    ),
+    "in_": Meaning(
+        None,
+        "puts what it holds into X, from above",
+        "inside X's volume, resting; in a solid box there is no room",
+    ),
     "in_center_of": Meaning(None, "the grip point within 1 cm of X's centre: the grasp"),
     "in_front_of": Meaning(
         f"{_SIDE}, 0.1 to 1.1 m away",
         "the pre-grasp: 8 cm back along the approach; with X in hand: raised and back as well",
-        f"on the same support, {_SIDE}",
+        f"on the same support if no other is said, {_SIDE}",
     ),
     **{
-        name: Meaning(f"{_SIDE}, 0.1 to 1.1 m away", _SIDE, f"on the same support, {_SIDE}")
+        name: Meaning(f"{_SIDE}, 0.1 to 1.1 m away", _SIDE, f"on the same support if no other is said, {_SIDE}")
         for name in ("behind", "left_of", "right_of", "next_to")
     },
-    "near": Meaning("within 1 m", "within 0.3 m", "on the same support within 0.3 m"),
+    "near": Meaning("within 1 m", "within 0.3 m", "on the same support if no other is said, within 0.3 m"),
     "far_from": Meaning("at least 2 m away", "at least 0.6 m away", "at least 0.6 m away"),
     "facing": Meaning("the heading points at X within 30 degrees"),
     "clear_of": Meaning("neither touches X nor stands in the sweep of X's doors"),
 }
 """Distances are defaults; a designator may say others (within, beyond). A negated relation is the complement."""
 
-HEIGHTS = (0.02, 0.15)
-"""Of the lowest point over a top, for `above` [m]."""
-NEEDS_SIZE = ("visible_from", "on", "in_", "in_center_of", "clear_of")
-"""Relations to a thing that has a size."""
+Viewer = tuple[float, float]
+"""Where somebody looks from, in the map [m]."""
+NEEDS_SIZE = ("visible_from", "in_center_of", "clear_of")
+"""Relations to a thing that can be touched."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,26 +92,30 @@ class BaseDemand:
 class ThingDemand:
     """What a location asks of an object: one of where it rests, and areas."""
 
-    on: str | None
-    inside: str | None
-    areas: tuple[Area, ...]
-    people: tuple[tuple[str, bool], ...]
+    on: str | None = None
+    inside: str | None = None
+    areas: tuple[Area, ...] = ()
+    people: tuple[tuple[str, bool], ...] = ()
     """Persons in whose comfort zone it is, or (False) is not."""
+    neither: tuple[tuple[str, bool], ...] = ()
+    """Bodies on which, or (True) in which, it does not rest."""
 
 
-def base_demand(location: Location, around: Surroundings) -> BaseDemand:
-    """What a location asks of the base; raises LocationUnresolvable for what means nothing, or contradicts itself."""
-    _consistent(location, OF_A_BASE, around)
+def base_demand(location: Location, around: Surroundings, viewer: Viewer) -> BaseDemand:
+    """What a location asks of the base; raises LocationUnresolvable for what means nothing, or contradicts itself.
+
+    ``viewer``: whose left and right is meant where a thing has no front.
+    """
+    check_consistent(location, OF_A_BASE)
     reaches: dict[Reach, None] = {}
     unreached: dict[Reach, None] = {}
     seen: dict[str, None] = {}
     unseen: dict[str, None] = {}
     areas: dict[Area | Facing | Clear, None] = {}
-    x, y, _ = around.base()
     for relation in location.relations:
         match relation.name, relation.reference:
             case "in_reach_of", Location() as hand:
-                reach = hand_demand(replace(hand, device=hand.device or location.device), around)
+                reach = hand_demand(replace(hand, device=hand.device or location.device), around, viewer)
                 (unreached if relation.negated else reaches)[reach] = None
             case "in_reach_of", Object() as what:
                 reach = _for_body(what, location, around)
@@ -113,51 +129,64 @@ def base_demand(location: Location, around: Surroundings) -> BaseDemand:
                 areas[_clear(relation, _body(relation, what, around), around)] = None
             case name, Object() as what if name in OF_A_BASE:
                 body = _body(relation, what, around)
-                areas[_area(relation, body, (x, y), around.radius(), OF_A_BASE[name], around)] = None
+                areas[_area(relation, body, viewer, around.radius(), OF_A_BASE[name], around)] = None
             case _:
                 raise _meaningless(relation, "base")
     return BaseDemand(tuple(reaches), tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
 
 
+OF_A_HAND: Mapping[str, tuple[float, float]] = {**OF_A_THING, "above": HEIGHTS}
+HIGHEST = 1.0
+"""How much higher than it has to be a hand is held, where nothing bounds it [m]."""
 KINDS = ("retreat", "grasp", "offer", "place", "above")
 """What a hand location is made from, first, and then filtered by its other conjuncts."""
 
 
-def hand_demand(location: Location, around: Surroundings) -> Reach:
+def hand_demand(location: Location, around: Surroundings, viewer: Viewer) -> Reach:
     """What a location asks of a hand; raises LocationUnresolvable for what means nothing, and for a posture."""
     if not location.relations:
         raise LocationUnresolvable(f"{location} is no place of a hand", designator=str(location))
-    _consistent(location, OF_A_THING, around)
-    made: list[Reach] = []
-    filters: list[tuple[str, str, float | None, float | None, bool]] = []
-    for relation in location.relations:
-        if not isinstance(relation.reference, Object) or TABLE[relation.name].hand is None:
-            raise _meaningless(relation, "hand")
-        body = _body(relation, relation.reference, around)
-        if not relation.negated and (reach := _made(relation, body, location, around)) is not None:
-            made.append(reach)
-        else:
-            filters.append((relation.name, body, relation.within, relation.beyond, relation.negated))
+    check_consistent(location, OF_A_HAND)
+    made: dict[HandTerm, Reach] = {}
+    terms = hand_terms(location, around, viewer)
+    for relation, term in zip(location.relations, terms, strict=True):
+        if not relation.negated and (reach := _made(relation, term.body, location, around)) is not None:
+            made[term] = reach
     if not made:
         said = "above, on, in_, in_center_of, in_front_of, in_reach_of"
         raise LocationUnresolvable(
             f"{location} does not say what the hand is at: it needs one of {said}", designator=str(location)
         )
-    first = min(made, key=lambda reach: KINDS.index(reach.kind))
-    others = [(reach.kind, reach.body, *reach.heights, False) for reach in made if reach != first]
+    first = min(made.values(), key=lambda reach: KINDS.index(reach.kind))
+    also = tuple(dict.fromkeys(term for term in terms if made.get(term) != first))
+    names = {term.name for term, reach in made.items() if reach == first}
+    before = bool(also) and "in_front_of" in names and "in_center_of" not in names
     arms = _arms(location, around)
     if first.kind == "offer":
         arms = _holding(arms, around)
-    return replace(first, grasp=location.grasp, arms=arms, also=(*others, *filters))
+    return replace(first, grasp=location.grasp, arms=arms, also=also, before=before)
 
 
-def thing_demand(location: Location, around: Surroundings, radius: float, viewer: tuple[float, float]) -> ThingDemand:
+def hand_terms(location: Location, around: Surroundings, viewer: Viewer) -> tuple[HandTerm, ...]:
+    """What each conjunct of a location says of a hand; raises LocationUnresolvable for what means nothing."""
+    terms = []
+    for relation in location.relations:
+        if not isinstance(relation.reference, Object) or TABLE[relation.name].hand is None:
+            raise _meaningless(relation, "hand")
+        body = _body(relation, relation.reference, around)
+        from_there = viewer if relation.name in SIDES and around.front(body) is None else None
+        terms.append(HandTerm(relation.name, body, relation.within, relation.beyond, relation.negated, from_there))
+    return tuple(terms)
+
+
+def thing_demand(location: Location, around: Surroundings, radius: float, viewer: Viewer) -> ThingDemand:
     """What a location asks of an object whose outline has a radius [m]; raises LocationUnresolvable as above."""
-    _consistent(location, OF_A_THING, around)
+    check_consistent(location, OF_A_THING)
     on: list[str] = []
     inside: list[str] = []
     areas: list[Area] = []
     people: list[tuple[str, bool]] = []
+    neither: list[tuple[str, bool]] = []
     for relation in location.relations:
         if not isinstance(relation.reference, Object) or TABLE[relation.name].thing is None:
             raise _meaningless(relation, "thing")
@@ -166,8 +195,7 @@ def thing_demand(location: Location, around: Surroundings, radius: float, viewer
             case "on" | "in_" if not relation.negated:
                 (on if relation.name == "on" else inside).append(body)
             case "on" | "in_":
-                block = block_of(body, around)
-                areas.append(Area(_words(relation, body), body, block, radius, 0.0, math.inf))
+                neither.append((body, relation.name == "in_"))
             case "in_reach_of":
                 if not around.is_person(body):
                     raise _meaningless(relation, "thing")
@@ -182,7 +210,8 @@ def thing_demand(location: Location, around: Surroundings, radius: float, viewer
             if isinstance(reference, Object) and (found := around.support(around.bind(reference))) is not None:
                 on.append(found)
                 break
-    return ThingDemand(on[0] if on else None, inside[0] if inside else None, tuple(areas), tuple(people))
+    where = on[0] if on else None, inside[0] if inside else None
+    return ThingDemand(*where, tuple(areas), tuple(people), tuple(neither))
 
 
 def is_held(body: str, around: Surroundings) -> bool:
@@ -200,11 +229,6 @@ def block_of(body: str, around: Surroundings) -> Block:
             f"the orientation of {body} is no rotation: {pose.orientation} is not of length 1", designator=body
         )
     return around.block(body)
-
-
-def contradictory(location: Location, why: str) -> LocationUnresolvable:
-    """The failure of a conjunction that nothing can satisfy."""
-    return LocationUnresolvable(f"{location} contradicts itself: {why}", designator=str(location))
 
 
 def _arms(location: Location, around: Surroundings) -> tuple[str, ...] | None:
@@ -232,8 +256,8 @@ def _made(relation: Relation, body: str, location: Location, around: Surrounding
     """The reach that a conjunct of a hand location is, None for one that only filters."""
     match relation.name:
         case "above":
-            low, high = relation.beyond or HEIGHTS[0], HEIGHTS[1] if relation.within is None else relation.within
-            return Reach("above", body, heights=(max(low, HEIGHTS[0]), min(high, HEIGHTS[1])))
+            low, high = bounds(relation.within, relation.beyond, HEIGHTS)
+            return Reach("above", body, heights=(low, min(high, low + HIGHEST)))
         case "in_reach_of":
             return replace(_for_body(relation.reference, location, around), arms=None)  # type: ignore[arg-type]
         case "on" | "in_":
@@ -253,32 +277,24 @@ def _body(relation: Relation, what: Object, around: Surroundings) -> str:
             f"{body} has no size: it is a place, and nothing is {relation.name.strip('_')} a place",
             designator=str(relation),
         )
+    if relation.name == "on" and not relation.negated and around.rests_at(body) is None:
+        raise LocationUnresolvable(f"{body} has no level top on which things rest", designator=str(relation))
+    if relation.name == "in_" and min(around.size(body)) <= 0:
+        raise LocationUnresolvable(f"{body} has no size: nothing is in it", designator=str(relation))
     return body
 
 
 def _area(
     relation: Relation,
     body: str,
-    viewer: tuple[float, float],
+    viewer: Viewer,
     radius: float,
     default: tuple[float, float],
     around: Surroundings,
 ) -> Area:
-    bounds = _bounds(relation, default)
     block, front = block_of(body, around), around.front(body)
-    words = _words(relation, body)
-    return area_of(relation.name, words, body, block, front, viewer, radius, bounds, negated=relation.negated)
-
-
-def _bounds(relation: Relation, default: tuple[float, float]) -> tuple[float, float]:
-    """Least and greatest distance; a bound that is stated alone moves the other default out of its way."""
-    least = default[0] if relation.beyond is None else relation.beyond
-    most = default[1] if relation.within is None else relation.within
-    if relation.beyond is None and least > most:
-        least = 0.0
-    if relation.within is None and most < least:
-        most = math.inf
-    return least, most
+    limits, words = bounds(relation.within, relation.beyond, default), _words(relation, body)
+    return area_of(relation.name, words, body, block, front, viewer, radius, limits, negated=relation.negated)
 
 
 def _clear(relation: Relation, body: str, around: Surroundings) -> Clear:
@@ -290,23 +306,6 @@ def _clear(relation: Relation, body: str, around: Surroundings) -> Clear:
 def _words(relation: Relation, body: str) -> str:
     said = f"{relation.name.strip('_').replace('_', ' ')} {body}"
     return f"not {said}" if relation.negated else said
-
-
-def _consistent(location: Location, defaults: Mapping[str, tuple[float, float]], around: Surroundings) -> None:
-    """Raise if a relation is asked for and excluded, or if distances from one thing exclude each other."""
-    stated = set(location.relations)
-    for relation in location.relations:
-        if ~relation in stated:
-            raise contradictory(location, f"{relation} and {~relation}")
-    for first in location.relations:
-        for second in location.relations:
-            if first is second or first.reference != second.reference or first.negated or second.negated:
-                continue
-            if first.name in defaults and second.name in defaults:
-                if _bounds(first, defaults[first.name])[0] > _bounds(second, defaults[second.name])[1]:
-                    raise contradictory(location, f"{first} and {second} leave no distance")
-                if {first.name, second.name} in ({"in_front_of", "behind"}, {"left_of", "right_of"}):
-                    raise contradictory(location, f"{first} and {second} are opposite sides")
 
 
 def _meaningless(relation: Relation, subject: str) -> LocationUnresolvable:

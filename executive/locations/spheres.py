@@ -20,20 +20,38 @@ CORE = 0.5
 """Share of the box around a mesh that is taken as surely filled."""
 
 
+_Step = tuple[Array, Array, Array, Array, Array, int, float, float]
+"""Origin, constant, sine, versine, slide, column, factor and offset of one moving joint."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class _Step:
-    """A moving joint, with the fixed ones before it: rotation A + B sin q + C (1 - cos q), or a slide."""
+class _Steps:
+    """Moving joints (s), each with the fixed ones before it: rotation A + B sin q + C (1 - cos q), or a slide."""
 
     origin: Array
-    """(3,) in the frame before."""
+    """(s, 3) in the frame before."""
     constant: Array
+    """(s, 3, 3), as the next two."""
     sine: Array
     versine: Array
     slide: Array
-    """(3,) in the frame before, per unit; zero for one that turns."""
-    column: int
-    factor: float
-    offset: float
+    """(s, 3) in the frame before, per unit; zero for one that turns."""
+    columns: NDArray[np.intp]
+    """Of the arm's joint values, (s,): factor * value + offset."""
+    factors: Array
+    offsets: Array
+
+    @staticmethod
+    def of(steps: Sequence[_Step]) -> _Steps:
+        """From one tuple for each joint."""
+        count = len(steps)
+        vectors = (np.array([step[part] for step in steps]).reshape(count, 3) for part in (0, 4))
+        turns = (np.array([step[part] for step in steps]).reshape(count, 3, 3) for part in (1, 2, 3))
+        columns = np.array([step[5] for step in steps], np.intp)
+        factors, offsets = (np.array([step[part] for step in steps]).reshape(count) for part in (6, 7))
+        origin, slide = vectors
+        constant, sine, versine = turns
+        return _Steps(origin, constant, sine, versine, slide, columns, factors, offsets)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,27 +66,58 @@ class ArmSpheres:
     """Number of the solid link of each, (k,)."""
     in_tip: Array
     """Centres of those of the hand in the tip frame, (h, 3)."""
-    steps: tuple[_Step, ...]
-    local: tuple[Array, ...]
-    """After each moving joint the centres (., 3) of the spheres that it carries first; together in the order of k."""
+    steps: _Steps
+    carriers: NDArray[np.intp]
+    """The moving joint that carries each first, (k,)."""
+    local: Array
+    """Homogeneous centres (k, 4) in the frame after that joint."""
 
     def centres(self, q: Array) -> Array:
         """Centres (n, k, 3) in the base frame for joint values (n, d)."""
-        count = len(q)
-        turn, place = np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3))
-        found = []
-        for step, local in zip(self.steps, self.local, strict=True):
-            value = (step.factor * q[:, step.column] + step.offset)[:, None]
-            place = place + np.einsum("nij,nj->ni", turn, step.origin + value * step.slide)
-            value = value[:, :, None]
-            turn = turn @ (step.constant + np.sin(value) * step.sine + (1.0 - np.cos(value)) * step.versine)
-            if len(local):
-                found.append(np.einsum("nij,kj->nki", turn, local) + place[:, None])
-        return np.concatenate(found, axis=1) if found else np.zeros((count, 0, 3))
+        if not len(self.radii):
+            return np.zeros((len(q), 0, 3))
+        steps = self.steps
+        value = q[:, steps.columns] * steps.factors + steps.offsets
+        frames = np.zeros((*value.shape, 4, 4))
+        sine, versine = np.sin(value)[..., None, None], (1.0 - np.cos(value))[..., None, None]
+        frames[..., :3, :3] = steps.constant + sine * steps.sine + versine * steps.versine
+        frames[..., :3, 3] = steps.origin + value[..., None] * steps.slide
+        frames[..., 3, 3] = 1.0
+        for index in range(1, value.shape[1]):
+            frames[:, index] = frames[:, index - 1] @ frames[:, index]
+        return np.asarray(np.einsum("nkij,kj->nki", frames[:, self.carriers, :3], self.local))
 
 
-NO_SPHERES = ArmSpheres(np.zeros(0), np.zeros(0, bool), np.zeros(0, np.intp), np.zeros((0, 3)), (), ())
+NO_SPHERES = ArmSpheres(
+    np.zeros(0),
+    np.zeros(0, bool),
+    np.zeros(0, np.intp),
+    np.zeros((0, 3)),
+    _Steps.of([]),
+    np.zeros(0, np.intp),
+    np.zeros((0, 4)),
+)
 """Of an arm of which no shape is known: nothing is ruled out before the exact query."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedSpheres:
+    """k spheres inside arms in one posture."""
+
+    centres: Array
+    """(k, 3) in the base frame."""
+    radii: Array
+    hand: NDArray[np.bool_]
+    """Which belong to hands, (k,)."""
+
+    @staticmethod
+    def of(arms: Sequence[tuple[ArmSpheres, Array]]) -> PlacedSpheres:
+        """Those of arms at joint values (d,) each."""
+        centres = [spheres.centres(q[None])[0] for spheres, q in arms]
+        radii, hand = [spheres.radii for spheres, _ in arms], [spheres.hand for spheres, _ in arms]
+        if not arms:
+            return PlacedSpheres(np.zeros((0, 3)), np.zeros(0), np.zeros(0, bool))
+        return PlacedSpheres(np.concatenate(centres), np.concatenate(radii), np.concatenate(hand))
 
 
 def arm_spheres(
@@ -94,7 +143,7 @@ def _spheres(chain: Chain, tip: str, base_link: str, torso: str | None, world: P
     hand = robot.hand_of(tip)
     moved = frozenset[int]().union(*(robot.moved_by(name) for name in chain.names if name != torso))
     from_tip = world.link_pose(tip).inverse()
-    groups: list[list[tuple[Array, float, int]]] = [[] for _ in steps]
+    groups: list[list[tuple[Array, float, int]]] = [[] for _ in steps.columns]
     in_tip = []
     for number in sorted(moved):
         link = robot.solid_names[number]
@@ -116,12 +165,13 @@ def _spheres(chain: Chain, tip: str, base_link: str, torso: str | None, world: P
         np.array([number in hand for _, _, number in every], bool),
         np.array([number for _, _, number in every], np.intp),
         np.array([place for _, place in in_tip]).reshape(-1, 3),
-        tuple(steps),
-        tuple(np.array([place for place, _, _ in group]).reshape(-1, 3) for group in groups),
+        steps,
+        np.repeat(np.arange(len(groups)), [len(group) for group in groups]),
+        np.array([(*place, 1.0) for place, _, _ in every]).reshape(-1, 4),
     )
 
 
-def _steps(way: Sequence[Joint], chain: Chain) -> tuple[list[_Step], dict[str, tuple[int, Array]]]:
+def _steps(way: Sequence[Joint], chain: Chain) -> tuple[_Steps, dict[str, tuple[int, Array]]]:
     """The moving joints; and for each link of the chain after the first of them which it hangs from, and how (4, 4)."""
     steps: list[_Step] = []
     carried: dict[str, tuple[int, Array]] = {}
@@ -140,13 +190,13 @@ def _steps(way: Sequence[Joint], chain: Chain) -> tuple[list[_Step], dict[str, t
                 x, y, z = joint.axis
                 cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
                 parts = turn, turn @ cross, turn @ cross @ cross, np.zeros(3)
-            steps.append(_Step(fixed[:3, 3], *parts, chain.names.index(name), factor, offset))
+            steps.append((fixed[:3, 3], *parts, chain.names.index(name), factor, offset))
             fixed = np.eye(4)
         elif joint.kind != "fixed":
             fixed = fixed @ displacement(joint, 0.0)
         if steps:
             carried[joint.child] = len(steps) - 1, fixed.copy()
-    return steps, carried
+    return _Steps.of(steps), carried
 
 
 def _inside(kind: str, size: tuple[float, float, float]) -> Iterator[tuple[tuple[float, float, float], float]]:

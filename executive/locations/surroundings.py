@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
+
+import numpy as np
 
 from executive.locations.block import Block
 from executive.locations.field import Floor
 from executive.locations.hand import ComfortZone, HandFrame, Held
 from executive.locations.own_body import OwnBody
+from executive.locations.own_view import OwnView
 from executive.locations.reachability import GraspClass, Lift, ReachabilityMap
-from executive.locations.solids import Solids
-from executive.locations.spheres import NO_SPHERES, ArmSpheres
+from executive.locations.spheres import NO_SPHERES, ArmSpheres, PlacedSpheres
 from executive.motion import Boxes, InverseKinematics
+from executive.motion.solids import Solids
 from planlang.designators import Device, Object
 from planlang.protocols import Array, Contact, Pose
 
@@ -48,6 +51,13 @@ class ArmModel:
     spheres: ArmSpheres = NO_SPHERES
     lift: Lift | None = None
     """The torso that lifts it straight up."""
+    hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
+    """Corners of boxes around the hand's pieces in the tip frame, (n, 3)."""
+
+    def lowest(self, rotations: Array, held: Held | None) -> Array:
+        """Height of the lowest point of hand and held object over the tip (m,) [m], for tip rotations (m, 3, 3)."""
+        hand = (self.hand_corners @ rotations[:, 2, :, None])[..., 0].min(axis=1)
+        return np.asarray(hand if held is None else np.minimum(hand, held.lowest_of(rotations)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +129,14 @@ class Surroundings(Protocol):
     def reachability(self, arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
         """The map of an arm and class of grasp."""
 
+    def arms_as_they_are(self) -> PlacedSpheres:
+        """Spheres inside all arms in their present posture, as they stick out from the base wherever it goes."""
+
     def own_body(self, arm: ArmModel) -> OwnBody:
         """The rest of the robot in its present posture, as an arm meets it."""
 
-    def lifts(self, arm: ArmModel, torso: float) -> bool:
-        """Whether the rest of the robot, in its present posture, does not touch itself with the torso at a position."""
+    def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
+        """Positions of the torso at which the rest of the robot, in its present posture, does not touch itself."""
 
     def names(self) -> Sequence[str]:
         """All bodies."""
@@ -139,6 +152,9 @@ class Surroundings(Protocol):
 
     def support(self, name: str) -> str | None:
         """What a body is believed to rest on."""
+
+    def rests_at(self, name: str) -> float | None:
+        """Height of the level top on which things can rest, of a room its floor [m]; None for what has none."""
 
     def is_solid(self, name: str) -> bool:
         """Whether a body can be touched: a marker cannot."""
@@ -176,6 +192,9 @@ class Surroundings(Protocol):
 
     def sighted(self) -> bool:
         """Whether the robot has a camera; one without handles things where the map has them."""
+
+    def own_view(self) -> OwnView | None:
+        """What the robot's own body, neck and camera, in its present posture, leave to be seen; None without camera."""
 
     def hidden(self, base: Base, name: str) -> str | None:
         """None if the camera could see the body from a base; else what hides it, "" if it is out of its limits."""

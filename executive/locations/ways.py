@@ -7,6 +7,7 @@ can be inverted for many at once. The *key* pose of a series is the one that the
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -134,7 +135,8 @@ def grasp_ways(
     directions = _directions(grasps, yaws)
     lift = np.array([0.0, 0.0, LIFT])
     offsets = np.stack(
-        [-APPROACH * directions, np.zeros((count, 3)), np.tile(lift, (count, 1)), lift - APPROACH * directions], axis=1
+        [-APPROACH * directions, np.zeros((count, 3)), np.tile(lift, (count, 1)), _raised_and_back(directions, LIFT)],
+        axis=1,
     )
     points = np.tile(block.centre, (count, 1))
     return _ways(f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True)
@@ -145,17 +147,18 @@ def above_ways(
     block: Block,
     frame: HandFrame,
     held: Held | None,
-    hand_radius: float,
+    lowest: Callable[[Array], Array],
     heights: tuple[float, float],
     *,
+    inset: float,
     fine: bool,
 ) -> Ways:
     """Hand level over the block's top, so that what it holds would come down whole on it; near the edges first.
 
-    ``heights``: of the lowest point over the top, least and greatest [m].
+    ``heights``: of the lowest point over the top, least and greatest [m]; ``lowest``: where that is, relative to the
+    tip, for rotations (m, 3, 3); ``inset``: how far from the edges an empty hand stays [m].
     """
-    inset = (max(held.size[:2]) / 2 if held else hand_radius) + 0.03
-    places = block.grid(0.1 if fine else 0.2, inset)
+    places = block.grid(0.1 if fine else 0.2, (max(held.size[:2]) / 2 if held else inset) + 0.03)
     count = HEADINGS if fine else HEADINGS // 2
     turns = np.asarray(block.yaw + np.arange(count) * (2 * math.pi / count), np.float64)
     over = _over_the_edge(block, places, turns)
@@ -164,8 +167,8 @@ def above_ways(
     found = []
     for share in SHARES if fine else SHARES[:1]:
         weights = np.exp(-((over[at, turn] / 0.3) ** 2)) * (1.0 if share == SHARES[0] else 0.8)
-        lowest = np.column_stack([places[at], np.full(len(at), block.high + low + share * (high - low))])
-        found.append(_level(f"above {name}", lowest, turns[turn], weights, frame, held, hand_radius))
+        points = np.column_stack([places[at], np.full(len(at), block.high + low + share * (high - low))])
+        found.append(_level(f"above {name}", points, turns[turn], weights, frame, held, lowest))
     return joined(found).best(1200 if fine else 64)
 
 
@@ -188,7 +191,7 @@ def offer_ways(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(points)), np.arange(len(turns)), indexing="ij"))
     weights = (1.0 - 0.2 * np.abs(turns[turn])) * np.clip(zone.margins(points)[at] / COMFORTABLE, 0.05, 1.0)
     headings = zone.facing + math.pi + turns[turn]
-    found = _level(f"offer to {name}", points[at], headings, weights, frame, held, None)
+    found = _level(f"offer to {name}", points[at], headings, weights, frame, held)
     return found.best(1200 if fine else 64)
 
 
@@ -228,7 +231,7 @@ def retreat_ways(name: str, grasp: Array, frame: HandFrame) -> Ways:
         f"lift {name}",
         grasp[:3, 3] + rises,
         np.tile(grasp[:3, :3], (count, 1, 1)),
-        np.tile(np.stack([np.zeros(3), -APPROACH * approach]), (count, 1, 1)),
+        np.stack([np.zeros((count, 3)), _raised_and_back(np.tile(approach, (count, 1)), rises[:, 2]) - rises], axis=1),
         0,
         np.full(count, kind, np.intp),
         np.full(count, heading),
@@ -236,6 +239,16 @@ def retreat_ways(name: str, grasp: Array, frame: HandFrame) -> Ways:
         np.array([1.0, 0.9, 0.8]),
         touches=name,
     )
+
+
+def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
+    """Where a hand goes with what it has grasped, from approach directions (n, 3): back, and raised by ``rise`` [m].
+
+    What going back along a tilted approach raises counts.
+    """
+    back: Array = -APPROACH * approaches
+    back[:, 2] = np.maximum(back[:, 2], rise)
+    return back
 
 
 def joined(parts: list[Ways]) -> Ways:
@@ -273,30 +286,36 @@ def _level(
     weights: Array,
     frame: HandFrame,
     held: Held | None,
-    radius: float | None,
+    lowest: Callable[[Array], Array] | None = None,
 ) -> Ways:
     """Hand level, with either roll, or what it holds upright, its middle at places (m, 3).
 
-    With a ``radius`` of the hand it is the lowest point of hand or held object whose height they say.
+    With ``lowest`` (see :func:`above_ways`) it is the lowest point of hand and held object whose height they say.
     """
     count = len(places)
     still = np.zeros((count, 1, 3))
     if held is None:
-        raised = places + np.array([0.0, 0.0, radius or 0.0])
         side = [CLASSES.index(GraspClass.SIDE)] * count
-        return joined(
+        ways = joined(
             [
-                _ways(text, raised, still, 0, side, list(headings), [roll] * count, list(weights), frame)
+                _ways(text, places, still, 0, side, list(headings), [roll] * count, list(weights), frame)
                 for roll in (1, -1)
             ]
         )
+        return ways if lowest is None else replace(ways, points=_raised(ways.points, lowest(ways.rotations)))
     base, grasp, heading, roll = _held_upright(frame, held)
     rotations = _turned(headings - heading) @ base
     points = places - held.offsets(rotations)
-    if radius is not None:
-        points[:, 2] = places[:, 2] - held.lowest_of(rotations)
+    if lowest is not None:
+        points[:, 2] = places[:, 2]
+        points = _raised(points, lowest(rotations))
     rolls, grasps = np.full(count, roll, np.intp), np.full(count, grasp, np.intp)
     return Ways(text, points, rotations, still, 0, grasps, headings, rolls, weights)
+
+
+def _raised(points: Array, lowest: Array) -> Array:
+    """Points (m, 3) higher by as much as the lowest point is below them (m,)."""
+    return np.asarray(points - lowest[:, None] * np.array([0.0, 0.0, 1.0]))
 
 
 def _held_upright(frame: HandFrame, held: Held) -> tuple[Array, int, float, int]:

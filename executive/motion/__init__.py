@@ -1,13 +1,16 @@
 """How the robot moves: kinematics, paths of the arm and of the base, timing.
 
 General layout: ``urdf`` reads joints, ``symbolic`` and ``levenberg_marquardt`` are the mathematics behind
-``kinematics``; ``arm_path`` and ``base_path`` (on ``clearance``) find waypoints with plain callables for collision;
-``timing`` turns waypoints into trajectories. Random generators are passed in; ``errors`` lists what is raised.
+``kinematics``, ``native`` and ``compiled`` make C of it, ``virtual_machine`` does without. ``hulls``, ``spheres`` and
+``solids`` are shapes, ``collision`` judges configurations by them; ``arm_path`` searches with it, ``tip_line`` goes
+straight; ``base_path`` (on ``clearance``) drives. ``timing`` turns waypoints into trajectories. Random generators are
+passed in; ``errors`` lists what is raised.
 """
 
-from executive.motion.arm_path import TipLine, cartesian_path, plan_path
+from executive.motion.arm_path import JointSpace, plan_path
 from executive.motion.base_path import plan_base_path
 from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
+from executive.motion.collision import QuickCheck
 from executive.motion.errors import (
     BadRobotDescription,
     GoalInCollision,
@@ -19,7 +22,8 @@ from executive.motion.errors import (
 )
 from executive.motion.gaze import Gaze
 from executive.motion.kinematics import Chain, InverseKinematics
-from executive.motion.timing import time_path
+from executive.motion.timing import time_curve, time_path
+from executive.motion.tip_line import TipLine, cartesian_path
 
 __all__ = [
     "BadRobotDescription",
@@ -29,10 +33,12 @@ __all__ = [
     "GoalInCollision",
     "Grid",
     "InverseKinematics",
+    "JointSpace",
     "MotionError",
     "NoPath",
     "NoSuchChain",
     "OutsideLimits",
+    "QuickCheck",
     "StartInCollision",
     "TipLine",
     "cartesian_path",
@@ -40,5 +46,6 @@ __all__ = [
     "clearance_field",
     "plan_base_path",
     "plan_path",
+    "time_curve",
     "time_path",
 ]

@@ -1,70 +1,119 @@
-"""Paths of an arm: straight in joint space, RRT-Connect with shortcuts, straight lines of the tip.
+"""Paths of an arm: RRT-Connect whose edges are checked by spheres; exact queries look at the path found, lazily.
 
-RRT-Connect: Kuffner and LaValle, ICRA 2000. An exact check is what costs, so every answer is kept, an edge is checked
-at its far end first and then by bisection, and branches are long. Checking edges only once they are part of a path
-from start to goal saved nothing (cluttered scenes, 8 joints: 135-170 checks in the median either way).
+RRT-Connect: Kuffner and LaValle, ICRA 2000; checking only what is about to be used: Bohlin and Kavraki, ICRA 2000.
+Where the exact check finds a hit on a path, its place is forbidden, the quick check learns which two bodies have to
+stay farther apart, the trees lose the edges that are affected, and the search goes on. After :data:`MOST_HITS` the
+trees are given up and everything is checked exactly at once: then the path is as good as that of a plain search.
+Joints that turn without end go the shorter way around, in the trees too; a path may end whole turns from the goal.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.errors import GoalInCollision, StartInCollision
-from executive.motion.kinematics import InverseKinematics
+from executive.motion.collision import bisection
+from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from planlang.protocols import Array
 
-IsFree = Callable[[Array], bool]
-"""Whether a configuration (d,) is free of collision; must not change while a path is planned."""
+Touching = Callable[[Array], Sequence[tuple[str, str]]]
+"""The exact check: which two bodies touch each other, wrongly, at a configuration (d,); slow."""
 REACH = 10
 """Length of a new branch, in units of the edge resolution."""
+MOST_HITS = 40
+"""Exact hits on paths after which spheres are not asked any more."""
+KEPT_APART = (0.015, 0.0)
+"""How far everything is kept apart where the ends allow it [m]; less when no path is found like that."""
+FORBIDDEN = 0.5
+"""How near paths come to a place of an exact hit at most, in units of the edge resolution."""
 
 
-class _OutOfChecks(Exception):
-    """The allowance of collision checks is used up."""
-
-
-@dataclass(slots=True)
-class _Space:
-    """Collision checks with a memory and an allowance; ``resolution`` (d,) is what an edge may skip."""
-
-    is_free: IsFree
-    resolution: Array
-    allowance: int
-    known: dict[bytes, bool] = field(default_factory=dict)
+class Quick(Protocol):
+    """What tells at once, if not exactly, what is free: :class:`executive.motion.collision.QuickCheck`."""
 
     def free(self, q: Array) -> bool:
-        key = np.rint(q * 1e7).astype(np.int64).tobytes()
-        found = self.known.get(key)
-        if found is None:
-            if len(self.known) >= self.allowance:
-                raise _OutOfChecks
-            found = self.known[key] = bool(self.is_free(q.copy()))
+        """Whether a configuration (d,) is free as far as is known."""
+
+    def edge_free(self, start: Array, end: Array, pieces: int) -> bool:
+        """Whether the inner points of a way in so many pieces are free as far as is known."""
+
+    def sure(self, q: Array) -> NDArray[np.bool_]:
+        """Which configurations (n, d) are free for sure: the exact check is spared there."""
+
+    def keep(self, distance: float, ends: Sequence[Array]) -> None:
+        """Keep bodies so far apart [m] where the ends (d,), which are free, allow it; forget what was learnt."""
+
+    def learn(self, q: Array, pairs: Sequence[tuple[str, str]]) -> None:
+        """The exact check says that at a configuration (d,) these touch."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointSpace:
+    """Where an arm may be: limits (d,), which joints turn without end (d,), and ``resolution`` (d,) of checks."""
+
+    lower: Array
+    upper: Array
+    continuous: NDArray[np.bool_]
+    resolution: Array
+
+    @staticmethod
+    def of(
+        lower: ArrayLike, upper: ArrayLike, *, continuous: ArrayLike = False, resolution: ArrayLike = 0.08
+    ) -> JointSpace:
+        """From limits (d,); raises ValueError for a resolution that is not positive and limits that are not finite."""
+        low, high = np.asarray(lower, float), np.asarray(upper, float)
+        turning = np.array(np.broadcast_to(np.asarray(continuous, bool), low.shape))
+        steps = np.array(np.broadcast_to(np.asarray(resolution, float), low.shape))
+        if low.ndim != 1 or low.shape != high.shape:
+            raise ValueError(f"expected limits (d,), got shapes {low.shape}, {high.shape}")
+        if not (steps > 0).all() or not (np.isfinite(low) & np.isfinite(high) | turning).all():
+            raise ValueError("the resolution must be positive and the limits finite")
+        return JointSpace(np.where(turning, -np.pi, low), np.where(turning, np.pi, high), turning, steps)
+
+    def move(self, start: Array, end: Array) -> Array:
+        """What takes one configuration (..., d) to another, the shorter way around."""
+        move = end - start
+        return np.asarray(move - np.where(self.continuous, 2 * np.pi * np.rint(move / (2 * np.pi)), 0.0))
+
+    def unwound(self, path: Sequence[Array]) -> list[Array]:
+        """The same waypoints, each the shorter way around from the one before."""
+        found = [path[0]]
+        for q in path[1:]:
+            move = q - found[-1]
+            found.append(q if (np.abs(move[self.continuous]) <= np.pi).all() else found[-1] + self.move(found[-1], q))
         return found
 
-    def edge_free(self, a: Array, b: Array) -> bool:
-        """Whether the straight way between two free configurations is free."""
-        pieces = int(np.ceil((np.abs(b - a) / self.resolution).max() - 1e-9))
-        return all(self.free(a + (b - a) * (i / pieces)) for i in _bisection(pieces))
+    def pieces(self, start: Array, end: Array) -> int:
+        """Into how many pieces a way is divided to be checked."""
+        return max(1, int(np.ceil((np.abs(end - start) / self.resolution).max() - 1e-9)))
 
-    def length(self, path: list[Array]) -> float:
+    def length(self, path: Sequence[Array]) -> float:
+        """Of a path, in units of the resolution."""
         return sum(float(np.linalg.norm((b - a) / self.resolution)) for a, b in pairwise(path))
+
+    def points(self, path: Array) -> Array:
+        """Configurations (m, d) along waypoints (n, d), no farther apart than the resolution, the first left out."""
+        parts = []
+        for a, b in pairwise(path):
+            count = self.pieces(a, b)
+            parts.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
+        return np.concatenate(parts) if parts else path[:0]
 
 
 @dataclass(slots=True)
 class _Tree:
-    """Configurations that hang from a root by free edges."""
+    """Configurations that hang from a root by free edges; parents come before their children."""
 
     nodes: list[Array]
     parents: list[int] = field(default_factory=lambda: [-1])
 
-    def nearest(self, q: Array, scale: Array) -> int:
-        return int(np.argmin((((np.array(self.nodes) - q) / scale) ** 2).sum(axis=1)))
+    def nearest(self, q: Array, space: JointSpace) -> int:
+        return int(np.argmin(((space.move(np.array(self.nodes), q) / space.resolution) ** 2).sum(axis=1)))
 
     def way(self, node: int) -> list[Array]:
         """From a node to the root."""
@@ -73,175 +122,199 @@ class _Tree:
             nodes.append(self.nodes[node])
         return nodes
 
+    def pruned(self, free: Callable[[Array, Array], bool]) -> _Tree:
+        """Without the edges that are not free any more, and what hangs from them."""
+        kept, left = {0: 0}, _Tree(self.nodes[:1])
+        for number in range(1, len(self.nodes)):
+            above = kept.get(self.parents[number])
+            if above is not None and free(left.nodes[above], self.nodes[number]):
+                kept[number] = len(left.nodes)
+                left.nodes.append(self.nodes[number])
+                left.parents.append(above)
+        return left
+
+
+@dataclass(slots=True)
+class _Search:
+    """One question for a path and what is known of the answer."""
+
+    space: JointSpace
+    quick: Quick
+    touching: Touching
+    moments: Callable[[Array], Array]
+    rng: np.random.Generator
+    shortcuts: int
+    exactly: bool = False
+    """Whether edges are checked exactly at once."""
+    known: dict[bytes, Sequence[tuple[str, str]]] = field(default_factory=dict)
+    forbidden: list[tuple[Array, float]] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=lambda: {"branches": 0, "exact checks": 0, "exact hits": 0})
+
+    def pairs(self, q: Array) -> Sequence[tuple[str, str]]:
+        """What touches at a configuration, exactly; each is asked for once."""
+        key = np.rint(q * 1e9).astype(np.int64).tobytes()
+        found = self.known.get(key)
+        if found is None:
+            self.counts["exact checks"] += 1
+            found = self.known[key] = tuple(self.touching(q.copy()))
+        return found
+
+    def free(self, q: Array) -> bool:
+        return not self.pairs(q) if self.exactly else self.quick.free(q)
+
+    def edge_free(self, a: Array, b: Array) -> bool:
+        """Whether the straight way between two free configurations is free, as far as is known."""
+        pieces = self.space.pieces(a, b)
+        if not self._allowed(a, b):
+            return False
+        if self.exactly:
+            inner = a + (b - a) * (bisection(pieces) / pieces)[:, None]
+            return not any(self.pairs(q) for q in inner[~self.quick.sure(inner)])
+        return self.quick.edge_free(a, b, pieces)
+
+    def _allowed(self, a: Array, b: Array) -> bool:
+        """Whether a way passes no place where the exact check has found a hit."""
+        if not self.forbidden:
+            return True
+        move = (b - a) / self.space.resolution
+        for place, radius in self.forbidden:
+            away = self.space.move(a, place) / self.space.resolution
+            share = min(1.0, max(0.0, float(away @ move) / max(float(move @ move), 1e-12)))
+            if np.abs(away - share * move).max() < radius:
+                return False
+        return True
+
+    def first_hit(self, path: Array) -> Array | None:
+        """A configuration of a path where something touches, exactly; None if it is free."""
+        rows = self.moments(path)
+        rows = rows[~self.quick.sure(rows)] if len(rows) else rows
+        order = bisection(len(rows) + 1) - 1
+        return next((row for row in rows[order] if self.pairs(row)), None)
+
+    def forbid(self, q: Array, ends: Sequence[Array]) -> None:
+        """Remember a place of an exact hit; start and goal, if they are near, stay accessible."""
+        away = min(float(np.abs(self.space.move(q, end) / self.space.resolution).max()) for end in ends)
+        self.forbidden.append((q, min(FORBIDDEN, away / 2)))
+        self.counts["exact hits"] += 1
+        self.quick.learn(q, self.pairs(q))
+
 
 def plan_path(
     start: ArrayLike,
     goal: ArrayLike,
-    is_free: IsFree,
-    lower: ArrayLike,
-    upper: ArrayLike,
+    space: JointSpace,
+    quick: Quick,
+    touching: Touching,
     rng: np.random.Generator,
     *,
-    resolution: ArrayLike = 0.08,
+    moments: Callable[[Array], Array] | None = None,
     iterations: int = 2000,
-    checks: int = 6000,
-    shortcuts: int = 12,
-) -> Array | None:
-    """Waypoints (n, d) of a free path, start and goal included, or None when the search is over without one.
+    shortcuts: int = 40,
+) -> Array:
+    """Waypoints (n, d) of a path that is exactly free, from start to goal, at most whole turns away from it.
 
-    Edges are checked at steps of ``resolution`` ((d,) or scalar, rad or m per joint); ``is_free`` is called at most
-    ``checks`` times. Samples are drawn between ``lower`` and ``upper`` (d,), widened to start and goal: bring
-    continuous joints near the start first (``Chain.near``). Raises :class:`StartInCollision` or
-    :class:`GoalInCollision`.
+    ``moments`` turns waypoints into the configurations (m, d) that are looked at exactly, by default points at the
+    resolution: add there where the arm will be at each instant. Raises :class:`StartInCollision` and
+    :class:`GoalInCollision` with the bodies that touch, :class:`OutsideLimits` for the goal, :class:`NoPath` with
+    counts after so many ``iterations`` at each of the distances to keep.
     """
     a, b = np.array(start, float), np.array(goal, float)
-    low, high = np.minimum(np.minimum(a, b), lower), np.maximum(np.maximum(a, b), upper)
-    if a.ndim != 1 or a.shape != b.shape or low.shape != a.shape or high.shape != a.shape:
-        raise ValueError(f"expected start, goal and limits (d,), got shapes {a.shape}, {b.shape}, {low.shape}")
-    steps = np.array(np.broadcast_to(np.asarray(resolution, float), a.shape))
-    if not (steps > 0).all() or not (np.isfinite(low) & np.isfinite(high)).all():
-        raise ValueError("the resolution must be positive and the limits finite")
-    space = _Space(is_free, steps, max(checks, 2))
-    if not space.free(a):
-        raise StartInCollision(a.tolist())
-    if not space.free(b):
-        raise GoalInCollision(b.tolist())
-    try:
-        path = [a, b] if space.edge_free(a, b) else _connect(space, a, b, low, high, rng, iterations)
-    except _OutOfChecks:
-        return None
-    return None if path is None else np.array(_shorten(space, path, rng, shortcuts))
+    if a.shape != space.lower.shape or b.shape != a.shape:
+        raise ValueError(f"expected start and goal {space.lower.shape}, got shapes {a.shape}, {b.shape}")
+    outside = ((b < space.lower - 1e-6) | (b > space.upper + 1e-6)) & ~space.continuous
+    if outside.any() or not np.isfinite(b).all():
+        raise OutsideLimits("the goal", b.tolist(), space.lower.tolist(), space.upper.tolist())
+    search = _Search(space, quick, touching, moments or space.points, rng, shortcuts)
+    if pairs := search.pairs(a):
+        raise StartInCollision(a.tolist(), pairs)
+    if pairs := search.pairs(b):
+        raise GoalInCollision(b.tolist(), pairs)
+    b = a + space.move(a, b)
+    for distance in (*KEPT_APART, None):
+        search.exactly = distance is None
+        if distance is not None:
+            quick.keep(distance, (a, b))
+        for path in _paths(search, a, b, iterations):
+            found = np.array(_shortened(search, path))
+            hit = search.first_hit(found)
+            if hit is None:
+                return found
+            search.forbid(hit, (a, b))
+            if search.counts["exact hits"] % MOST_HITS == 0:
+                break
+    raise NoPath(a.tolist(), b.tolist(), search.counts)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TipLine:
-    """A straight line of the tip: its ``waypoints`` (n, d), or None and the ``reason`` why it cannot be followed."""
-
-    waypoints: Array | None
-    reason: str = ""
-
-
-def cartesian_path(
-    ik: InverseKinematics,
-    start_q: ArrayLike,
-    start_pose: ArrayLike,
-    goal_pose: ArrayLike,
-    is_free: IsFree,
-    *,
-    steps: int = 9,
-    largest_step: float = 0.5,
-) -> TipLine:
-    """Move the tip straight from one pose (4, 4) to another in the chain's base frame, turning it evenly.
-
-    Each step's solution starts from the last one and may move no joint by more than ``largest_step`` [rad, m]; every
-    configuration but ``start_q`` (d,) is checked. The line between two waypoints is straight in joint space.
-    """
-    q = np.array(start_q, float)
-    waypoints = [q]
-    for i, pose in enumerate(_between(np.asarray(start_pose, float), np.asarray(goal_pose, float), steps), start=1):
-        found = ik.solve_one(pose, q)
-        if found is None:
-            return TipLine(None, f"the tip does not reach step {i} of {steps}")
-        jump = np.abs(found - q)
-        if jump.max() > largest_step:
-            name = ik.chain.names[int(np.argmax(jump))]
-            return TipLine(None, f"{name} would jump by {jump.max():.2f} at step {i} of {steps}")
-        if not is_free(found.copy()):
-            return TipLine(None, f"in collision at step {i} of {steps}")
-        waypoints.append(found)
-        q = found
-    return TipLine(np.array(waypoints))
-
-
-def _connect(
-    space: _Space, start: Array, goal: Array, lower: Array, upper: Array, rng: np.random.Generator, iterations: int
-) -> list[Array] | None:
-    """Grow a tree from either end towards random configurations and each other until a path between them is free."""
+def _paths(search: _Search, start: Array, goal: Array, iterations: int) -> Iterator[list[Array]]:
+    """Paths from start to goal, found by a search that goes on; what is forbidden in between is heeded."""
+    known = -1
+    if search.edge_free(start, goal):
+        yield [start, goal]
     here, there = _Tree([start]), _Tree([goal])
-    reach = REACH * space.resolution
+    space, reach = search.space, REACH * search.space.resolution
     for _ in range(iterations):
-        target = rng.uniform(lower, upper)
-        grown = _grow(space, here, here.nearest(target, reach), target, reach)
+        if known != search.counts["exact hits"]:
+            known = search.counts["exact hits"]
+            here, there = (tree.pruned(search.edge_free) for tree in (here, there))
+        target = search.rng.uniform(space.lower, space.upper)
+        grown = _grow(search, here, here.nearest(target, space), target, reach)
         if grown is not None:
-            target = here.nodes[grown]
-            met: int | None = there.nearest(target, reach)
-            while met is not None and there.nodes[met] is not target:
-                met = _grow(space, there, met, target, reach)
+            met = _reached(search, there, here.nodes[grown], reach)
             if met is not None:
                 path = here.way(grown)[::-1] + there.way(met)[1:]
-                return path if path[0] is start else path[::-1]
+                path = path if path[0] is start else path[::-1]
+                yield space.unwound(path)
         here, there = there, here
-    return None
 
 
-def _grow(space: _Space, tree: _Tree, node: int, target: Array, reach: Array) -> int | None:
+def _reached(search: _Search, tree: _Tree, target: Array, reach: Array) -> int | None:
+    """Grow a tree towards a target until it is there, or something is in the way."""
+    met: int | None = tree.nearest(target, search.space)
+    while met is not None and np.abs(search.space.move(tree.nodes[met], target)).max() > 1e-12:
+        met = _grow(search, tree, met, target, reach)
+    return met
+
+
+def _grow(search: _Search, tree: _Tree, node: int, target: Array, reach: Array) -> int | None:
     """Add a branch from a node towards a target, at most as long as reach; None if something is in the way."""
-    move = target - tree.nodes[node]
-    far = float((np.abs(move) / reach).max())
-    end = target if far <= 1 else tree.nodes[node] + move / far
-    if not (space.free(end) and space.edge_free(tree.nodes[node], end)):
+    begin = tree.nodes[node]
+    move = search.space.move(begin, target)
+    end = begin + move / max(1.0, float((np.abs(move) / reach).max()))
+    if not (search.free(end) and search.edge_free(begin, end)):
         return None
+    search.counts["branches"] += 1
     tree.nodes.append(end)
     tree.parents.append(node)
     return len(tree.nodes) - 1
 
 
-def _shorten(space: _Space, path: list[Array], rng: np.random.Generator, attempts: int) -> list[Array]:
-    """Skip waypoints, then replace pieces between random points by straight lines, while checks are left."""
-    try:
-        path = _skip(space, path)
-        for _ in range(attempts if len(path) > 2 else 0):
-            marks = np.sort(rng.uniform(0, len(path) - 1, 2))
-            (i, u), (k, w) = ((int(mark), float(mark % 1)) for mark in marks)
-            if k == i:
-                continue
-            a, b = path[i] + u * (path[i + 1] - path[i]), path[k] + w * (path[k + 1] - path[k])
-            shorter = [*path[: i + 1], a, b, *path[k + 1 :]]
-            if space.length([a, b]) < 0.98 * space.length([a, *path[i + 1 : k + 1], b]) and space.edge_free(a, b):
-                path = shorter
-        return _skip(space, path)
-    except _OutOfChecks:
-        return path
+def _shortened(search: _Search, path: list[Array]) -> list[Array]:
+    """Skip waypoints, then replace pieces between random points by straight lines."""
+    path = _skipped(search, path)
+    for _ in range(search.shortcuts):
+        if len(path) == 2:
+            break
+        marks = np.sort(search.rng.uniform(0, len(path) - 1, 2))
+        (i, u), (k, w) = ((int(mark), float(mark % 1)) for mark in marks)
+        if k == i:
+            continue
+        a, b = path[i] + u * (path[i + 1] - path[i]), path[k] + w * (path[k + 1] - path[k])
+        b_near = a + search.space.move(a, b)
+        shorter = search.space.length([a, b_near]) < 0.98 * search.space.length([a, *path[i + 1 : k + 1], b])
+        if shorter and search.free(a) and search.free(b) and search.edge_free(a, b_near):
+            path = search.space.unwound([*path[: i + 1], a, b, *path[k + 1 :]])
+    return _skipped(search, path)
 
 
-def _skip(space: _Space, path: list[Array]) -> list[Array]:
+def _skipped(search: _Search, path: list[Array]) -> list[Array]:
     """From each waypoint go on to the farthest one that can be reached straight."""
     kept = [path[0]]
     i = 0
     while i < len(path) - 1:
-        i = next(k for k in range(len(path) - 1, i, -1) if k == i + 1 or space.edge_free(path[i], path[k]))
-        kept.append(path[i])
+        for k in range(len(path) - 1, i, -1):
+            ahead = kept[-1] + search.space.move(kept[-1], path[k])
+            if k == i + 1 or search.edge_free(kept[-1], ahead):
+                kept.append(ahead)
+                i = k
+                break
     return kept
-
-
-@cache
-def _bisection(pieces: int) -> tuple[int, ...]:
-    """The inner points 1 .. pieces - 1 of an edge, middle first, then the middles of what is left."""
-    order: list[int] = []
-    spans = [(0, pieces)]
-    for low, high in spans:
-        if high - low > 1:
-            middle = (low + high) // 2
-            order.append(middle)
-            spans += [(low, middle), (middle, high)]
-    return tuple(order)
-
-
-def _between(start: Array, goal: Array, steps: int) -> Iterator[Array]:
-    """Poses (4, 4) after the start up to the goal, evenly moved and turned."""
-    turn = goal[:3, :3] @ start[:3, :3].T
-    values, vectors = np.linalg.eig(turn)
-    axis = np.real(vectors[:, int(np.argmin(np.abs(values - 1)))])
-    axis = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    twice = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    angle = float(np.arctan2(axis @ twice / 2, (np.trace(turn) - 1) / 2))
-    for i in range(1, steps + 1):
-        share = i / steps
-        pose = start.copy()
-        part = share * angle
-        pose[:3, :3] = (np.eye(3) + np.sin(part) * cross + (1 - np.cos(part)) * cross @ cross) @ start[:3, :3]
-        pose[:3, 3] += share * (goal[:3, 3] - start[:3, 3])
-        if i == steps:
-            pose = goal.copy()
-        yield pose

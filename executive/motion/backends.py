@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.urdf import Joint, Variable
 from planlang.protocols import Array
+
+if TYPE_CHECKING:
+    from executive.motion.collision import Bodies
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +41,26 @@ class Solver(Protocol):
         """
 
 
+SURE, UNSURE = -2, -1
+"""What a checker says of a configuration: nothing is hit for sure, or as far as spheres tell."""
+
+
+class Checker(Protocol):
+    """Spheres that move with a chain against convex pieces."""
+
+    def judge(self, q: Array) -> NDArray[np.int32]:
+        """For each configuration (n, d) SURE, UNSURE, or the number of a pair that is hit."""
+
+    def judge_edge(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
+        """The first hit at points ``order`` of 0 .. pieces of the line between configurations (d,), else the worst."""
+
+    def doubtful(self, q: Array) -> NDArray[np.int32]:
+        """The pairs that are not free for sure at a configuration (d,)."""
+
+    def gaps(self, q: Array) -> Array:
+        """The smallest gap (p,) of every pair at a configuration (d,) [m], negative inside."""
+
+
 class Backend(Protocol):
     """Computes one chain; the result of a row does not depend on the other rows."""
 
@@ -49,6 +72,12 @@ class Backend(Protocol):
 
     def solver(self, free_axis: Array | None, tolerance: tuple[float, float]) -> Solver:
         """Inverse kinematics to a tolerance [m, rad], maybe with an axis (3,) of the tip that may turn freely."""
+
+    def frames(self, q: Array) -> Array:
+        """Configurations (n, d) -> poses (n, j, 3, 4) of the children of the j moving joints, in the base frame."""
+
+    def checker(self, bodies: Bodies) -> Checker:
+        """Collisions with some bodies, whose ``limit`` and ``sure`` may change later."""
 
 
 def backend(facts: ChainFacts) -> Backend:

@@ -15,6 +15,7 @@ from planlang.protocols import Array
 
 if TYPE_CHECKING:  # backends chooses between this and the virtual machine
     from executive.motion.backends import ChainFacts
+    from executive.motion.collision import Bodies
 
 STEPS = 40
 """Steps of inverse kinematics after which a seed is given up."""
@@ -32,6 +33,8 @@ class CompiledChain:
 
     def __init__(self, facts: ChainFacts, code: ctypes.CDLL) -> None:
         self._facts, self._code = facts, code
+        self._collision: ctypes.CDLL | None = None
+        self._joints = sum(variable.index is not None for variable in facts.variables)
         self._position_rows = _function(code, "position_rows", [_POINTER, _SIZE, _POINTER, _POINTER])
         self._pose_rows = _function(code, "pose_rows", [_POINTER, _SIZE, _POINTER, _POINTER, _POINTER])
 
@@ -67,6 +70,26 @@ class CompiledChain:
         assert code is not None
         return CompiledSolver(self._facts, code, tolerance)
 
+    def frames(self, q: Array) -> Array:
+        """As ``Backend`` says."""
+        q = np.ascontiguousarray(q)
+        rows = np.empty((len(q), self._joints, 12))
+        place = _function(self._collisions(), "frames_rows", [_POINTER, _SIZE, _POINTER])
+        place(q.ctypes.data, len(q), rows.ctypes.data)
+        return np.concatenate([rows[..., :9].reshape(*rows.shape[:2], 3, 3), rows[..., 9:, None]], axis=3)
+
+    def checker(self, bodies: Bodies) -> CompiledChecker:
+        """As ``Backend`` says."""
+        return CompiledChecker(self._collisions(), bodies)
+
+    def _collisions(self) -> ctypes.CDLL:
+        if self._collision is None:
+            key = ("collision", self._facts.digest)
+            self._collision = library(key, lambda: _collision_source(self._facts))
+        if self._collision is None:
+            raise RuntimeError("the compiler that made this chain's code is gone")
+        return self._collision
+
 
 class CompiledSolver:
     """Inverse kinematics; implements ``Solver``."""
@@ -93,6 +116,58 @@ class CompiledSolver:
         return q, solved
 
 
+class _Arrays(ctypes.Structure):
+    """``struct bodies`` of collision.c."""
+
+    _fields_ = (
+        ("base", _POINTER),
+        ("clusters", _SIZE),
+        *((name, _POINTER) for name in ("cluster", "cluster_group", "frame_ball", "obstacle_frame", "obstacle_ball")),
+        *((name, _POINTER) for name in ("group_part", "group_pair", "group_width", "part_ball", "part_sphere")),
+        *((name, _POINTER) for name in ("spheres", "pair_piece", "limit", "sure", "piece_kind", "piece")),
+    )
+
+
+class CompiledChecker:
+    """Implements ``Checker``; the bodies' arrays are read where they are."""
+
+    def __init__(self, code: ctypes.CDLL, bodies: Bodies) -> None:
+        self._bodies = bodies
+        names = [field[0] for field in _Arrays._fields_ if field[0] != "clusters"]
+        pointers = {name: getattr(bodies, name).ctypes.data for name in names}
+        self._arrays = _Arrays(clusters=len(bodies.cluster), **pointers)
+        self._all = ctypes.addressof(self._arrays)
+        self._judge = _function(code, "judge_rows", [_POINTER, _SIZE, _POINTER, _POINTER])
+        self._edge = _function(code, "judge_edge", [_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER])
+        self._edge.restype = ctypes.c_int
+        self._doubtful = _function(code, "doubtful_at", [_POINTER, _POINTER, _POINTER])
+        self._doubtful.restype = ctypes.c_int
+        self._gaps = _function(code, "gaps_at", [_POINTER, _POINTER, _POINTER])
+
+    def judge(self, q: Array) -> NDArray[np.int32]:
+        """As ``Checker`` says."""
+        q = np.ascontiguousarray(q)
+        found = np.empty(len(q), np.int32)
+        self._judge(q.ctypes.data, len(q), self._all, found.ctypes.data)
+        return found
+
+    def judge_edge(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
+        """As ``Checker`` says."""
+        start, end = np.ascontiguousarray(start), np.ascontiguousarray(end)
+        return int(self._edge(start.ctypes.data, end.ctypes.data, pieces, order.ctypes.data, len(order), self._all))
+
+    def doubtful(self, q: Array) -> NDArray[np.int32]:
+        """As ``Checker`` says."""
+        q, found = np.ascontiguousarray(q), np.empty(len(self._bodies.pair_piece), np.int32)
+        return found[: int(self._doubtful(q.ctypes.data, self._all, found.ctypes.data))]
+
+    def gaps(self, q: Array) -> Array:
+        """As ``Checker`` says."""
+        q, found = np.ascontiguousarray(q), np.empty(len(self._bodies.pair_piece))
+        self._gaps(q.ctypes.data, self._all, found.ctypes.data)
+        return found
+
+
 def _numbers() -> tuple[float, ...]:
     return STEPS, STALLED, MOST_SLOW
 
@@ -114,6 +189,16 @@ def _source(facts: ChainFacts, free_axis: Array | None, *, whole: bool) -> str:
         "MOST_SLOW": MOST_SLOW,
     }
     return generated(functions, defined, "kinematics.c")
+
+
+def _collision_source(facts: ChainFacts) -> str:
+    """C of the frames of a chain and of collisions of what moves with them."""
+    from executive.motion.collision import SPHERES
+    from executive.motion.symbolic import frames_function, symbolic_chain
+
+    chain = symbolic_chain(facts.joints, facts.variables, facts.dof)
+    defined: dict[str, float] = {"JOINTS": facts.dof, "FRAMES": 2 + len(chain.frames), "SPHERES": SPHERES}
+    return generated([frames_function(chain)], defined, "collision.c")
 
 
 def generated(functions: Sequence[Any], defined: dict[str, float], loops: str) -> str:

@@ -12,6 +12,8 @@ from planlang.protocols import Array
 
 STEPS = 61
 """Postures per neck joint in the table; about 3 degrees apart for a neck that turns half around."""
+COARSE = 4
+"""Where many points are looked at, every so-manieth of them is tried first."""
 
 
 class Gaze:
@@ -49,11 +51,37 @@ class Gaze:
         self._q = q
         self._origin = poses[:, :3, 3]
         self._axis = poses[:, :3, :3] @ np.asarray(axis, float)
+        self._behind = np.einsum("ij,ij->i", self._origin, self._axis)
+        self._square = np.einsum("ij,ij->i", self._origin, self._origin)
+
+    def at_all(self, points: Array) -> tuple[Array, Array]:
+        """By how much the view misses points (n, 3) [rad], (n,), and the camera's places (n, 3); as :meth:`at`.
+
+        The best of every fourth posture of each joint first, then the best around it.
+        """
+        every = np.arange(len(self._q)).reshape((STEPS,) * len(self.joints))
+        coarse = every[(slice(None, None, COARSE),) * len(self.joints)].ravel()
+        best = coarse[self._cosines(points, np.broadcast_to(coarse, (len(points), len(coarse)))).argmax(axis=1)]
+        if self.joints:
+            steps = np.arange(1 - COARSE, COARSE)
+            window = np.stack(np.meshgrid(*[steps] * len(self.joints), indexing="ij"), -1).reshape(-1, len(self.joints))
+            middle = np.stack(np.unravel_index(best, every.shape), axis=-1)
+            around = np.clip(middle[:, None] + window, 0, STEPS - 1)
+            choice = np.ravel_multi_index(tuple(np.moveaxis(around, -1, 0)), every.shape)
+            best = choice[np.arange(len(points)), self._cosines(points, choice).argmax(axis=1)]
+        cosine = self._cosines(points, best[:, None])[:, 0]
+        return np.arccos(np.clip(cosine, -1.0, 1.0)), self._origin[best]
+
+    def _cosines(self, points: Array, postures: Array) -> Array:
+        """Of the angle between view and points (n, 3) in postures (n, k) of the table, (n, k)."""
+        arrows = points[:, None] - self._origin[postures]
+        return np.asarray(
+            np.einsum("nki,nki->nk", arrows, self._axis[postures]) / np.maximum(np.linalg.norm(arrows, axis=2), 1e-9)
+        )
 
     def at(self, point: Array) -> tuple[Array, float, Array]:
         """Neck joint values (k,), by how much the view misses a point (3,) [rad], and the camera's place (3,)."""
-        arrow = point - self._origin
-        away = np.linalg.norm(arrow, axis=1)
-        cosine = np.einsum("ij,ij->i", arrow, self._axis) / np.maximum(away, 1e-9)
+        away = np.sqrt(np.maximum(point @ point - 2 * (self._origin @ point) + self._square, 1e-18))
+        cosine = (self._axis @ point - self._behind) / away
         best = int(np.argmax(cosine))
         return self._q[best], math.acos(float(np.clip(cosine[best], -1.0, 1.0))), self._origin[best]

@@ -94,6 +94,12 @@ class Chain:
         return chain
 
     @property
+    def carriers(self) -> tuple[str, ...]:
+        """The child links of its moving joints, base first: what :meth:`frames` tells the poses of."""
+        moved = zip(self._joints, self._variables, strict=True)
+        return tuple(joint.child for joint, variable in moved if variable.index is not None)
+
+    @property
     def dof(self) -> int:
         """Number of moving joints, d."""
         return len(self.names)
@@ -131,6 +137,12 @@ class Chain:
         """Poses (n, 4, 4) of the tip in the base for configurations (n, d)."""
         rotation, position = self.backend.position(self._rows(q))
         return _poses(rotation, position)
+
+    def frames(self, q: ArrayLike) -> Array:
+        """Poses (n, j, 4, 4) of the links ``carriers`` in the base for configurations (n, d)."""
+        rows = self.backend.frames(self._rows(q))
+        last = np.broadcast_to(np.array([0.0, 0.0, 0.0, 1.0]), (*rows.shape[:2], 1, 4))
+        return np.concatenate([rows, last], axis=2)
 
     def jacobian(self, q: ArrayLike) -> Array:
         """Geometric Jacobians (n, 6, d) for configurations (n, d): velocity of the tip point, then angular velocity.

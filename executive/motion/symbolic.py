@@ -21,6 +21,8 @@ class SymbolicChain:
     rotation: Any
     position: Any
     jacobian: Any
+    frames: tuple[tuple[Any, Any], ...]
+    """Rotation and position of the child of each moving joint, base first."""
 
 
 def symbolic_chain(joints: Sequence[Joint], variables: Sequence[Variable], size: int) -> SymbolicChain:
@@ -28,6 +30,7 @@ def symbolic_chain(joints: Sequence[Joint], variables: Sequence[Variable], size:
     q = casadi.SX.sym("q", size)
     rotation, position = casadi.SX.eye(3), casadi.SX.zeros(3)
     moving: list[tuple[Joint, Variable, Any, Any]] = []
+    frames: list[tuple[Any, Any]] = []
     fixed = np.eye(4)
     for joint, variable in zip(joints, variables, strict=True):
         fixed = fixed @ joint.origin
@@ -46,6 +49,7 @@ def symbolic_chain(joints: Sequence[Joint], variables: Sequence[Variable], size:
             turn = _constant(cross) * casadi.sin(value) + _constant(cross @ cross) * (1 - casadi.cos(value))
             rotation = rotation @ (casadi.SX.eye(3) + turn)
         moving.append((joint, variable, axis, position))
+        frames.append((rotation, position))
     position = position + rotation @ _constant(fixed[:3, 3])
     rotation = rotation @ _constant(fixed[:3, :3])
     columns = [casadi.SX.zeros(6) for _ in range(size)]
@@ -54,7 +58,7 @@ def symbolic_chain(joints: Sequence[Joint], variables: Sequence[Variable], size:
         angular = casadi.SX.zeros(3) if joint.kind == "prismatic" else axis
         assert variable.index is not None
         columns[variable.index] = columns[variable.index] + variable.multiplier * casadi.vertcat(linear, angular)
-    return SymbolicChain(q, rotation, position, casadi.horzcat(*columns))
+    return SymbolicChain(q, rotation, position, casadi.horzcat(*columns), tuple(frames))
 
 
 def position_function(chain: SymbolicChain) -> Any:
@@ -67,6 +71,12 @@ def pose_function(chain: SymbolicChain) -> Any:
     """q -> (rotation row by row (9), position (3), Jacobian row by row (6 d))."""
     outputs = [_row_major(chain.rotation), casadi.densify(chain.position), _row_major(chain.jacobian)]
     return casadi.Function("chain_pose", [chain.q], outputs, {"cse": True})
+
+
+def frames_function(chain: SymbolicChain) -> Any:
+    """q -> for each moving joint the rotation of its child row by row (9), then its position (3), in one row."""
+    rows = [part for rotation, position in chain.frames for part in (_row_major(rotation), casadi.densify(position))]
+    return casadi.Function("chain_frames", [chain.q], [casadi.vertcat(*rows)], {"cse": True})
 
 
 def _constant(matrix: Array) -> Any:

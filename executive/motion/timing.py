@@ -1,9 +1,12 @@
 """Timing of waypoints: one-DoF ruckig along the path, so that a motion never leaves the line that was checked.
 
-The path parameter s of a segment from a to b is measured in seconds at full speed, T = max_i |b_i - a_i| / v_i, so
-that ds/dt <= 1 is the velocity limit everywhere, and acceleration and jerk along s are limited by
+The path parameter s of a straight segment from a to b is measured in seconds at full speed, T = max_i |b_i - a_i| /
+v_i, so that ds/dt <= 1 is the velocity limit everywhere, and acceleration and jerk along s are limited by
 min_i limit_i T / |b_i - a_i|. Synchronising several degrees of freedom instead leaves the line when the limits are not
 proportional to each other.
+
+On a curve q(s), with derivatives q1, q2, q3 by s and s1, s2, s3 of s by time, joints move with velocity q1 s1,
+acceleration q1 s2 + q2 s1^2 and jerk q1 s3 + 3 q2 s1 s2 + q3 s1^3. Each term gets the same share of its limit.
 """
 
 from __future__ import annotations
@@ -17,8 +20,8 @@ from numpy.typing import ArrayLike
 
 from planlang.protocols import Array, Trajectory
 
-PASS = 0.3
-"""A corner is passed without a stop if that is possible with at least this share of the full speed."""
+STRAIGHT = 1e-6
+"""Segments whose directions differ by no more than this, in shares of the velocity limits, are one."""
 
 
 def time_path(
@@ -33,36 +36,23 @@ def time_path(
     """The trajectory through waypoints (n, d), n >= 1, within limits (d,) or scalars, sampled ``rate`` times a second.
 
     Every row lies on the path; the first and the last row are the first and the last waypoint. The motion starts and
-    ends at rest. It stops at corners, at a row of its own, except slight ones: where the jump of velocity takes at most
-    half the acceleration limit during one sample it passes (as a straight line of the tip needs), and then half the
-    acceleration is left for speeding up. Waypoints that repeat cost no time; n = 1 or no motion gives one row.
+    ends at rest, and stops at corners, at a row of its own. Waypoints that repeat cost no time; n = 1 or no motion
+    gives one row.
     """
-    points = np.array(waypoints, float)
-    if points.ndim != 2 or not len(points) or points.shape[1] != len(names) or not np.isfinite(points).all():
-        raise ValueError(f"expected finite waypoints (n, {len(names)}) of {tuple(names)}, got shape {points.shape}")
-    if rate <= 0:
-        raise ValueError(f"the rate must be positive, got {rate}")
-    v, a, j = (
-        _limits(what, value, names)
-        for what, value in (("velocity", velocity), ("acceleration", acceleration), ("jerk", jerk))
-    )
-    points = points[np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))]
+    points, (v, a, j) = _checked(names, waypoints, (velocity, acceleration, jerk), rate)
     times = (np.abs(np.diff(points, axis=0)) / v).max(axis=1)
     directions = np.diff(points, axis=0) / times[:, None]
-    passing = _passing_speeds(times, directions, a, rate)
-
+    goes_on = (np.abs(np.diff(directions, axis=0)) <= STRAIGHT * v).all(axis=1)
     rows = [points[:1]]
     first = 0
     while first < len(times):
         last = first
-        while last < len(passing) and passing[last] >= PASS:
+        while last < len(goes_on) and goes_on[last]:
             last += 1
         run = slice(first, last + 1)
-        share = 1.0 if last == first else 0.5
-        speed = min([1.0, *passing[first:last]])
         steepest = np.abs(directions[run]).max(axis=0)
         with np.errstate(divide="ignore"):
-            along = _profile(times[run].sum(), speed, share * (a / steepest).min(), (j / steepest).min(), rate)
+            along = _profile(times[run].sum(), 1.0, (a / steepest).min(), (j / steepest).min(), rate)
         marks = np.concatenate([[0.0], np.cumsum(times[run])])
         knots = points[first : last + 2]
         run_rows = np.stack([np.interp(along, marks, knots[:, k]) for k in range(len(names))], axis=1)
@@ -70,6 +60,83 @@ def time_path(
         rows.append(run_rows)
         first = last + 1
     return Trajectory(tuple(names), np.concatenate(rows))
+
+
+def time_curve(
+    names: Sequence[str],
+    waypoints: ArrayLike,
+    *,
+    velocity: ArrayLike,
+    acceleration: ArrayLike,
+    jerk: ArrayLike,
+    rate: int,
+) -> Trajectory:
+    """As :func:`time_path`, along the natural cubic spline through the waypoints, without a stop between its ends.
+
+    Rows are on the spline, not on straight lines between the waypoints: what has to be free has to be checked again.
+    """
+    points, (v, a, j) = _checked(names, waypoints, (velocity, acceleration, jerk), rate)
+    if len(points) <= 2:
+        return time_path(names, points, velocity=v, acceleration=a, jerk=j, rate=rate)
+    times = (np.abs(np.diff(points, axis=0)) / v).max(axis=1)
+    bends = _bends(points, times)
+    first, second, third = _steepest(points, times, bends)
+    with np.errstate(divide="ignore"):
+        speed = min((v / first).min(), np.sqrt(a / 2 / second).min(), np.cbrt(j / 3 / third).min())
+        push = min((a / 2 / first).min(), (j / 9 / second).min() / speed)
+        along = _profile(times.sum(), speed, push, (j / 3 / first).min(), rate)
+    rows = np.concatenate([points[:1], _on_spline(points, times, bends, along)])
+    rows[-1] = points[-1]
+    return Trajectory(tuple(names), rows)
+
+
+def _checked(
+    names: Sequence[str], waypoints: ArrayLike, limits: tuple[ArrayLike, ArrayLike, ArrayLike], rate: int
+) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Waypoints without repetitions, and the limits (d,) of velocity, acceleration and jerk."""
+    points = np.array(waypoints, float)
+    if points.ndim != 2 or not len(points) or points.shape[1] != len(names) or not np.isfinite(points).all():
+        raise ValueError(f"expected finite waypoints (n, {len(names)}) of {tuple(names)}, got shape {points.shape}")
+    if rate <= 0:
+        raise ValueError(f"the rate must be positive, got {rate}")
+    v, a, j = (
+        _limits(what, value, names) for what, value in zip(("velocity", "acceleration", "jerk"), limits, strict=True)
+    )
+    return points[np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))], (v, a, j)
+
+
+def _bends(points: Array, times: Array) -> Array:
+    """Second derivatives (n, d) of the natural cubic spline at its waypoints."""
+    count = len(points)
+    matrix, right = np.eye(count), np.zeros_like(points)
+    slopes = np.diff(points, axis=0) / times[:, None]
+    for k in range(1, count - 1):
+        matrix[k, k - 1 : k + 2] = times[k - 1] / 6, (times[k - 1] + times[k]) / 3, times[k] / 6
+        right[k] = slopes[k] - slopes[k - 1]
+    return np.asarray(np.linalg.solve(matrix, right))
+
+
+def _steepest(points: Array, times: Array, bends: Array) -> tuple[Array, Array, Array]:
+    """The largest first, second and third derivative of each joint (d,), absolute, anywhere on the spline."""
+    slopes = np.diff(points, axis=0) / times[:, None]
+    before, after, h = bends[:-1], bends[1:], times[:, None]
+    begin, end = slopes - h * (2 * before + after) / 6, slopes + h * (before + 2 * after) / 6
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(before * after < 0, before / (before - after), 0.0)  # where the bend changes its sign
+    between = begin + h * share * (before + share * (after - before) / 2)
+    first = np.abs(np.concatenate([begin, end, between])).max(axis=0)
+    return first, np.abs(bends).max(axis=0), np.abs((after - before) / h).max(axis=0)
+
+
+def _on_spline(points: Array, times: Array, bends: Array, along: Array) -> Array:
+    """The spline (m, d) at places (m,)."""
+    marks = np.concatenate([[0.0], np.cumsum(times)])
+    k = np.clip(np.searchsorted(marks, along, side="right") - 1, 0, len(times) - 1)
+    h, x = times[k][:, None], (along - marks[k])[:, None]
+    y, step = points[k], np.diff(points, axis=0)[k]
+    before, after = bends[k], bends[k + 1]
+    slope = step / h - h * (2 * before + after) / 6
+    return np.asarray(y + x * (slope + x * (before / 2 + x * (after - before) / (6 * h))))
 
 
 def _limits(what: str, value: ArrayLike, names: Sequence[str]) -> Array:
@@ -81,18 +148,6 @@ def _limits(what: str, value: ArrayLike, names: Sequence[str]) -> Array:
         if not (limit > 0 and math.isfinite(limit)):
             raise ValueError(f"the {what} limit of {name!r} must be positive and finite, got {limit}")
     return limits
-
-
-def _passing_speeds(times: Array, directions: Array, acceleration: Array, rate: int) -> Array:
-    """Speed (n - 1,) at which each corner's jump of velocity stays within half the acceleration of one sample.
-
-    Corners that can follow within a sample count together: their jumps fall into one difference of velocities.
-    """
-    marks = np.cumsum(times)[:-1]
-    together = np.abs(marks[:, None] - marks) <= 1 / rate
-    jumps = together @ np.abs(np.diff(directions, axis=0))
-    with np.errstate(divide="ignore"):
-        return np.asarray((0.5 * acceleration / rate / jumps).min(axis=1, initial=np.inf))
 
 
 def _profile(length: float, velocity: float, acceleration: float, jerk: float, rate: int) -> Array:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.backends import ChainFacts
+from executive.motion.backends import SURE, UNSURE, ChainFacts
 from executive.motion.levenberg_marquardt import ROTATION_WEIGHT, step_function
-from executive.motion.symbolic import pose_function, position_function, symbolic_chain
+from executive.motion.symbolic import frames_function, pose_function, position_function, symbolic_chain
 from planlang.protocols import Array
+
+if TYPE_CHECKING:
+    from executive.motion.collision import Bodies
 
 BLOCKS = (256, 32, 4, 1)
 """Rows per call of casadi's virtual machine; a call costs about 3 us beside the work of its rows."""
@@ -73,6 +76,7 @@ class VirtualChain:
         self._facts = facts
         self._position = RowFunction(position_function(chain))
         self._pose = RowFunction(pose_function(chain))
+        self._frames = RowFunction(frames_function(chain)) if chain.frames else None
 
     def position(self, q: Array) -> tuple[Array, Array]:
         """As ``Backend`` says."""
@@ -87,6 +91,17 @@ class VirtualChain:
     def solver(self, free_axis: Array | None, tolerance: tuple[float, float]) -> VirtualSolver:
         """As ``Backend`` says."""
         return VirtualSolver(self._facts, free_axis, tolerance)
+
+    def frames(self, q: Array) -> Array:
+        """As ``Backend`` says."""
+        if self._frames is None:
+            return np.zeros((len(q), 0, 3, 4))
+        rows = self._frames(q)[0].reshape(len(q), -1, 12)
+        return np.concatenate([rows[..., :9].reshape(*rows.shape[:2], 3, 3), rows[..., 9:, None]], axis=3)
+
+    def checker(self, bodies: Bodies) -> VirtualChecker:
+        """As ``Backend`` says."""
+        return VirtualChecker(self, bodies)
 
 
 class VirtualSolver:
@@ -140,3 +155,59 @@ class VirtualSolver:
             keep = ~met & (seed < tries)
             lane, q, seed, rounds, before = lane[keep], q[keep], seed[keep], rounds[keep], before[keep]
         return best, solved
+
+
+class VirtualChecker:
+    """Implements ``Checker`` in numpy: all spheres of a part against all pieces of a frame at once."""
+
+    def __init__(self, chain: VirtualChain, bodies: Bodies) -> None:
+        self._chain, self._bodies = chain, bodies
+        part_of, frame_of = bodies.pair_part, bodies.piece_frame[bodies.pair_piece]
+        keys = sorted({(int(part), int(frame)) for part, frame in zip(part_of, frame_of, strict=True)})
+        self._groups = []
+        for part, frame in keys:
+            pairs = np.flatnonzero((part_of == part) & (frame_of == frame))
+            pieces = bodies.solids.only(np.isin(np.arange(len(bodies.solids)), bodies.pair_piece[pairs]))
+            self._groups.append((part, frame, pairs[np.argsort(bodies.pair_piece[pairs], kind="stable")], pieces))
+
+    def judge(self, q: Array) -> NDArray[np.int32]:
+        """As ``Checker`` says."""
+        gaps = self._gaps(q)
+        hit = gaps < self._bodies.limit
+        sure = (gaps > self._bodies.sure).all(axis=1)
+        found = np.where(hit.any(axis=1), hit.argmax(axis=1), np.where(sure, SURE, UNSURE))
+        return found.astype(np.int32)
+
+    def judge_edge(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
+        """As ``Checker`` says."""
+        if not len(order):
+            return SURE
+        found = self.judge(start + (end - start) * (order / pieces)[:, None])
+        hit = np.flatnonzero(found >= 0)
+        return int(found[hit[0]] if len(hit) else found.max())
+
+    def doubtful(self, q: Array) -> NDArray[np.int32]:
+        """As ``Checker`` says."""
+        far = np.maximum(self._bodies.limit, self._bodies.sure)
+        return np.flatnonzero(self._gaps(q[None])[0] <= far).astype(np.int32)
+
+    def gaps(self, q: Array) -> Array:
+        """As ``Checker`` says."""
+        return np.asarray(self._gaps(q[None])[0])
+
+    def _gaps(self, q: Array) -> Array:
+        """(n, p)."""
+        all_, count = self._bodies, len(q)
+        base = np.concatenate([all_.base[:9].reshape(3, 3), all_.base[9:, None]], axis=1)
+        moving = self._chain.frames(q)
+        turned = np.concatenate([base[:, :3] @ moving[..., :3], base[:, :3] @ moving[..., 3:] + base[:, 3:]], axis=3)
+        still = np.stack([np.eye(3, 4), base])
+        frames = np.concatenate([np.broadcast_to(still, (count, 2, 3, 4)), turned], axis=1)
+        found = np.empty((count, len(all_.pair_piece)))
+        for part, frame, pairs, pieces in self._groups:
+            spheres = all_.spheres[all_.part_sphere[part] : all_.part_sphere[part + 1]]
+            mine, other = frames[:, all_.part_frame[part]], frames[:, frame]
+            points = np.einsum("nij,kj->nki", mine[..., :3], spheres[:, :3]) + mine[:, None, :, 3]
+            local = np.einsum("nji,nkj->nki", other[..., :3], points - other[:, None, :, 3])
+            found[:, pairs] = (pieces.gaps(local) - spheres[:, 3, None]).min(axis=1)
+        return found

@@ -37,8 +37,10 @@ class Reaching:
         self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """The arms that the action may mean, and what carries them."""
-        return (*(arm.name for arm in self._arms(action)), "torso")
+        """The arms that the action may mean, and the torso if it moves with them."""
+        arms = self._arms(action)
+        torso = [] if all(self.platform.robot.torso not in arm.joints for arm in arms) else ["torso"]
+        return (*(arm.name for arm in arms), *torso)
 
     async def execute(self, action: Action) -> None:
         """Reach; raises what the failure classes say."""
@@ -66,7 +68,7 @@ class Reaching:
         raise problem or ManipulationPoseUnreachable(arm=arms[0].name, what=str(location))
 
     def _arms(self, action: Action) -> list[ArmModel]:
-        """Its device's arm; else the arm that holds something; else the arm in use; else all.
+        """Its device's arm; else the arm that holds something; else the one chosen in this strand; else all.
 
         Of several that the device may be, one that holds something reaches for a person.
         """
@@ -76,8 +78,7 @@ class Reaching:
             meant = platform.in_order(platform.around.arms_of(device))
             offering = [arm for arm in meant if platform.around.held(arm.name)] if self._is_for_person(action) else []
             return offering or meant
-        holding = [arm for arm in platform.around.arms if platform.around.held(arm.name)]
-        return holding or platform.in_order(platform.around.arms)
+        return platform.holding(platform.around.arms) or platform.in_order(platform.around.arms)
 
     def _is_for_person(self, action: Action) -> bool:
         """Whether the hand is to go to where a person reaches it."""

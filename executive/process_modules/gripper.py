@@ -32,13 +32,12 @@ class GripperModule:
         return await self._open(arms[0])
 
     def _arms(self, action: Action) -> list[ArmModel]:
-        """Its device's arm; else the arm that holds something; else the arm in use."""
+        """Its device's arm; else the arm that holds something; else the one chosen in this strand of the plan."""
         platform = self.platform
         device = action.get("device_used")
         candidates = platform.around.arms_of(device) if isinstance(device, Device) else platform.around.arms
-        ordered = platform.in_order(candidates)
-        holding = [arm for arm in ordered if platform.around.held(arm.name)]
-        return [arm for arm in holding or ordered if platform.gripper(arm) is not None]
+        arms = platform.holding(candidates) or platform.in_order(candidates)
+        return [arm for arm in arms if platform.gripper(arm) is not None]
 
     async def _close(self, arm: ArmModel, action: Action) -> str:
         platform = self.platform

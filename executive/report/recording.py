@@ -75,13 +75,9 @@ class Recording:
     def _write(self, path: Path) -> None:
         import rerun
 
-        stream = rerun.RecordingStream("planlang", recording_id=self._title, send_properties=False)
-        stream.save(path, default_blueprint=_blueprint())
-        stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        stream = stream_to(path, self._title, _blueprint())
         for thing, track in zip(self._drawn, self._tracks, strict=True):
-            entity = "/".join(rerun.escape_entity_path_part(part) for part in ("world", *thing.path))
-            for place, drawing in _drawings(entity, thing.shapes):
-                stream.log(place, drawing, static=True)
+            entity = placed(stream, thing, still=False)
             if track:
                 stream.send_columns(
                     entity,
@@ -104,6 +100,30 @@ class Recording:
         import rerun
 
         return rerun.TimeColumn(TIME_LINE, duration=[step / self._rate for step in steps])
+
+
+def stream_to(path: Path, title: str, blueprint: Any) -> rerun.RecordingStream:
+    """A recording into a file, of a world with z up."""
+    import rerun
+
+    stream = rerun.RecordingStream("planlang", recording_id=title, send_properties=False)
+    stream.save(path, default_blueprint=blueprint)
+    stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    return stream
+
+
+def placed(stream: rerun.RecordingStream, thing: Drawn, *, still: bool = True) -> str:
+    """Draw a thing, the name of its entity; where it is now, if it stays there (``still``)."""
+    import rerun
+
+    entity = "/".join(rerun.escape_entity_path_part(part) for part in ("world", *thing.path))
+    for place, drawing in _drawings(entity, thing.shapes):
+        stream.log(place, drawing, static=True)
+    if still:
+        pose = thing.pose()
+        where = rerun.Transform3D(translation=pose.position, quaternion=pose.orientation)
+        stream.log(entity, where, static=True)
+    return entity
 
 
 def _drawings(entity: str, shapes: Sequence[Shape]) -> list[tuple[str, Any]]:

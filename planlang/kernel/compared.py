@@ -184,10 +184,7 @@ class Compared(Trace):
 
     def sample(self, fluent: WorldFluent[Any], read: Callable[[], Any]) -> Any:
         """The value that was recorded for this step."""
-        key = self.keys.of(fluent)
-        if key is None:
-            return read()
-        node, number = key
+        node, number = self.keys.of(fluent) or (None, 0)  # a process module's own are not recorded, nor asked for here
         lines = self._worlds.get((None if node is None else node.path, number), [])
         place = bisect_right(lines, self.scheduler.now, key=lambda line: line.step)
         if not place:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from planlang.kernel.encoding import encode
@@ -115,6 +115,10 @@ class Continued(Trace):
                     del self._ahead[step]
                 return True
         return False
+
+    def tell_failure(self, tell: Callable[[BaseException], object] | None) -> None:
+        """Tell what goes wrong with the file."""
+        self._inner.tell_failure(tell)
 
     def flush(self) -> None:
         """Write through."""

@@ -97,6 +97,8 @@ class shield:  # noqa: N801 - used like a function: with shield(within=10)
 
     def _overrun(self) -> None:
         task = self._task
+        if isinstance(task.error, CleanupOverrun):  # of an outer shield, in this step: one cleans up, one is enough
+            return
         where = f"in {task.path} took longer than {self.within} s{place_of(task)}"
         advice = "a cleanup that needs more says so: unwind_protect(body, cleanup, within=30), shield(within=30)"
         self._error = CleanupOverrun(f"shielded code {where}; {advice}")

@@ -87,6 +87,8 @@ class Scheduler:
         """Constructs so far."""
         self.resumptions = 0
         """Turns and decisions in this world step."""
+        self.untold: BaseException | None = None
+        """What went wrong in writing the trace; raised when the tasks of the step have come to rest."""
         self.fatal: BaseException | None = None
         """What has to end the run, once the task in which it arose is dead."""
         self.heeded = 0
@@ -149,10 +151,10 @@ class Scheduler:
             self.enqueue(task)
 
     def throw(self, task: Task, error: BaseException) -> None:
-        """Let a task's wait raise ``error``; ignored when it has been woken already."""
-        if not task.woken:
-            task.error = error
-            self.enqueue(task)
+        """Let a task's wait raise ``error``. It has not been woken yet: what came first counts."""
+        assert not task.woken
+        task.error = error
+        self.enqueue(task)
 
     def release(self, owner: Task, evaporate: bool) -> None:
         """Let the owner of a completed scope go on, or deliver its evaporation."""
@@ -221,6 +223,8 @@ class Scheduler:
             with quiet_collector(), signals(self._interrupt) as ours:
                 self.watch = Watch(self, period, ours)
                 with watchdog.watching(self.watch):
+                    if self.trace is not None:
+                        self.trace.tell_failure(self._untold)
                     if self.journal is not None:
                         self.journal.begin(root)
                     self.enqueue(root)
@@ -238,8 +242,14 @@ class Scheduler:
             sys.set_asyncgen_hooks(*hooks)
             running.scheduler = None
             if self.trace is not None:
+                self.trace.tell_failure(None)
                 self.trace.flush()
         return endings.outcome_of(self, root)
+
+    def _untold(self, error: BaseException) -> None:
+        """The trace cannot be written any further: the run ends, for nobody could tell what it did."""
+        error.add_note(f"raised by the trace at world step {self.now}; the run was ended")
+        self.untold = self.untold or error
 
     # -- Ctrl-C and the watchdog
 

@@ -38,6 +38,7 @@ class Trace:
         self._file: TextIO | io.FileIO | None = None
         self._put: Callable[[bytes], int] | None = None
         """Writes a line through, and says how much of it was taken."""
+        self._on_failure: Callable[[BaseException], object] | None = None
         self._header = dict(header or {})
         self._nodes = 0
         self.continues = False
@@ -55,24 +56,27 @@ class Trace:
     ) -> Self:
         """A trace in a file at its final name, flushed line by line; an older one is renamed ``NAME.old``.
 
+        What is no file but a device or a pipe is written to as it is.
+
         With ``past``, what a resumed run takes over, it begins with those records, complete before the older trace
         gives way; and no older one is lost: the next free of ``NAME.old``, ``NAME.old2``, ... is taken.
         """
         target = Path(path)
         trace = cls(None, header)
         if past is None:
-            if target.exists():
+            if target.is_file():
                 target.replace(target.with_name(target.name + ".old"))
             trace._file = io.FileIO(target, "w")
             trace._put = trace._file.write
             return trace
-        coming = target.with_name(f".{target.name}.new")
+        coming = target.with_name(f".{target.name}.new") if target.is_file() or not target.exists() else target
         trace._file = io.FileIO(coming, "w")
         trace._put = trace._file.write
         trace.take_over((line.record for line in past.kept), past.nodes)
-        if target.exists():
+        if target.is_file():
             target.replace(_free(target))
-        coming.replace(target)
+        if coming is not target:
+            coming.replace(target)
         return trace
 
     def begin(self, **known: object) -> None:
@@ -110,18 +114,29 @@ class Trace:
             self._send(_line(record))
 
     def _send(self, text: str) -> None:
-        assert self._put is not None
-        data = text.encode(*_UTF8)
-        taken = self._put(data)
-        if taken != len(data):
-            self._rest(data, taken)
+        self._write_through(text.encode(*_UTF8))
 
-    def _rest(self, data: bytes, taken: int) -> None:
-        """A full disk takes a part of a line, and refuses the rest."""
+    def _write_through(self, data: bytes) -> None:
+        """A disk that is nearly full takes a part of a line, and refuses the rest; then no more is written."""
         assert self._put is not None
-        while taken != len(data):
-            data = data[taken:]
-            taken = self._put(data)
+        try:
+            while data:
+                data = data[self._put(data) :]
+        except _UNWRITABLE as error:
+            self._stop(error)
+
+    def _stop(self, error: Exception) -> None:
+        self._put = len
+        self._fail(error)
+
+    def _fail(self, error: BaseException) -> None:
+        if self._on_failure is None:
+            raise error
+        self._on_failure(error)
+
+    def tell_failure(self, tell: Callable[[BaseException], object] | None) -> None:
+        """Tell what goes wrong in writing, instead of raising it amid the work of a scheduler that ends the run."""
+        self._on_failure = tell
 
     def started(self, step: int, node: Node, **details: object) -> None:
         """A node of the tree begins."""
@@ -155,9 +170,13 @@ class Trace:
         ordinal = "" if node.ordinal == 1 else f"#{node.ordinal}"
         told = node.told = f'{number}{self._around}{node.kind}", "name": {name}{ordinal}"'
         data = f"{self._started}{told}}}\n".encode(*_UTF8)
-        taken = self._put(data)
+        try:
+            taken = self._put(data)
+        except _UNWRITABLE as error:
+            self._stop(error)
+            return
         if taken != len(data):
-            self._rest(data, taken)
+            self._write_through(data[taken:])
 
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
@@ -177,9 +196,13 @@ class Trace:
             if step != self._step:
                 self._turn_to(step)
             data = f'{self._ended}{node.told}, "status": "{word}"}}\n'.encode(*_UTF8)
-            taken = self._put(data)
+            try:
+                taken = self._put(data)
+            except _UNWRITABLE as error:
+                self._stop(error)
+                return
             if taken != len(data):
-                self._rest(data, taken)
+                self._write_through(data[taken:])
         elif node.number and node.parent is not None and self._put is None:
             self.events.append(
                 {
@@ -236,6 +259,8 @@ def with_paths(events: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
         yield {**event, "path": paths[number]}
 
 
+_UNWRITABLE = (OSError, ValueError)
+"""What a file raises that is full, or closed."""
 _SPANS = frozenset({"started", "ended"})
 _PLAIN = frozenset({str, int, bool, type(None)})
 _UTF8 = ("utf-8", "backslashreplace")

@@ -224,3 +224,7 @@ async def par_each(values: Iterable[A], body: Callable[[A], Awaitable[V]], limit
         raise ValueError(f"limit is a number of branches, at least 1, not {limit!r}")
     result: list[V] = await _ParEach(iter(values), body, limit).execute()
     return result
+
+
+SIDE_BY_SIDE = (_Par, _ParEach, _Pursue, _TryAll)
+"""Scopes whose branches have nothing to do with each other."""

@@ -55,13 +55,15 @@ class Replay:
 def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     """Run a plan on what is recorded of an earlier run of it, and compare; stops at the first difference.
 
-    Raises ValueError when the records are not those of a run that can be replayed (``resumable=True``).
+    Raises ValueError when such a run cannot be replayed: it was not ``resumable``, or in real time.
     """
     check("replay", (plan,))
     header = recorded.header
     rate, seed, schedule = header.get("rate"), header.get("seed"), header.get("schedule")
     if header.get("resumable") is not True:
         raise ValueError("the trace does not tell what the plan was told: it was not written with resumable=True")
+    if header.get("real_time"):
+        raise ValueError("a run in real time can be resumed, not replayed: what threads did to it is not in its trace")
     if not isinstance(rate, int) or not isinstance(seed, int):
         raise ValueError("the header of the trace does not tell rate and seed")
     trace = Compared(recorded)
@@ -233,7 +235,7 @@ class _Work:
 
     def __init__(self, trace: Compared) -> None:
         self._trace = trace
-        self._leases: dict[str | None, Lease] = {}
+        self._leases: dict[tuple[str | None, tuple[str, ...]], Lease] = {}
         self._begun: dict[str | None, int] = {}
 
     async def do(self, inside: list[int]) -> None:
@@ -247,8 +249,8 @@ class _Work:
             trace.take()
             if line.event == "acquired":
                 await self._acquire(line)
-            elif line.event == "released" and line.path in self._leases:
-                self._arbiter.release(self._leases.pop(line.path))
+            elif line.event == "released" and (lease := self._leases.pop(_leased(line), None)) is not None:
+                self._arbiter.release(lease)
             elif line.record.get("kind") == "perform":
                 if line.event == "started":
                     self._begun[line.path] = line.step
@@ -259,10 +261,9 @@ class _Work:
     async def _acquire(self, line: Line) -> None:
         scheduler, task = here()
         self._arbiter = scheduler.service(Arbiter)
-        names = tuple(map(str, line.record.get("resources", ())))
-        lease = Lease(self._arbiter, scheduler, task, names, holding())
+        lease = Lease(self._arbiter, scheduler, task, _leased(line)[1], holding())
         await self._arbiter.acquire(lease)
-        self._leases[line.path] = lease
+        self._leases[_leased(line)] = lease
 
     def release(self) -> None:
         """Give back what is still held."""
@@ -271,18 +272,24 @@ class _Work:
         self._leases.clear()
 
 
+def _leased(line: Line) -> tuple[str | None, tuple[str, ...]]:
+    return line.path, tuple(map(str, line.record.get("resources", ())))
+
+
 def _request(trace: Compared, path: str) -> tuple[list[int], int | None]:
     """Places of the records inside of a request that begins here, and of its end; None if that is not recorded."""
     inside: list[int] = []
     below = f"{path}/"
+    held = 0
     first = trace.place
     while first and trace.lines[first - 1].event in _NOT_WRITTEN:  # of the request, and passed by already
         first -= 1
     for place in range(first, len(trace.lines)):
         line = trace.lines[place]
         if line.path == path:
-            if line.event in ("performed", "released", "ended"):
+            if line.event in ("performed", "ended") or (line.event == "released" and not held):
                 return inside, place
+            held += {"acquired": 1, "released": -1}.get(line.event, 0)
             if line.event not in ("answer", "world", "completed"):
                 inside.append(place)
         elif line.path is not None and line.path.startswith(below) and line.event not in _NOT_WRITTEN:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.kernel import Host, PlanStructureError, Scheduler, Trace
 from planlang.kernel.choices import Schedule, described
+from planlang.kernel.realtime import LiveHost
 from planlang.kernel.tree import Node, name_of
 from planlang.language import context
 from planlang.language.answering import NotedExecutive
@@ -80,7 +81,8 @@ def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: S
     while isinstance(marked, functools.partial):
         marked = marked.func
     iri = getattr(marked, "iri", None)
-    return {"plan": name_of(plan), "iri": iri, "rate": host.rate, "seed": seed, "schedule": described(schedule)}
+    told = {"plan": name_of(plan), "iri": iri, "rate": host.rate, "seed": seed, "schedule": described(schedule)}
+    return {**told, "real_time": True} if isinstance(host, LiveHost) else told
 
 
 def inside_of(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive: Executive | None) -> Any:

@@ -10,7 +10,7 @@ from planlang.ontology.terms import ON_PROPERTY, OWL, RDF, RDFS, RESTRICTION, TY
 from planlang.ontology.triples import Triples
 
 _RDF = """type first rest nil value subject predicate object Statement List Property langString XMLLiteral PlainLiteral
- HTML JSON Bag Seq Alt CompoundLiteral language direction"""
+ langRange HTML JSON Bag Seq Alt CompoundLiteral language direction"""
 _RDFS = """subClassOf subPropertyOf domain range label comment seeAlso isDefinedBy member Class Datatype Literal
  Resource Container ContainerMembershipProperty"""
 _OWL = """AllDifferent AllDisjointClasses AllDisjointProperties Annotation AnnotationProperty AsymmetricProperty Axiom

@@ -10,8 +10,10 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, note
 from planlang.ontology import Ontology
 from planlang.recipe.graph import recipe_cycle, recipe_order
+from planlang.recipe.guesses import guess
 from planlang.recipe.intervals import Intervals
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe
+from planlang.recipe.precedence import Precedence
 from planlang.recipe.statements import LooseEnd, Statements
 
 
@@ -50,15 +52,15 @@ def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> 
     both = " and ".join(loose.missing)
     if len(loose.missing) < 2:
         return error("R011", f"the constraint `{name}` has no {both}", loose.span, f"add {both} to it")
-    known = {
-        local_name(triple.subject): None
+    known = [
+        triple.subject
         for word in loose.missing
         for triple in ontology.triples(p=word)
         if isinstance(triple.subject, str)
-    }
+    ]
     message = f"`{local_name(statements.iri)}` names the constraint `{name}`, which relates nothing"
-    similar = get_close_matches(name, known, n=1)
-    return error("R011", message, loose.span, f"did you mean `{similar[0]}`?" if similar else f"give it {both}")
+    meant = guess(loose.what, known)
+    return error("R011", message, loose.span, f"did you mean {meant}?" if meant else f"give it {both}", meant)
 
 
 def _strangers(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
@@ -116,7 +118,7 @@ def _cycle(recipe: Recipe, cycle: tuple[str, ...]) -> Diagnostic:
 
 def _repeated(recipe: Recipe) -> Iterator[Diagnostic]:
     first: dict[tuple[str, str], Ordering] = {}
-    for ordering in _constraints(recipe):
+    for ordering in constraints_of(recipe):
         earlier = first.setdefault((ordering.before, ordering.after), ordering)
         if earlier is not ordering:
             message = (
@@ -126,20 +128,39 @@ def _repeated(recipe: Recipe) -> Iterator[Diagnostic]:
             yield note("R013", message, ordering.span, "remove one of them")
 
 
-def _constraints(recipe: Recipe) -> Iterator[Ordering]:
+def constraints_of(recipe: Recipe) -> Iterator[Ordering]:
     """The orderings that the file states as such."""
     yield from (ordering for ordering in recipe.orderings if ordering.reason is Reason.CONSTRAINT)
 
 
 def _redundant(recipe: Recipe) -> Iterator[Diagnostic]:
-    constraints = tuple(_constraints(recipe))
-    if len(constraints) < len(recipe.orderings):
-        recipe = replace(recipe, orderings=constraints)
-    order = recipe_order(recipe)
+    order = _stated(recipe)
     extra = order.number_of_edges - sum(1 for _ in order.reduction())
     if extra and order.number_of_pairs() != order.number_of_edges:
         message = f"{extra} of the {order.number_of_edges} orderings of `{recipe.name}` follow from the others"
-        yield note("R014", message, recipe.span)
+        yield note("R014", message, recipe.span, "remove them: the plan stays the same")
+
+
+def _stated(recipe: Recipe) -> Precedence[str]:
+    """The orders of steps that the file states as such; they are acyclic."""
+    constraints = tuple(constraints_of(recipe))
+    return recipe_order(replace(recipe, orderings=constraints) if len(constraints) < len(recipe.orderings) else recipe)
+
+
+def follow_from_others(recipe: Recipe) -> frozenset[tuple[str, str]]:
+    """The stated orders of steps (IRIs) that follow from other stated ones; none if all that follow are stated.
+
+    Some tools state every order that follows: then that is how the file is meant. The orders are acyclic, or the
+    answer is none.
+    """
+    if recipe_cycle(recipe):
+        return frozenset()
+    order = _stated(recipe)
+    if order.number_of_pairs() == order.number_of_edges:
+        return frozenset()
+    steps = {step.iri for step in recipe.steps}
+    stated = {(one.before, one.after) for one in constraints_of(recipe)}
+    return frozenset(pair for pair in stated if steps.issuperset(pair)).difference(order.reduction())
 
 
 def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:

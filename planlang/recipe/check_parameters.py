@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from difflib import get_close_matches
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, Severity, Span, error, warning
-from planlang.ontology import BNode, Literal, Ontology, expand, shorten
+from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
+from planlang.ontology import BNode, Literal, Ontology, shorten
 from planlang.ontology.terms import OWL, TYPE, is_vocabulary
 from planlang.recipe.actions import Actions
-from planlang.recipe.fillings import action_class, fillings, unread_facts
-from planlang.recipe.model import Recipe, Step, Thing
-from planlang.recipe.readers.data_flow import made
+from planlang.recipe.fillings import action_class, action_properties, fillings, unread_facts
+from planlang.recipe.guesses import SURE, guess
+from planlang.recipe.model import Name, Place, Recipe, Step, Thing
+from planlang.recipe.readers.data_flow import OUTPUTS, made
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.repairs import ranges_of, violates_range
-from planlang.recipe.statements import Filling, Statements
+from planlang.recipe.statements import Filling, Statements, is_word
 from planlang.recipe.terms import (
     NUMERIC,
     classes_of,
@@ -35,15 +35,28 @@ AGENTS = frozenset({"performedBy", "doneBy"})
 """Properties whose filler is not looked up to perform the action: the robot is known without it."""
 
 
-def check_ranges(actions: Actions, owner: Step | Recipe) -> Iterator[Diagnostic]:
-    """Judge the fillers of a step, or of a task itself, after repairs."""
+UNDEFINED = "define it in the file, with its class, or name it as outputsCreated of the step that makes it"
+
+
+def check_ranges(actions: Actions, owner: Step | Recipe, known: frozenset[str]) -> Iterator[Diagnostic]:
+    """Judge the fillers of a step, or of a task itself, after repairs; ``known`` are individuals that steps create."""
     ontology = actions.ontology
     for parameter in owner.parameters:
         filler = parameter.filler
-        if isinstance(filler, Thing) and violates_range(ontology, parameter.property, filler):
+        match filler:
+            case Thing():
+                cls, is_wrong = filler.stated, violates_range(ontology, parameter.property, filler.stated)
+                is_individual = filler.iri is not None
+            case Place() | Name() if filler.iri not in known:
+                classes = classes_of(ontology, filler.iri)
+                cls, is_individual = next(iter(classes), filler.iri), classes != (filler.iri,)
+                is_wrong = all(violates_range(ontology, parameter.property, one) for one in classes or (cls,))
+            case _:
+                continue
+        if is_wrong:
             wanted = " and ".join(f"`{local_name(one)}`" for one in ranges_of(ontology, parameter.property))
-            is_what = f"`{filler.name}`" + (f" (a `{local_name(filler.stated)}`)" if filler.iri else "")
-            message = f"{parameter.property} of `{owner.name}` is {is_what}, but takes a {wanted}"
+            is_what = f"`{filler.name}`" + (f" (a `{local_name(cls)}`)" if is_individual else "")
+            message = f"{parameter.property} of `{owner.name}` is {is_what}, but takes what is below {wanted}"
             yield warning("R032", message, parameter.span, "check the property, or the class of what fills it")
 
 
@@ -58,7 +71,7 @@ def check_fillers(actions: Actions, statements: Statements) -> Iterator[Diagnost
         listed = actions.properties(cls)
         for level in fillings(ontology, owner, more):
             for filling in level:
-                yield from _property(owner, listed, filling)
+                yield from _property(ontology, owner, listed, filling)
                 if filling.term not in known:
                     found = list(_filler(ontology, owner, filling))
                     yield from found
@@ -81,26 +94,33 @@ def _left_out(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
         others = f" and {len(spans) - 1} more" if len(spans) > 1 else ""
         message = f"{local_name(name)} of `{local_name(owner)}`{others} is left out: it is no property of actions"
         cls = action_class(ontology, owner)
-        names = sorted(local_name(one) for one in ontology.valid_properties(cls)) if cls is not None else []
-        similar = get_close_matches(local_name(name), names, n=1, cutoff=0.8)
-        advice = f"did you mean {similar[0]}?" if similar else "say it by such a property if a plan should know it"
-        if names and not similar:
-            advice += f": {', '.join(names)}"
-        yield warning("R038", message, span, advice)
+        listed = ontology.valid_properties(cls) if cls is not None else ()
+        meant = guess(name, listed, least=0.8) or guess(name, action_properties(ontology), least=SURE)
+        advice = f"did you mean {meant}?" if meant else "say it by such a property if a plan should know it"
+        if listed and not meant:
+            advice += f": {', '.join(sorted(map(local_name, listed)))}"
+        yield warning("R038", message, span, advice, meant)
 
 
-def _property(owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:
-    if not listed or filling.property in listed:
+def _property(ontology: Ontology, owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:
+    if not listed or filling.property in listed or is_word(filling.property, *OUTPUTS):  # any action may make something
         return
     names = sorted(local_name(name) for name in listed)
     short = local_name(filling.property)
-    similar = get_close_matches(short, names, n=1, cutoff=0.85)
-    if similar and not is_vocabulary(short):
-        message = f"`{local_name(owner)}` has no property {short}"
-        yield error("R031", message, filling.span, f"did you mean {similar[0]}?")
-    else:
-        message = f"{short} is not listed for actions such as `{local_name(owner)}`: it is kept as it is"
-        yield warning("R031", message, filling.span, f"listed are {', '.join(names)}")
+    advice = f"listed are {', '.join(names)}"
+    message = f"{short} is not listed for actions such as `{local_name(owner)}`: it is kept as it is"
+    if not is_vocabulary(short):
+        is_declared = ontology.is_property(filling.property)
+        meant = guess(filling.property, sorted(listed), least=SURE)
+        if meant is None and not is_declared:
+            meant = guess(filling.property, action_properties(ontology), least=SURE)
+        if meant:
+            message = f"`{local_name(owner)}` has no property {short}"
+            yield error("R031", message, filling.span, f"did you mean {meant}?", meant)
+            return
+        if not is_declared:
+            message = f"nothing declares the property {short} of `{local_name(owner)}`: it is kept as it is"
+    yield warning("R031", message, filling.span, advice)
 
 
 def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagnostic]:
@@ -123,29 +143,29 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
     if read_filler(ontology, term) is None:
         message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, which nothing defines"
         severity = Severity.WARNING if short in AGENTS else Severity.ERROR
-        yield Diagnostic(severity, "R033", message, span, _guess(ontology, term))
+        meant = _meant(ontology, term)
+        yield Diagnostic(severity, "R033", message, span, _asked(meant), meant)
     elif (
         takes_things(ontology, filling.property) and is_of_unknown_kind(ontology, term) and not is_place(ontology, term)
     ):
         yield _of_unknown_kind(ontology, owner, filling, term)
     for missing in unread_references(ontology, term):
         message = f"`{local_name(term)}` relates to `{local_name(missing)}`, which nothing defines"
-        yield error("R033", message, ontology.span(term) or span, _guess(ontology, missing))
+        meant = _meant(ontology, missing)
+        yield error("R033", message, ontology.span(term) or span, _asked(meant), meant)
 
 
 def _of_unknown_kind(ontology: Ontology, owner: str, filling: Filling, term: str) -> Diagnostic:
     """What fills a property is defined, but not as anything of which it is known what it is."""
     cls = next(iter(classes_of(ontology, term)), term)
-    known = {shorten(name): None for name in ontology.class_names() if is_vocabulary_class(name)}
-    similar = get_close_matches(local_name(cls), known, n=1, cutoff=0.85)
+    meant = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
     is_what = f", of the class `{local_name(cls)}`" if cls != term else ""
     message = (
         f"{local_name(filling.property)} of `{local_name(owner)}` is `{local_name(term)}`{is_what}, which is below no"
         " class of the vocabulary: it is taken as an object"
     )
     advice = f"put `{local_name(cls)}` below a class such as HumanScaleObject, or import the file that does"
-    guess = f"did you mean {expand(similar[0])}? else " if similar else ""
-    return warning("R049", message, filling.span, guess + advice)
+    return warning("R049", message, filling.span, f"did you mean {meant}? else {advice}" if meant else advice, meant)
 
 
 def _literal(owner: str, short: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
@@ -172,11 +192,15 @@ def _literal(owner: str, short: str, literal: Literal, span: Span) -> Iterator[D
         yield error("R037", message, span, "give it in a unit of that kind")
 
 
-def _guess(ontology: Ontology, undefined: str) -> str:
+def _meant(ontology: Ontology, undefined: str) -> Rename | None:
+    """A name of the main document that is like one that nothing defines."""
     names = {
-        local_name(triple.subject): None
+        triple.subject: None
         for triple in ontology.triples(p=TYPE)
         if isinstance(triple.subject, str) and not isinstance(triple.subject, BNode) and ontology.main(triple.subject)
     }
-    similar = get_close_matches(local_name(undefined), names, n=1)
-    return f"did you mean `{similar[0]}`?" if similar else "define it in the file, with its class"
+    return guess(undefined, names)
+
+
+def _asked(meant: Rename | None) -> str:
+    return f"did you mean {meant}?" if meant else UNDEFINED

@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator
-from difflib import get_close_matches
 from functools import cache
 
 from planlang.designators import RELATIONS, local_name
 from planlang.diagnostics import Diagnostic, Span, error, warning
-from planlang.ontology import Ontology
+from planlang.ontology import Ontology, expand
 from planlang.ontology.terms import COMMENT, LABEL, OWL, TYPE
 from planlang.recipe.actions import Actions
+from planlang.recipe.guesses import guess
 from planlang.recipe.model import Place, Recipe, Step
 from planlang.recipe.terms import is_relation
 from planlang.resources import bundled
@@ -61,9 +61,10 @@ def _left_out(ontology: Ontology, place: Place) -> Iterator[Diagnostic]:
         if is_relation(property_name) or ANNOTATION_PROPERTY in ontology.values(property_name, TYPE):
             continue
         short = local_name(property_name)
-        similar = get_close_matches(short, RELATIONS.values(), n=1, cutoff=0.75)
-        advice = f"did you mean {similar[0]}?" if similar else f"relations are {', '.join(RELATIONS.values())}"
-        yield warning("R038", f"{short} of the place `{place.name}` is left out: it is no relation", span, advice)
+        meant = guess(property_name, map(expand, RELATIONS.values()), least=0.75)
+        advice = f"did you mean {meant}?" if meant else f"relations are {', '.join(RELATIONS.values())}"
+        message = f"{short} of the place `{place.name}` is left out: it is no relation"
+        yield warning("R038", message, span, advice, meant)
 
 
 _LANGUAGES = {iri.partition("#")[0] for iri in (TYPE, LABEL, COMMENT, OWL)}

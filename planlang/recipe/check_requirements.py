@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from difflib import get_close_matches
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, warning
 from planlang.ontology import BNode, Ontology, Restriction, expand
+from planlang.recipe.guesses import guess
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.statements import is_word
 
@@ -46,11 +46,10 @@ def _judged(ontology: Ontology, cls: str, restriction: Restriction) -> Iterator[
     if not isinstance(needed, (str, BNode)) or restriction.kind in ("max", "only"):
         return
     if isinstance(needed, str) and not ontology.defined(needed):
-        known = {local_name(name): None for name in _alternatives(ontology, word)}
-        similar = get_close_matches(local_name(needed), known, n=1)
-        advice = f"did you mean `{similar[0]}`?" if similar else "import the file that defines it, or correct the name"
+        meant = guess(needed, _alternatives(ontology, word))
+        advice = f"did you mean {meant}?" if meant else "import the file that defines it, or correct the name"
         message = f"`{local_name(cls)}` depends on `{local_name(needed)}`, which nothing defines: no robot can have it"
-        yield warning("R046", message, restriction.span, advice)
+        yield warning("R046", message, restriction.span, advice, meant)
         return
     both = _excluded(ontology, needed)
     if both is not None:

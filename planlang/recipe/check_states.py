@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from difflib import get_close_matches
 
 import networkx as nx
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, warning
 from planlang.recipe.actions import Actions
+from planlang.recipe.guesses import guess
 from planlang.recipe.model import Ending, Recipe, StateMachine, Transition
 from planlang.recipe.statements import Statements
 
@@ -38,17 +38,13 @@ def check_states(actions: Actions, statements: Statements, recipe: Recipe) -> It
 
 def _dangling(actions: Actions, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
     """Names of states that nothing defines."""
-    known = {local_name(name): name for name in statements.names if actions.ontology.defined(name)}
+    known = [name for name in statements.names if actions.ontology.defined(name)]
     for name in statements.mentioned():
         if name not in statements.names and not actions.ontology.defined(name):
-            similar = get_close_matches(local_name(name), known, n=1)
-            advice = (
-                f"did you mean `{similar[0]}`?"
-                if similar
-                else f"define it, and add `subAction some {local_name(name)}`"
-            )
+            meant = guess(name, known)
+            advice = f"did you mean {meant}?" if meant else f"define it, and add `subAction some {local_name(name)}`"
             message = f"the state `{local_name(name)}` of `{recipe.name}` is not defined"
-            yield error("R050", message, _where(actions, statements, name) or recipe.span, advice)
+            yield error("R050", message, _where(actions, statements, name) or recipe.span, advice, meant)
 
 
 def _unlisted(actions: Actions, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from difflib import get_close_matches
 from itertools import pairwise
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, Severity, error, note, warning
+from planlang.diagnostics import Diagnostic, Order, Rename, Severity, error, note, warning
 from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
 from planlang.recipe.graph import recipe_order
+from planlang.recipe.guesses import guess
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.statements import Statements
 
@@ -37,7 +37,8 @@ def check_sub_actions(
         seen[iri] = sub_action.span.line
         if not ontology.defined(iri):
             message = f"sub-action `{local_name(iri)}` of `{recipe.name}` is not defined"
-            yield error("R020", message, sub_action.span, _instead(ontology, statements, iri))
+            advice, meant = _instead(ontology, statements, iri)
+            yield error("R020", message, sub_action.span, advice, meant)
         if sub_action.times > 1:
             message = f"`{local_name(iri)}` is stated {sub_action.times} times in `{recipe.name}`: it is performed once"
             yield warning("R024", message, sub_action.span, "state a class of its own for each time")
@@ -109,19 +110,19 @@ def check_base_motions(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> 
         if not order.before(first, second):
             both = f"`{local_name(first)}` and `{local_name(second)}`"
             message = f"{both} both move the base, and nothing says which comes first"
-            yield error("R040", message, recipe.step(second).span, ordering_to_write(recipe, first, second))
+            advice = ordering_to_write(recipe, first, second)
+            yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, first, second))
 
 
-def _instead(ontology: Ontology, statements: Statements, undefined: str) -> str:
-    """What may have been meant by a name that nothing defines."""
+def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tuple[str, Rename | None]:
+    """What may have been meant by a name that nothing defines, in words and as a change."""
     for name in statements.mentioned():
         if name not in statements.names and ontology.defined(name):
-            return f"did you mean `{local_name(name)}`, which is ordered but is not a sub-action?"
-    names = {local_name(name): None for name in _classes(ontology)}
-    similar = get_close_matches(local_name(undefined), names, n=1)
-    if similar:
-        return f"did you mean `{similar[0]}`?"
-    return f"define `{local_name(undefined)}` as a subclass of an action class"
+            return f"did you mean `{local_name(name)}`, which is ordered but is not a sub-action?", None
+    meant = guess(undefined, _classes(ontology))
+    if meant:
+        return f"did you mean {meant}?", meant
+    return f"define `{local_name(undefined)}` as a subclass of an action class", None
 
 
 def _classes(ontology: Ontology) -> Iterator[str]:

@@ -86,7 +86,7 @@ def _stated(actions: Actions, statements: Statements, recipe: Recipe, *, allow_a
     created = made(actions.ontology, statements)
     owners: tuple[Recipe | Step, ...] = (recipe, *recipe.steps)
     for owner in owners:
-        yield from check_ranges(actions, owner)
+        yield from check_ranges(actions, owner, created)
         yield from check_places(actions, owner, created)
 
 

@@ -125,6 +125,12 @@ def _facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
             yield Filling(triple.predicate, triple.object, triple.span)
 
 
+def action_properties(ontology: Ontology) -> tuple[str, ...]:
+    """The properties (IRIs) that the vocabulary lists for any class of actions."""
+    found = {triple.object: None for triple in ontology.triples(p=expand("hasParameter"))}
+    return tuple(name for name in found if isinstance(name, str))
+
+
 def _is_of_actions(ontology: Ontology, property_name: str) -> bool:
     """True for a property that the vocabulary lists for a class of actions, or one below it."""
     return any(

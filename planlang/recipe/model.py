@@ -92,6 +92,11 @@ class Name:
 
     iri: str
 
+    @property
+    def name(self) -> str:
+        """Its local name."""
+        return local_name(self.iri)
+
 
 Filler = Thing | Place | Name | str | int | float | bool
 

@@ -34,11 +34,11 @@ def repaired(ontology: Ontology, recipes: RecipeSet) -> tuple[RecipeSet, list[Di
     return replace(recipes, recipes=bound), list(notes)
 
 
-def violates_range(ontology: Ontology, property_name: str, thing: Thing) -> bool:
-    """True if the property has a range and the thing's class is known not to be below it."""
-    if is_of_unknown_kind(ontology, thing.stated):
+def violates_range(ontology: Ontology, property_name: str, cls: str) -> bool:
+    """True if the property has a range and a class (IRI) is known not to be below it."""
+    if is_of_unknown_kind(ontology, cls):
         return False
-    return any(not ontology.is_a(thing.stated, wanted) for wanted in ranges_of(ontology, property_name))
+    return any(not ontology.is_a(cls, wanted) for wanted in ranges_of(ontology, property_name))
 
 
 def ranges_of(ontology: Ontology, property_name: str) -> list[str]:
@@ -78,7 +78,9 @@ def exchanged_pair(
     things = [(parameter, parameter.filler) for parameter in parameters if isinstance(parameter.filler, Thing)]
     single = [(p, thing) for p, thing in things if sum(q.property == p.property for q in parameters) == 1]
     for (first, a), (second, b) in combinations(single, 2):
-        is_wrong = violates_range(ontology, first.property, a) or violates_range(ontology, second.property, b)
+        is_wrong = violates_range(ontology, first.property, a.stated) or violates_range(
+            ontology, second.property, b.stated
+        )
         if is_wrong and _fits(ontology, first.property, b) and _fits(ontology, second.property, a):
             return (first, a), (second, b)
     return None
@@ -86,7 +88,7 @@ def exchanged_pair(
 
 def _fits(ontology: Ontology, property_name: str, thing: Thing) -> bool:
     is_device = thing.kind is Kind.DEVICE
-    return not violates_range(ontology, property_name, thing) and (property_name != "deviceUsed" or is_device)
+    return not violates_range(ontology, property_name, thing.stated) and (property_name != "deviceUsed" or is_device)
 
 
 def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Recipe, list[Diagnostic]]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import networkx as nx
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, warning
+from planlang.diagnostics import Diagnostic, Order, warning
 from planlang.ontology import shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
@@ -53,7 +53,8 @@ def check_wisdom(actions: Actions, recipe: Recipe, added: Sequence[tuple[str, st
     """
     for before, after, why in wise_orderings(actions, recipe, added):
         message = f"nothing puts `{local_name(before)}` before `{local_name(after)}`: {why}"
-        yield warning("R042", message, recipe.step(after).span, ordering_to_write(recipe, before, after))
+        advice = ordering_to_write(recipe, before, after)
+        yield warning("R042", message, recipe.step(after).span, advice, Order(recipe.iri, before, after))
 
 
 def wise_orderings(

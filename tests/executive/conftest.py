@@ -105,7 +105,7 @@ def limbs(amigo: Robot) -> tuple[tuple[ArmModel, ...], Gaze | None]:
 @pytest.fixture(scope="session")
 def furnish(amigo: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]) -> Iterator[MakeStage]:
     """Furnishes rooms that stay until the end of the session."""
-    yield from _furnisher(amigo, vocabulary, limbs)
+    yield from furnisher(amigo, vocabulary, limbs)
 
 
 @pytest.fixture
@@ -113,7 +113,7 @@ def make_stage(
     amigo: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]
 ) -> Iterator[MakeStage]:
     """Furnishes rooms for one test."""
-    yield from _furnisher(amigo, vocabulary, limbs)
+    yield from furnisher(amigo, vocabulary, limbs)
 
 
 @pytest.fixture
@@ -140,9 +140,10 @@ def hold_bottle(stage: Stage, arm: str = "right", turned: float = 0.0) -> None:
     stage.platform.sync()
 
 
-def _furnisher(
+def furnisher(
     robot: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]
 ) -> Iterator[MakeStage]:
+    """Yields what furnishes rooms for a robot, and ends their worlds when it is asked for more."""
     worlds: list[PyBulletWorld] = []
 
     def make(

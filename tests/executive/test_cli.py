@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -10,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
 from typer.testing import CliRunner, Result
 
 from executive import cli, console
@@ -107,6 +109,16 @@ def test_outputs_that_cannot_be_written_are_told_before_anything_runs(tmp_path: 
     )
     assert result.exit_code == 2
     assert codes(result)[:2] == ["C004", "C004"]
+
+
+def test_a_disk_that_is_full_is_told_and_no_internal_error(capsys: pytest.CaptureFixture[str]) -> None:
+    def work() -> Answer:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(typer.Exit):
+        console.answer("run", work, as_json=True)
+    told = json.loads(capsys.readouterr().out)
+    assert (told["exit_code"], [one["code"] for one in told["diagnostics"]]) == (2, ["C004"])
 
 
 def test_an_output_may_not_overwrite_the_plan_or_another_output(plan: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from executive.cli import app
+from planlang.resources import bundled
 
 WARD = ("--robot", "amigo", "--environment", "hospital_room")
 
@@ -122,9 +124,122 @@ def test_the_picture_shows_the_places(tmp_path: Path) -> None:
     green = (np.abs(pixels - np.array([0, 130, 60])) < 12).all(axis=2)
     place = answer["solutions"][0]
     # the first place's circle and disc are green around where the map has it: 900 pixels for the 6 m of the room
-    u, v = 24 + (place["x"] + 3) * 150, 88 + (2.5 - place["y"]) * 150
+    u, v = 24 + (place["x"] + 3) * 150, 74 + (2.5 - place["y"]) * 150
     assert green[int(v) - 10 : int(v) + 10, int(u) - 10 : int(u) + 10].sum() > 50
 
 
 def test_a_picture_that_cannot_be_written_is_told_before_the_search() -> None:
     assert codes(located("near the bed", "--explain", "/nowhere/where.png", code=2)) == ["C004"]
+
+
+MAP = (bundled("ontologies") / "environments" / "hospital_room.omn").read_text(encoding="utf-8")
+
+
+def with_pose(rows: str) -> str:
+    """The bundled map with the bottle at a matrix: three rows of four numbers."""
+    begin = MAP.index("knowrob:m00", MAP.index("Individual: pose_bottle1"))
+    numbers = iter(rows.split())
+    told = ", ".join(f"knowrob:m{row}{column} {next(numbers)}" for row in range(3) for column in range(4))
+    return f"{MAP[:begin]}{told},\n        {MAP[MAP.index('knowrob:m30', begin) :]}"
+
+
+def with_size(name: str, size: float) -> str:
+    """The bundled map with a thing that is so long, wide and high."""
+    begin = MAP.index(f"Individual: {name}\n")
+    end = MAP.index("Individual:", begin + 1)
+    return MAP[:begin] + re.sub(r"(OfObject) [\d.]+", rf"\1 {size}", MAP[begin:end]) + MAP[end:]
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "told", "said"),
+    [
+        (with_pose("-1.0 0.0 0.0 -2.72  0.0 1.0 0.0 -0.8  0.0 0.0 1.0 0.9"), 0, "M001", "is a reflection"),
+        (with_pose("1.0 0.1 0.0 -2.72  0.0 1.05 0.0 -0.8  0.0 0.0 0.9 0.9"), 0, "M001", "is not orthonormal"),
+        (with_pose("0.0 0.0 0.0 -2.72  0.0 0.0 0.0 -0.8  0.0 0.0 0.0 0.9"), 0, "M004", "taken as not turned"),
+        (with_pose('1.0 0.0 0.0 "NaN"^^xsd:double  0.0 1.0 0.0 -0.8  0.0 0.0 1.0 0.9'), 2, "M002", "finite"),
+        (with_pose("1.0 0.0 0.0 -2.8  0.0 1.0 0.0 -0.8  0.0 0.0 1.0 0.4"), 1, "M014", "inside cabinet1"),
+        (with_size("bottle1", 0.0), 0, "M005", "default of DrinkingBottle"),
+        (with_size("bottle1", -0.1), 2, "M007", "smaller than nothing"),
+    ],
+    ids=["reflected", "not orthonormal", "flat", "not a number", "inside of a cabinet", "of no size", "negative"],
+)
+def test_what_is_wrong_in_a_map_is_told_with_what_was_made_of_it(
+    text: str, code: int, told: str, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "map.omn").write_text(text)
+    where = ("--robot", "amigo", "--environment", str(tmp_path / "map.omn"))
+    answer = located("in reach of the bottle", "--count", "1", code=code, where=where)
+    assert any(found["code"] == told and said in found["message"] for found in answer["diagnostics"]), answer
+
+
+def test_a_bottle_inside_of_a_wall_is_out_of_reach_because_of_the_wall(tmp_path: Path) -> None:
+    (tmp_path / "map.omn").write_text(with_pose("1.0 0.0 0.0 -3.05  0.0 1.0 0.0 -0.8  0.0 0.0 1.0 0.9"))
+    where = ("--robot", "amigo", "--environment", str(tmp_path / "map.omn"))
+    answer = located("in reach of the bottle", code=1, where=where)
+    assert answer["counts"].keys() == {"in collision"}
+    assert answer["blocking"].keys() == {"room1"}
+
+
+CART = """<robot name="cart"><link name="base"><collision><geometry><box size="0.5 0.5 0.5"/></geometry></collision>
+</link></robot>"""
+NUMBERS = """name = "cart"
+urdf = "cart.urdf"
+[base]
+radius = 0.36
+speed = 0.5
+acceleration = 0.5
+turn_speed = 1.0
+turn_acceleration = 1.0
+jerk = 5.0
+"""
+
+
+def test_a_robot_without_arms_reaches_nothing_but_stands_near_things(tmp_path: Path) -> None:
+    (tmp_path / "cart.urdf").write_text(CART)
+    (tmp_path / "cart.toml").write_text(NUMBERS)
+    where = ("--robot", str(tmp_path / "cart.toml"), "--environment", "hospital_room")
+    answer = located("in reach of the bottle", code=1, where=where)
+    assert answer["message"] == "the robot has no arm that could reach there"
+    assert len(located("near the bed", "--count", "2", where=where)["solutions"]) == 2
+    assert located("in reach of the bottle with the left arm", code=3, where=where)["failure"] == ["MissingCapability"]
+
+
+@pytest.mark.parametrize(
+    ("phrase", "said"),
+    [
+        ("near the bed and not near the bed", "it asks for near(Bed-PieceOfFurniture) and excludes it"),
+        ("within 30 cm of the bed and not within 50 cm of the bed", "holds wherever near(Bed-PieceOfFurniture, within"),
+        ("within 30 cm of the bed and beyond 1 m of the bed", "leave no distance"),
+        ("left of the bed and right of the bed", "are opposite sides"),
+        ("in reach of a place (above the bed and not above the bed)", "excludes it"),
+    ],
+)
+def test_a_conjunction_that_contradicts_itself_is_told_as_such(phrase: str, said: str) -> None:
+    message = located(phrase, code=1)["message"]
+    assert "contradicts itself: " in message
+    assert said in message
+
+
+@pytest.mark.parametrize(
+    ("phrase", "of", "said"),
+    [
+        ("on the patient", "the bottle", "patient1 has no level top"),
+        ("on the door", "the bottle", "too small for the object"),
+        ("in cabinet1", "the bottle", "no room for the object (in the way: cabinet1"),
+        ("above the bed", None, "means nothing for a base; what does: in_reach_of"),
+        ("in reach of a place near the bottle", None, "needs one of above, on, in_"),
+    ],
+)
+def test_what_cannot_be_is_told_with_the_reason(phrase: str, of: str | None, said: str) -> None:
+    answer = located(phrase, *(() if of is None else ("--of", of)), code=1)
+    assert said in answer["message"]
+
+
+def test_near_the_bed_a_thing_is_on_the_floor_and_not_on_the_top_of_the_room() -> None:
+    (place,) = located("near the bed", "--of", "the bottle", "--count", "1")["solutions"]
+    assert place["z"] == pytest.approx(0.1, abs=0.01)
+
+
+def test_bounds_of_a_height_count() -> None:
+    (place,) = located("in reach of a place at least 30 cm above the bed", "--count", "1")["solutions"]
+    assert place["reaches"][0].startswith("above bed1")

@@ -1,8 +1,12 @@
 """Traces that others listen to: everybody is told everything, and nobody can break the run."""
 
+from collections.abc import Mapping
+from functools import partial
+
 import pytest
 
-from executive.progress import HeedingWorld, ToldTrace, line_of, progress_lines
+from executive.progress import ToldTrace, line_of, progress_lines
+from planlang import VirtualHost, run, sleep
 from planlang.designators import action, an_object
 from planlang.failures import ObjectNotFound
 from planlang.kernel.task import Task
@@ -12,16 +16,6 @@ PLAN = Task(None, None, "serve", lambda: None, 0)
 PERFORMED = Node(PLAN, "perform", "Fetching")
 
 
-class Clock:
-    """A world of which only the steps matter."""
-
-    rate = 30
-    steps = 0
-
-    def step(self) -> None:
-        self.steps += 1
-
-
 def test_listeners_are_told_each_record_in_order() -> None:
     told: list[object] = []
     trace = ToldTrace.to(None, {}, (told.append, lambda record: told.append(record["event"])))
@@ -29,23 +23,17 @@ def test_listeners_are_told_each_record_in_order() -> None:
     assert told == [{"step": 7, "event": "belief", "change": "seen", "name": "bottle1"}, "belief"]
 
 
-def test_what_a_listener_raises_is_raised_once_by_the_next_step_of_the_world() -> None:
-    told: list[int] = []
+def test_a_run_ends_with_what_a_listener_raises_and_the_others_are_told_on() -> None:
+    told: list[str] = []
 
-    def fail(record: object) -> None:
-        raise BrokenPipeError
+    def fail(record: Mapping[str, object]) -> None:
+        if record["event"] == "started":
+            raise BrokenPipeError
 
-    trace = ToldTrace.to(None, {}, (fail, lambda record: told.append(record["step"])))
-    clock = Clock()
-    world = HeedingWorld(clock, trace)
-    for step in (1, 2):
-        trace.write(step, "event")
+    trace = ToldTrace.to(None, {}, (fail, lambda record: told.append(record["event"])))
     with pytest.raises(BrokenPipeError):
-        world.step()
-    assert clock.steps == 0
-    world.step()
-    assert clock.steps == 1
-    assert told == [1, 2], "the others are still told"
+        run(partial(sleep, 1), host=VirtualHost(), trace=trace)
+    assert told == ["header", "started", "drained", "ended"]
 
 
 @pytest.mark.parametrize(

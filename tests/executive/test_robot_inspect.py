@@ -1,13 +1,18 @@
 """``planlang robot inspect``."""
 
 import json
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pybullet_data
+import pytest
 from PIL import Image
 from typer.testing import CliRunner, Result
 
+from executive.assembly import mapped
 from executive.cli import app
 
 CART = """<robot name="cart"><link name="base"><collision><geometry><box size="0.5 0.5 0.5"/></geometry></collision>
@@ -62,3 +67,34 @@ def test_a_picture_of_no_arms_and_a_robot_that_is_not_there_are_refused(tmp_path
 def test_a_urdf_that_is_no_robots_is_refused() -> None:
     other = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
     assert inspected("amigo", "--urdf", other).exit_code == 2
+
+
+def test_a_recording_has_the_robot_and_a_cloud_for_each_arm_and_class_of_grasp(tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the extra [record] is not installed")
+    result = inspected("amigo", "--record", tmp_path / "reach.rrd")
+    assert result.exit_code == 0, result.output
+    command = shutil.which("rerun", path=str(Path(sys.executable).parent))
+    assert command, "the package brings its command"
+    verified = subprocess.run([command, "rrd", "verify", str(tmp_path / "reach.rrd")], capture_output=True, check=False)
+    assert verified.returncode == 0, verified.stderr
+    printed = subprocess.run(
+        [command, "rrd", "print", "-vv", str(tmp_path / "reach.rrd")], capture_output=True, text=True, check=True
+    ).stdout
+    for entity in ("reach/left/side", "reach/right/top", "world/robot/base_plate"):
+        assert entity in printed
+
+
+def test_without_the_package_a_recording_is_refused_with_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.report.recording.find_spec", lambda name: None)
+    result = inspected("amigo", "--record", tmp_path / "reach.rrd")
+    assert result.exit_code == 2
+    assert "pip install 'planlang[record]'" in result.output
+
+
+def test_maps_are_built_with_a_bar_of_progress_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    mapped(said.append, 2, 6, "left, side")
+    assert said == ["mapping what the arms reach, once for this robot [##----] 2 of 6: left, side"]

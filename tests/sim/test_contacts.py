@@ -35,6 +35,23 @@ def test_asking_about_another_configuration_changes_nothing(world: PyBulletWorld
     assert world.link_pose("hand_right") == place
 
 
+def test_a_hand_deep_in_the_robots_own_base_is_a_contact(world: PyBulletWorld) -> None:
+    angles = {"shoulder_yaw": -0.02, "shoulder_pitch": -0.23, "shoulder_roll": 1.08, "elbow_pitch": 0.18}
+    angles |= {"elbow_roll": 1.37, "wrist_pitch": 0.84, "wrist_yaw": -0.29}
+    joints = {f"{name}_joint_right": value for name, value in angles.items()} | {"spindle_joint": 0.27}
+    there = Configuration(world.configuration().base, joints)
+    (contact,) = (one for one in world.contacts(there) if {one.part, one.body} == {"hand_right", "base"})
+    assert abs(contact.depth - 0.046) < 1e-3
+
+
+def test_among_given_pairs_the_same_contacts_are_found(world: PyBulletWorld) -> None:
+    whole = world.contacts(BEFORE_THE_CABINET)
+    among = [("base_plate", "cabinet"), ("base_plate", "room"), ("hand_right", "base")]
+    assert world.contacts(BEFORE_THE_CABINET, among=among) == whole
+    assert world.contacts(BEFORE_THE_CABINET, among=among[1:]) == ()
+    assert world.contacts(BEFORE_THE_CABINET, among=among, ignore={("base_plate", "cabinet")}) == ()
+
+
 def test_ignored_bodies_links_and_pairs_may_touch(world: PyBulletWorld) -> None:
     assert world.contacts(BEFORE_THE_CABINET, ignore={"cabinet"}) == ()
     assert world.contacts(BEFORE_THE_CABINET, ignore={("base_plate", "cabinet")}) == ()

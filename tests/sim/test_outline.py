@@ -7,16 +7,15 @@ from sim import PyBulletWorld
 from tests.sim.conftest import grasp
 
 
-def test_boxes_around_bodies_leave_out_floor_markers_held_and_removed_ones(world: PyBulletWorld) -> None:
+def test_pieces_of_bodies_leave_out_floor_markers_held_and_removed_ones(world: PyBulletWorld) -> None:
     grasp(world)
     world.remove("bed")
-    poses, sizes = world.obstacles()
-    places = {pose.position for pose in poses}
-    assert len(poses) == len(sizes)
+    solids = world.solids()
+    places = {solid.pose.position for solid in solids}
     assert world.scene.body("cabinet").pose.position in places
     for absent in ("bed", "bottle", "door"):
         assert world.scene.body(absent).pose.position not in places
-    tops = [pose.position[2] + size[2] / 2 for pose, size in zip(poses, sizes, strict=True)]
+    tops = [solid.pose.position[2] + solid.size[2] / 2 for solid in solids]
     assert min(tops) > 0.0
 
 

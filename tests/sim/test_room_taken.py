@@ -87,5 +87,5 @@ def test_asking_how_much_room_is_taken_changes_nothing(make_world: MakeWorld) ->
     before = world.state()
     world.silhouette()
     world.silhouette(without=["spindle_joint"])
-    world.obstacles()
+    world.solids()
     assert world.state() == before

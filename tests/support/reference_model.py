@@ -83,7 +83,7 @@ class Strand:
         if self.parent is None and self is not self.world.root:
             return "created"  # known by its handle only
         if self.outcome is not None:
-            return STATES[self.outcome[0]]
+            return "evaporated" if self.thrown else STATES[self.outcome[0]]  # its error is raised all the same
         if self.cancelled:
             return "evaporating"
         return "suspended" if self.held else "created" if self.node is None else "running"
@@ -106,12 +106,12 @@ class Strand:
         if outcome is not None:
             self.outcome = EVAPORATED if self.thrown and outcome[0] != "error" else outcome
 
-    def subtree(self) -> Iterator[Strand]:
-        """What lives below, children first, and this; without what is being evaporated."""
+    def subtree(self, *, cancelled: bool = False) -> Iterator[Strand]:
+        """What lives below, children first, and this; without what is being evaporated, unless asked for."""
         if self.scope is not None:
             for child in self.scope.live:
-                if not child.cancelled and child.outcome is None:
-                    yield from child.subtree()
+                if (cancelled or not child.cancelled) and child.outcome is None:
+                    yield from child.subtree(cancelled=cancelled)
         yield self
 
     def suspend(self) -> bool:
@@ -133,7 +133,7 @@ class Strand:
     def evaporate(self) -> bool:
         if self.outcome is not None or self.cancelled:
             return False
-        for strand in [*self.subtree()] if self.shields else [self]:
+        for strand in [*self.subtree(cancelled=True)] if self.shields else [self]:
             strand.count = 0
         self.cancelled = self.world.stirred = True
         if self.node is None:

@@ -12,6 +12,7 @@ from planlang.designators import RELATIONS, local_name
 from planlang.diagnostics import Span
 from planlang.recipe.graph import order_graph, recipe_graph, reduced, shortest_cycle
 from planlang.recipe.model import (
+    Description,
     Filler,
     Name,
     Ordering,
@@ -153,6 +154,8 @@ class _Builder:
     def _box(self, recipe: Recipe, step: Step) -> Box:
         key = f"s{next(self._numbers)}"
         lines = [_parameter(parameter) for parameter in step.parameters]
+        if step.condition is not None:
+            lines.append(_condition(step.condition))
         again = [local_name(callee) for callee in step.recipes if callee in self._drawn]
         if again:
             lines.append(f"as drawn elsewhere: {', '.join(again)}")
@@ -265,6 +268,11 @@ def _where(span: Span | None) -> list[str]:
 
 def _parameter(parameter: Parameter) -> str:
     return f"{local_name(parameter.property)}: {_filler(parameter.filler)}"
+
+
+def _condition(condition: Description) -> str:
+    inside = ", ".join(_parameter(parameter) for parameter in condition.parameters)
+    return f"checks: {condition.name}" + (f" ({inside})" if inside else "")
 
 
 def _filler(filler: Filler) -> str:

@@ -65,6 +65,7 @@ def page(graph: TaskGraph) -> str:
     policy = f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
     implied = sum(len(group.of(Order.IMPLIED)) for group in graph.groups())
     hidden = "" if implied else " hidden"
+    what = f"all {implied} implied orderings" if implied != 1 else "the implied ordering"
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -76,7 +77,7 @@ def page(graph: TaskGraph) -> str:
 </head>
 <body>
 {svg_element(graph, implied=True)}\
-<div id="bar"><label{hidden}><input type="checkbox" id="all"> all {implied} implied orderings</label>\
+<div id="bar"><label{hidden}><input type="checkbox" id="all"> {what}</label>\
 <button type="button" id="fit">whole graph</button></div>
 <script>{_SCRIPT}</script>
 </body>

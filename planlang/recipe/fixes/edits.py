@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -49,11 +49,37 @@ class Editable(Protocol):
     def renamed(self, where: Span, like: Span) -> list[Edit]:
         """Write at one place the name that stands at another."""
 
+    def replaced(self, where: Span, written: str, meant: str) -> list[Edit]:
+        """Write one name (IRI) for another at one place."""
+
+    def without(self, filler: Span) -> list[Edit]:
+        """Take a restriction, whose filler stands at the span, out of the class that states it."""
+
+    def without_individual(self, where: Span, name: str) -> list[Edit]:
+        """Take out what describes an individual (IRI) if that is all in one place; no edits if it is not."""
+
+    def with_kind(self, filler: Span, kind: str) -> list[Edit]:
+        """Make a restriction one of another kind, "some" or "value"."""
+
     def with_ordering(self, anchors: Anchors) -> list[Edit]:
         """Add an ordering constraint to a task, and the individual that it names."""
 
     def with_right_terms(self) -> list[Edit]:
         """Put terms of RDFS and OWL into the namespace that has them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """A fix that would silence diagnostics of ``code``: what it does, where, and how.
+
+    What is not safe is a guess at what was meant, which a person has to accept.
+    """
+
+    code: str
+    message: str
+    span: Span | None
+    edit: Callable[[Editable], list[Edit]]
+    is_safe: bool = True
 
 
 def applied(text: str, edits: Iterable[Edit]) -> str:

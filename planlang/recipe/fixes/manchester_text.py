@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from itertools import islice
 
+from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology.xml_text import offset_of
 from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, indentation, line_end
@@ -12,6 +14,11 @@ _NAME = re.compile(r"<[^<>\s]*>|[^\s,(){}\[\]\"<>]+")
 _BEFORE_FILLER = re.compile(
     r"(?<!\S)(?P<property><[^<>\s]*>|[^\s,(){}\[\]\"<>]+)\s+(?:some|value|(?:exactly|min)\s+\d+)\s+\(?\s*\Z"
 )
+_OPEN = re.compile(r"\(\s*\Z")
+_CLOSE = re.compile(r"\s*\)")
+_JOINED_BEFORE = re.compile(r"(?:\s*,|\s+and)\s*\Z")
+_JOINED_AFTER = re.compile(r"\s*,\s*|\s+and\s+")
+_KIND = re.compile(r"\s+(some|value)\s")
 _FRAME = re.compile(r"^[ \t]*(?:[A-Z]\w+):(?=\s)", re.MULTILINE)
 _HEADS = ("Class", "Individual", "ObjectProperty", "DataProperty", "AnnotationProperty", "Datatype", "Ontology",
           "DisjointClasses", "EquivalentClasses", "SameIndividual", "DifferentIndividuals")  # fmt: skip
@@ -36,6 +43,50 @@ class ManchesterText:
         start, end = self._name(where)
         new_start, new_end = self._name(like)
         return [Edit(start, end, self.text[new_start:new_end])]
+
+    def replaced(self, where: Span, written: str, meant: str) -> list[Edit]:
+        """Write one name (IRI) for another at one place, or right behind it: a fact stands at its property."""
+        old = local_name(written)
+        for match in islice(_NAME.finditer(self.text, offset_of(self.text, where)), 2):
+            name = match[0].removesuffix(">")
+            if name.endswith(old) and name[: -len(old)][-1:] in ("", ":", "#", "/"):
+                if written.removesuffix(old) == meant.removesuffix(local_name(meant)):
+                    return [Edit(match.end() - len(match[0]) + len(name) - len(old), match.start() + len(name),
+                                 local_name(meant))]  # fmt: skip
+                return [Edit(match.start(), match.end(), f"<{meant}>")]
+        raise CannotEdit(f"the name {old} is not written there")
+
+    def without(self, filler: Span) -> list[Edit]:
+        """Take a restriction, whose filler stands at the span, out of the list or the intersection that has it."""
+        start, end = self._property(filler)[0], self._name(filler)[1]
+        while (before := _OPEN.search(self.text, 0, start)) and (after := _CLOSE.match(self.text, end)):
+            start, end = before.start(), after.end()
+        if before := _JOINED_BEFORE.search(self.text, 0, start):
+            return [Edit(before.start(), end, "")]
+        if after := _JOINED_AFTER.match(self.text, end):
+            return [Edit(start, after.end(), "")]
+        raise CannotEdit("it is not one of several in a list")
+
+    def without_individual(self, where: Span, name: str) -> list[Edit]:
+        """Take out the frame of an individual (IRI), if it has only one."""
+        heads = [
+            match
+            for match in re.finditer(r"^[ \t]*Individual:\s*(<[^<>\s]*>|\S+)", self.text, re.MULTILINE)
+            if match[1].removesuffix(">").endswith(local_name(name))
+        ]
+        start, end = self._name(where)
+        if len(heads) != 1 or heads[0].span(1) != (start, end):
+            return []
+        following = _NEXT_FRAME.search(self.text, end)
+        return [Edit(heads[0].start(), following.start() if following else len(self.text), "")]
+
+    def with_kind(self, filler: Span, kind: str) -> list[Edit]:
+        """Make a restriction one of another kind, "some" or "value"."""
+        end = self._property(filler)[1]
+        word = _KIND.match(self.text, end)
+        if word is None:
+            raise CannotEdit("neither some nor value is written there")
+        return [Edit(*word.span(1), kind)]
 
     def with_ordering(self, anchors: Anchors) -> list[Edit]:
         """Add an ordering constraint to a task, and the individual that it names, behind the task's frame."""

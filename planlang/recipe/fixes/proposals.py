@@ -4,37 +4,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from difflib import get_close_matches
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, Span
+from planlang.diagnostics import Diagnostic, Order, Rename, Span
 from planlang.ontology import Ontology
+from planlang.ontology.terms import OWL
 from planlang.recipe.actions import Actions
-from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, Editable
+from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, Editable, Fix
+from planlang.recipe.fixes.removals import removals
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.reading import recipes_for
 from planlang.recipe.repairs import exchanged_pair
-from planlang.recipe.scopes import added_by_scopes
 from planlang.recipe.statements import Statements, SubAction, is_word
-from planlang.recipe.wise import wise_orderings
 
 _ORDERS_UNKNOWN = frozenset({"R010", "R011", "R012", "R020"})
 """Codes of mistakes by which it is not known what the file orders: an order may only seem to be missing."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fix:
-    """A fix that would silence diagnostics of ``code``: what it does, where, and how.
-
-    What is not safe is a guess at what was meant, which a person has to accept.
-    """
-
-    code: str
-    message: str
-    span: Span | None
-    edit: Callable[[Editable], list[Edit]]
-    is_safe: bool = True
 
 
 def proposed(
@@ -44,6 +29,7 @@ def proposed(
 
     ``unrepaired`` are the recipes before exchanged fillers were taken the right way round.
     """
+    ontology = actions.ontology
     fixes = [
         Fix(
             "O012", found.message.replace(" is read as ", " becomes "), found.span, lambda text: text.with_right_terms()
@@ -51,18 +37,50 @@ def proposed(
         for found in diagnostics
         if found.code == "O012"
     ]
+    fixes += _kinds(ontology)
+    fixes += _renames(ontology, diagnostics)
     broken = _ORDERS_UNKNOWN & {found.code for found in diagnostics}
     if unrepaired is not None:
         for recipe in unrepaired.recipes.values():
-            fixes += _exchanges(actions.ontology, recipe)
+            fixes += _exchanges(ontology, recipe)
     if recipes is not None:
         for recipe in recipes.recipes.values():
             statements = actions.statements(recipes_for(actions, recipe.iri)[0][0])
             assert statements is not None
-            fixes += _names(actions.ontology, statements, recipe)
-            if not broken and recipe.machine is None:
-                fixes += _orders(actions, statements, recipe, added_by_scopes(actions, recipe, recipes))
+            fixes += _names(ontology, statements, recipe)
+            fixes += removals(ontology, statements, recipe)
+        if not broken:
+            fixes += _orders(actions, recipes, diagnostics)
     return list({(fix.code, fix.message): fix for fix in fixes}.values())
+
+
+def _kinds(ontology: Ontology) -> Iterator[Fix]:
+    """Restrictions with the word for classes about an individual, and the other way round."""
+    main = str(ontology.documents[0].path)
+    for predicate, kind, code in ((OWL + "someValuesFrom", "value", "O042"), (OWL + "hasValue", "some", "O043")):
+        triples = [
+            triple
+            for triple in ontology.triples(p=predicate)
+            if triple.span.file == main
+            and isinstance(triple.object, str)
+            and ontology.is_class(triple.object) == (kind == "some")
+            and ontology.is_individual(triple.object) == (kind == "value")
+        ]
+        if triples:
+            names = ", ".join(dict.fromkeys(f"`{local_name(str(triple.object))}`" for triple in triples))
+            message = f"restrictions become such with {kind} about {names}"
+            yield Fix(code, message, triples[0].span, _with_kind([triple.span for triple in triples], kind))
+
+
+def _renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
+    """Names that nothing defines become those that are like them: all their mentions in the main document."""
+    for found in diagnostics:
+        rename = found.suggestion
+        if isinstance(rename, Rename):
+            triples = [*ontology.triples(o=rename.written), *ontology.triples(p=rename.written)]
+            spans = sorted({triple.span for triple in triples if found.span and triple.span.file == found.span.file})
+            message = f"`{local_name(rename.written)}` becomes {rename}"
+            yield Fix(found.code, message, found.span, _replace(spans, rename), rename.is_sure)
 
 
 def _exchanges(ontology: Ontology, recipe: Recipe) -> Iterator[Fix]:
@@ -103,10 +121,24 @@ def _names(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterat
             yield Fix("R010", message, min(mentions), _rename(mentions, by_name[similar[0]].span))
 
 
-def _orders(
-    actions: Actions, statements: Statements, recipe: Recipe, added: tuple[tuple[str, str], ...]
-) -> Iterator[Fix]:
-    ontology, stating = actions.ontology, statements.iri
+def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
+    """Orderings that are missing: those that are wise are safe, of two others it is a guess which way round."""
+    for found in diagnostics:
+        if isinstance(found.suggestion, Order):
+            anchors = _anchors(actions, recipes.recipes[found.suggestion.task], found.suggestion)
+            if anchors is not None:
+                before, after = local_name(found.suggestion.before), local_name(found.suggestion.after)
+                why = found.message.partition(": ")[2] if found.code == "R042" else found.message
+                message = f"`{before}` before `{after}`: {why}"
+                yield Fix(found.code, message, found.span, _order(anchors), found.code == "R042")
+
+
+def _anchors(actions: Actions, recipe: Recipe, order: Order) -> Anchors | None:
+    """Where the file says what a new ordering refers to; None if it does not say it by sub-actions."""
+    ontology = actions.ontology
+    stating = recipes_for(actions, recipe.iri)[0][0]
+    statements = actions.statements(stating)
+    assert statements is not None
     stated: dict[str, SubAction] = {}
     for one in statements.sub_actions:
         if one.iri is not None:
@@ -116,21 +148,18 @@ def _orders(
     subs = [one for one in restrictions if is_word(one.property, "subAction")]
     task = ontology.span(stating)
     if task is None or not subs:
-        return
-    last, sub_action = constraints or subs, subs[0]
-    for before, after, why in wise_orderings(actions, recipe, added):
-        suffix = _free_suffix(ontology, stating, f"_{_plain(before)}_{_plain(after)}")
-        anchors = Anchors(
-            task,
-            sub_action.span,
-            last[-1].span,
-            last[-1].form == "flat",
-            stated[before].span,
-            stated[after].span,
-            suffix,
-        )
-        message = f"`{local_name(before)}` before `{local_name(after)}`: {why}"
-        yield Fix("R042", message, stated[after].span, _order(anchors))
+        return None
+    last = constraints or subs
+    suffix = _free_suffix(ontology, stating, f"_{_plain(order.before)}_{_plain(order.after)}")
+    return Anchors(
+        task,
+        subs[0].span,
+        last[-1].span,
+        last[-1].form == "flat",
+        stated[order.before].span,
+        stated[order.after].span,
+        suffix,
+    )
 
 
 def _plain(iri: str) -> str:
@@ -156,6 +185,17 @@ def _rename(places: list[Span], like: Span) -> Callable[[Editable], list[Edit]]:
     def edit(text: Editable) -> list[Edit]:
         _same_file(like, *places)
         return [one for place in places for one in text.renamed(place, like)]
+
+    return edit
+
+
+def _with_kind(places: list[Span], kind: str) -> Callable[[Editable], list[Edit]]:
+    return lambda text: [one for place in places for one in text.with_kind(place, kind)]
+
+
+def _replace(places: list[Span], rename: Rename) -> Callable[[Editable], list[Edit]]:
+    def edit(text: Editable) -> list[Edit]:
+        return [one for place in places for one in text.replaced(place, rename.written, rename.meant)]
 
     return edit
 

@@ -6,7 +6,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from xml.parsers import expat
+from xml.sax.saxutils import escape
 
+from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology.repairs import meant_term
 from planlang.ontology.terms import INTERSECTION_OF, ON_PROPERTY, OWL, RDF, SUBCLASS_OF
@@ -64,6 +66,53 @@ class XmlText:
         start, end = self._value(element, name)
         return [Edit(start, end, self._reference(like))]
 
+    def replaced(self, where: Span, written: str, meant: str) -> list[Edit]:
+        """Write one name (IRI) for another at one place: the element's own, or that in its attribute."""
+        element = self._element(where)
+        is_local = written.removesuffix(local_name(written)) == meant.removesuffix(local_name(meant))
+        if element.name == written:
+            namespace = meant.removesuffix(local_name(meant))
+            prefix = element.tag.rpartition(":")[0] + ":" if is_local else _prefix(element, namespace)
+            return self._tagged(element, prefix.removeprefix(":") + local_name(meant))
+        for local in ("resource", "about"):
+            if RDF + local in _names(element):
+                start, end = self._value(element, local)
+                old = local_name(written)
+                if not self.text.endswith(old, start, end):
+                    continue
+                if is_local:
+                    return [Edit(end - len(old), end, local_name(meant))]
+                return [Edit(start, end, escape(meant, {'"': "&quot;"}))]
+        raise CannotEdit(f"the name {local_name(written)} is not written there")
+
+    def without(self, filler: Span) -> list[Edit]:
+        """Take a restriction, whose filler stands at the span, out of the class that states it."""
+        restriction = self._element(filler).parent
+        around = restriction.parent if restriction is not None else None
+        if restriction is None or around is None:
+            raise CannotEdit("no restriction is written there")
+        if meant_term(around.name) == SUBCLASS_OF:
+            return [self._whole_lines(around)]
+        if around.name == INTERSECTION_OF and len(around.children) > 2:
+            return [self._whole_lines(restriction)]
+        raise CannotEdit("the restriction is neither a superclass nor one of several in an intersection")
+
+    def without_individual(self, where: Span, name: str) -> list[Edit]:
+        """Take out the element that describes an individual (IRI), if it is the only one and on its own."""
+        element = self._element(where)
+        while element.parent is not None and element.parent.parent is not None:
+            element = element.parent
+        same = [one for one in self._at.values() if one is not element and _names_it(one, local_name(name))]
+        return [self._whole_lines(element)] if _names_it(element, local_name(name)) and not same else []
+
+    def with_kind(self, filler: Span, kind: str) -> list[Edit]:
+        """Make a restriction one of another kind, "some" or "value"."""
+        element = self._element(filler)
+        wanted = {"some": "someValuesFrom", "value": "hasValue"}[kind]
+        if element.name not in (OWL + "someValuesFrom", OWL + "hasValue"):
+            raise CannotEdit("neither owl:someValuesFrom nor owl:hasValue is written there")
+        return self._tagged(element, _prefix(element, OWL) + wanted)
+
     def with_ordering(self, anchors: Anchors) -> list[Edit]:
         """Add an ordering constraint to a task, and the individual that it names, behind the task's element."""
         stated = self._property(anchors.sub_action)
@@ -90,11 +139,23 @@ class XmlText:
             local = element.tag.rpartition(":")[2]
             if right == element.name or not right.endswith(local):
                 continue
-            tag = _prefix(element, right.removesuffix(local)) + local
-            edits.append(Edit(element.start + 1, element.start + 1 + len(element.tag), tag))
-            if element.closing >= 0:
-                edits.append(Edit(element.closing + 2, element.closing + 2 + len(element.tag), tag))
+            edits += self._tagged(element, _prefix(element, right.removesuffix(local)) + local)
         return edits
+
+    @staticmethod
+    def _tagged(element: Element, tag: str) -> list[Edit]:
+        """Write another tag for an element."""
+        edits = [Edit(element.start + 1, element.start + 1 + len(element.tag), tag)]
+        if element.closing >= 0:
+            edits.append(Edit(element.closing + 2, element.closing + 2 + len(element.tag), tag))
+        return edits
+
+    def _whole_lines(self, element: Element) -> Edit:
+        """Take out an element, with its lines if nothing else is on them."""
+        start = element.start - len(indentation(self.text, element.start))
+        rest = re.compile(r"[ \t]*\r?\n").match(self.text, element.end)
+        is_alone = rest is not None and (start == 0 or self.text[start - 1] == "\n")
+        return Edit(start, rest.end(), "") if rest and is_alone else Edit(element.start, element.end, "")
 
     def _restriction(
         self, restriction: Element, around: Element, constraint: str, name: str, owl: str, rdf: str
@@ -218,6 +279,13 @@ class XmlText:
 def _names(element: Element) -> dict[str, str]:
     """Full name -> written name of the attributes with a prefix."""
     return {_resolved(key, element.prefixes): key for key in element.attributes if ":" in key}
+
+
+def _names_it(element: Element, name: str) -> bool:
+    """True if an element describes what has this local name."""
+    names = _names(element)
+    said = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
+    return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in said)
 
 
 def _resolved(tag: str, prefixes: Mapping[str, str]) -> str:

@@ -6,6 +6,7 @@ python -m tests.benchmarks.locations.answers 2 normal hard
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator, Sequence
 
 from planlang.designators import a_location
 from tests.benchmarks.locations.rooms import KINDS, THE_BOTTLE, THE_PATIENT, rooms
@@ -18,18 +19,24 @@ LOCATIONS = (
 )
 
 
-def main() -> None:
-    """Print base, arm and counts of the first places in rooms of every kind."""
-    number = int(sys.argv[1]) if len(sys.argv) > 1 else 1
-    for kind in sys.argv[2:] or KINDS:
+def lines(number: int, kinds: Sequence[str]) -> Iterator[str]:
+    """Base, arm and counts of the first places in rooms of some kinds, a line for each location."""
+    for kind in kinds:
         for room in rooms(kind, number):
             stage = Stage(room, robot_of("amigo"))
             for location in LOCATIONS:
                 answer = stage.ask(location, 3)
                 places = [[value.hex() for value in map(float, s.base)] for s in answer.solutions]
                 details = [sorted(map(str, s.detail.items())) for s in answer.solutions]
-                print(room.name, location, places, details, answer.failure)
+                yield f"{room.name} {location} {places} {details} {answer.failure}"
             stage.close()
+
+
+def main() -> None:
+    """Print them."""
+    number = int(sys.argv[1]) if len(sys.argv) > 1 else 1
+    for line in lines(number, sys.argv[2:] or KINDS):
+        print(line)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 Grasps first: those whose hand alone, in the air, touches nothing at pre-grasp, grasp and lift. Then for each of them
 every base of a grid around the target, several solutions of inverse kinematics for each, and the oracle's check;
-the target must be seen from the base, too.
+the target must be seen from the base, too. Found is what presses nothing into anything; where the oracle, who lets 2 mm
+pass, would confirm a way only because of these, that is told.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.protocols import Array
-from tests.benchmarks.locations.oracle import Base, Claim, Oracle
+from tests.benchmarks.locations.oracle import PRESSED, Base, Claim, Oracle
 from tests.benchmarks.locations.sampler import Chains, grasp_poses
 
 CELL, HEADINGS = 0.04, 24
@@ -41,6 +42,8 @@ class Verdict:
     bases: int
     reachable: int
     finished: bool = True
+    pressed: tuple[str, str] | None = None
+    """Where there was a way only with something pressed in by up to 2 mm: one link and what it is in."""
 
     @property
     def text(self) -> str:
@@ -55,6 +58,8 @@ class Verdict:
             return "infeasible: no room for the base"
         if not self.reachable:
             return "infeasible: out of reach from where there is room"
+        if self.pressed is not None:
+            return f"infeasible: only with {self.pressed[0]} pressed into {self.pressed[1]}"
         return "infeasible: the arm always collides"
 
 
@@ -64,6 +69,7 @@ def search(oracle: Oracle, chains: Chains, target: str) -> Verdict:
     centre = np.array(oracle.room.body(target).pose.position)
     bases = _bases(oracle, chains, centre)
     grasps = reachable = 0
+    pressed: tuple[str, str] | None = None
     for arm in oracle.robot.arms:
         chain, solver = chains.chains[arm.name], chains.solvers[arm.name]
         hand = oracle.hand_links(arm.name)
@@ -89,10 +95,24 @@ def search(oracle: Oracle, chains: Chains, target: str) -> Verdict:
                         base = bases[places[left[index]]]
                         claim = _complete(oracle, chains, arm.name, base, poses, q[index], hand, opened, target)
                         if claim is not None:
-                            return Verdict(claim, grasps, len(bases), reachable)
+                            deepest = _pressed(oracle, claim, hand, opened)
+                            if deepest is None:
+                                return Verdict(claim, grasps, len(bases), reachable)
+                            pressed = pressed or deepest
                     if time.process_time() - began > LONGEST:
-                        return Verdict(None, grasps, len(bases), reachable, finished=False)
-    return Verdict(None, grasps, len(bases), reachable)
+                        return Verdict(None, grasps, len(bases), reachable, False, pressed)
+    return Verdict(None, grasps, len(bases), reachable, pressed=pressed)
+
+
+def _pressed(oracle: Oracle, claim: Claim, hand: frozenset[int], opened: dict[str, float]) -> tuple[str, str] | None:
+    """What is pressed into what on a way on which nothing penetrates deeper than the oracle lets pass."""
+    oracle.place(claim.base, oracle.posture)
+    pairs = [oracle.touched(itself=False, depth=PRESSED)]
+    for values in claim.values:
+        joints = dict(zip(claim.joints, map(float, values), strict=True))
+        oracle.place(claim.base, {**oracle.posture, **opened, **joints})
+        pairs.append(oracle.touched(hand, claim.target, depth=PRESSED))
+    return next((pair for pair in pairs if pair is not None), None)
 
 
 class _Space:

@@ -20,6 +20,8 @@ from tests.benchmarks.locations.rooms import Room
 
 TOUCHING = 0.002
 """Penetrations up to this depth are touching [m]: PyBullet's cylinders of a URDF are polyhedra, up to 1 mm wider."""
+PRESSED = 0.0005
+"""Beyond this something is pressed into something else [m]: what a search accepts that nobody has to confirm."""
 TIP, TURN = 2e-3, 2e-2
 """How far a tip may be from the pose that is claimed [m], [rad]."""
 NEIGHBOURS = 2
@@ -134,9 +136,9 @@ class Oracle:
                 counts[pair] = counts.get(pair, 0) + 1
         return allowed | {pair for pair, count in counts.items() if count > 0.9 * SAMPLES}
 
-    def _self_contacts(self, allowed: set[frozenset[int]]) -> set[frozenset[int]]:
+    def _self_contacts(self, allowed: set[frozenset[int]], depth: float = TOUCHING) -> set[frozenset[int]]:
         points = pybullet.getClosestPoints(self.uid, self.uid, 0.0, physicsClientId=self.client)
-        deep = {frozenset((p[3], p[4])) for p in points if p[8] < -TOUCHING and not self._neighbours(p[3], p[4])}
+        deep = {frozenset((p[3], p[4])) for p in points if p[8] < -depth and not self._neighbours(p[3], p[4])}
         return deep - allowed
 
     def _neighbours(self, one: int, other: int) -> bool:
@@ -184,9 +186,12 @@ class Oracle:
         return frozenset(link for link in self.links.values() if root in self.upwards(link))
 
     def touched(
-        self, hand: Iterable[int] = (), target: str | None = None, *, itself: bool = True
+        self, hand: Iterable[int] = (), target: str | None = None, *, itself: bool = True, depth: float = TOUCHING
     ) -> tuple[str, str] | None:
-        """One pair of (link, body or link) that penetrate, where the robot is; ``hand`` may touch ``target``."""
+        """One pair of (link, body or link) that penetrate more than ``depth``, where the robot is.
+
+        ``hand`` may touch ``target``.
+        """
         self.checks += 1
         may = set(hand)
         for name, link in self.links.items():
@@ -196,10 +201,10 @@ class Oracle:
                 if body is None or (body == target and link in may):
                     continue
                 points = pybullet.getClosestPoints(self.uid, uid, 0.0, link, physicsClientId=self.client)
-                if any(point[8] < -TOUCHING for point in points):
+                if any(point[8] < -depth for point in points):
                     return name, body
         if itself:
-            for pair in self._self_contacts(self._allowed):
+            for pair in self._self_contacts(self._allowed, depth):
                 one, other = sorted(pair)
                 return self.names[one], self.names[other]
         return None

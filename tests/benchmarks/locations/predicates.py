@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +18,19 @@ from tests.benchmarks.locations.rooms import Room, thing
 HAIR = 2e-3
 """Places are told to a tenth of a millimetre [m]."""
 SIDES = {"in_front_of": 0.0, "behind": math.pi, "left_of": math.pi / 2, "right_of": -math.pi / 2}
-NEAR, FAR, BESIDE, FACING = 1.0, 2.0, (0.1, 1.1), math.radians(30)
+FACING = math.radians(30)
+
+
+@dataclass(frozen=True, slots=True)
+class Distances:
+    """What relations mean for a kind of place where nothing bounds them [m]."""
+
+    near: float
+    far: float
+    beside: tuple[float, float]
+
+
+OF_A_BASE, OF_A_THING = Distances(1.0, 2.0, (0.1, 1.1)), Distances(0.3, 0.6, (0.0, 0.3))
 
 CHECKED = (*SIDES, "next_to", "near", "far_from", "facing", "clear_of")
 """Relations that are checked here; what is in reach or visible is checked by the oracle."""
@@ -28,7 +41,8 @@ def objections(room: Room, robot: Robot, base: Base, location: Location, viewer:
     for relation in location.relations:
         if relation.name in CHECKED and isinstance(relation.reference, Object):
             body = _body(room, relation.reference)
-            if _holds(relation, body, robot.base.radius, base, viewer) == relation.negated:
+            hair = -HAIR if relation.negated else HAIR
+            if keeps(relation, body, robot.base.radius, base, viewer, hair=hair) == relation.negated:
                 yield f"{base} is {'' if relation.negated else 'not '}{relation.name} {body.name}: {relation}"
 
 
@@ -36,26 +50,38 @@ def _body(room: Room, what: Object) -> Body:
     return next(body for body in room.bodies if thing(body).iri == what.iri)
 
 
-def _holds(relation: Relation, body: Body, radius: float, base: Base, viewer: tuple[float, float]) -> bool:
+def keeps(
+    relation: Relation,
+    body: Body,
+    radius: float,
+    base: Base,
+    viewer: tuple[float, float],
+    usual: Distances = OF_A_BASE,
+    *,
+    hair: float = HAIR,
+) -> bool:
+    """Whether something round of a radius [m] keeps a relation to a body, its negation left aside."""
     gap = outline_distance(body, base[0], base[1]) - radius
     least, most = relation.beyond, relation.within
     match relation.name:
         case "near":
             low = least or 0.0
-            high = most if most is not None else math.inf if low > NEAR else NEAR
-            return low - HAIR <= max(gap, 0.0) <= high + HAIR
+            high = most if most is not None else math.inf if low > usual.near else usual.near
+            return low - hair <= max(gap, 0.0) <= high + hair
         case "far_from":
-            low = least if least is not None else 0.0 if most is not None and most < FAR else FAR
-            return low - HAIR <= gap <= (math.inf if most is None else most) + HAIR
+            low = least if least is not None else 0.0 if most is not None and most < usual.far else usual.far
+            return low - hair <= gap <= (math.inf if most is None else most) + hair
         case "facing":
             x, y = body.pose.position[:2]
             miss = math.remainder(math.atan2(y - base[1], x - base[0]) - base[2], 2 * math.pi)
-            return abs(miss) <= FACING + HAIR
+            return abs(miss) <= FACING + hair
         case "clear_of":
             return gap > 0
         case "next_to":
-            return any(_at_side(relation, body, side, radius, base, viewer) for side in ("left_of", "right_of"))
-    return _at_side(relation, body, relation.name, radius, base, viewer)
+            return any(
+                _at_side(relation, body, side, radius, base, viewer, usual, hair) for side in ("left_of", "right_of")
+            )
+    return _at_side(relation, body, relation.name, radius, base, viewer, usual, hair)
 
 
 def outline_distance(body: Body, x: float, y: float) -> float:
@@ -68,20 +94,29 @@ def outline_distance(body: Body, x: float, y: float) -> float:
     return math.hypot(max(along, 0.0), max(across, 0.0))
 
 
-def _at_side(relation: Relation, body: Body, side: str, radius: float, base: Base, viewer: tuple[float, float]) -> bool:
+def _at_side(
+    relation: Relation,
+    body: Body,
+    side: str,
+    radius: float,
+    base: Base,
+    viewer: tuple[float, float],
+    usual: Distances,
+    hair: float,
+) -> bool:
     front, seen = _front(body, viewer)
     heading = front + (-SIDES[side] if seen else SIDES[side])
     ahead = np.array([math.cos(heading), math.sin(heading)])
     offset = np.array([base[0] - body.pose.position[0], base[1] - body.pose.position[1]])
     forward, aside = float(offset @ ahead), float(ahead[0] * offset[1] - ahead[1] * offset[0])
     out = forward - _extent(body, heading)
-    least = relation.beyond if relation.beyond is not None else BESIDE[0]
-    most = relation.within if relation.within is not None else BESIDE[1]
+    least = relation.beyond if relation.beyond is not None else usual.beside[0]
+    most = relation.within if relation.within is not None else usual.beside[1]
     if relation.beyond is None and least > most:
         least = 0.0
     if relation.within is None and most < least:
         most = math.inf
-    return least - HAIR <= out - radius <= most + HAIR and abs(aside) <= out + HAIR
+    return least - hair <= out - radius <= most + hair and abs(aside) <= out + hair
 
 
 def _front(body: Body, viewer: tuple[float, float]) -> tuple[float, bool]:

@@ -1,19 +1,30 @@
-"""Random questions, sensible and not, and whether they leave the world, the belief and the memory as they were."""
+"""Random questions, sensible and not, and whether they leave the world, the belief and the memory as they were.
+
+    python -m tests.benchmarks.locations.queries 1000
+
+asks a thousand: for places of the base, ways of a hand, poses of things, and whether something holds; of each some are
+answered, some fail, some are interrupted as by Ctrl-C, closed after an answer, or evaporated in a plan. After each the
+state of world, physics, belief and random numbers has to be what it was. Then a thousand resolutions in a row, of which
+the last half must not take more memory. Exit code 1 if not.
+"""
 
 from __future__ import annotations
 
+import argparse
 import gc
 import resource
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from types import FrameType
 from typing import Any
 
 import numpy as np
 
+from planlang import VirtualHost, pursue, run, sleep
 from planlang.designators import (
     GRASPS,
     MEASURED,
@@ -25,9 +36,11 @@ from planlang.designators import (
     an_object,
 )
 from planlang.failures import PlanFailure
+from sim.engine import bullet
+from tests.benchmarks.locations.oracle import Oracle
 from tests.benchmarks.locations.predicates import CHECKED, objections
-from tests.benchmarks.locations.rooms import THE_BOTTLE, THE_PATIENT, Room, room_of, thing
-from tests.benchmarks.locations.stage import Stage
+from tests.benchmarks.locations.rooms import THE_BOTTLE, THE_PATIENT, Room, asked, room_of, thing
+from tests.benchmarks.locations.stage import Stage, robot_of
 
 DEVICES = (None, None, a_device("RightArm"), a_device("LeftGripper"))
 
@@ -80,16 +93,59 @@ def check_areas(stage: Stage, number: int, seed: int) -> Iterator[tuple[list[str
         yield found, bool(places)
 
 
+def check_reaches(stage: Stage, oracle: Oracle, number: int, seed: int) -> Iterator[tuple[list[str], bool]]:
+    """Ask for random conjunctions with reach and sight; what places do not keep, and if there were any."""
+    rng, room = np.random.default_rng(seed), stage.room
+    # the oracle tells how much of a thing it sees where that is as wide from all sides and fits into the picture
+    seen = [b for b in room.bodies if min(b.size) > 0.15 and max(b.size) < 0.65 and 0.8 < b.size[0] / b.size[1] < 1.25]
+    for _ in range(number):
+        relations = [Relation("in_reach_of", THE_BOTTLE)]
+        if rng.random() < 0.3:
+            relations.append(Relation("visible_from", thing(seen[int(rng.integers(len(seen)))])))
+        for _ in range(int(rng.integers(0, 3))):
+            body = room.bodies[int(rng.integers(1, len(room.bodies)))]
+            name = CHECKED[int(rng.integers(len(CHECKED)))]
+            relations.append(Relation(name, thing(body), None, None, bool(rng.random() < 0.6)))
+        location = Location(tuple(dict.fromkeys(relations)))
+        places = stage.ask(location, 2).solutions
+        found = []
+        for place in places:
+            found += objections(room, stage.robot, place.base, location, room.start[:2])
+            claim = stage.claim(place, THE_BOTTLE)
+            problem = "no way to the bottle" if claim is None else oracle.objection(claim) or oracle.is_grasp(claim)
+            found += [] if problem is None else [f"{place.base}: {problem}"]
+            for relation in relations:
+                if relation.name == "visible_from" and isinstance(relation.reference, Object):
+                    body = next(body for body in room.bodies if thing(body) == relation.reference)
+                    if not oracle.sees(place.base, body.name):
+                        found.append(f"{place.base}: {body.name} is not visible")
+        yield found, bool(places)
+
+
 def snapshot(stage: Stage) -> tuple[object, ...]:
-    """Everything that a question must leave alone: the world, what is believed, where the generators stand."""
+    """Everything that a question must leave alone: world, physics, what is believed, where the generators stand."""
     belief = stage.platform.belief
     return (
         stage.world.state(),
+        physics(stage.world.robot.client),
         belief.revision,
         tuple((name, belief.pose(name)) for name in belief.names()),
         tuple(belief.held.items()),
         repr(stage.platform.rng.bit_generator.state),
+        tuple(stage.platform.choices.made.items()),
+        tuple(stage.platform.begun_grasps.items()),
     )
+
+
+def physics(client: int) -> tuple[object, ...]:
+    """Where all bodies of a physics client are, and how all their joints stand."""
+    found = []
+    for index in range(bullet.getNumBodies(physicsClientId=client)):
+        uid = bullet.getBodyUniqueId(index, physicsClientId=client)
+        joints = range(bullet.getNumJoints(uid, physicsClientId=client))
+        states = [bullet.getJointState(uid, joint, physicsClientId=client)[:2] for joint in joints]
+        found.append((uid, bullet.getBasePositionAndOrientation(uid, physicsClientId=client), tuple(states)))
+    return tuple(found)
 
 
 class Interrupter:
@@ -125,8 +181,12 @@ class Asked:
     """Of the largest memory of the process in the second half [MB]."""
 
 
+KINDS = ("base", "base", "base", "hand", "thing", "holds")
+"""What is asked for."""
+
+
 def ask_many(stage: Stage, number: int, *, seed: int = 0, tell: Callable[[str], None] = lambda line: None) -> Asked:
-    """Ask random questions; every fifth is interrupted, every third given up after its first answer."""
+    """Ask random questions; some are interrupted, closed after their first answer, or evaporated in a plan."""
     rng = np.random.default_rng(seed)
     endings: Counter[str] = Counter()
     changed, wrong = [], []
@@ -138,31 +198,73 @@ def ask_many(stage: Stage, number: int, *, seed: int = 0, tell: Callable[[str], 
             gc.collect()
             half = _memory()
         location = random_location(rng, stage.room)
-        calls = int(rng.integers(1, 4000)) if index % 5 == 4 else sys.maxsize
+        kind, calls = KINDS[int(rng.integers(len(KINDS)))], int(rng.integers(1, 4000))
         try:
-            answers = stage.platform.resolver.bases(location)
-            if calls < sys.maxsize:
-                ended = "interrupted"
-                with Interrupter(calls):
-                    ended = "answered" if list(islice(answers, 2)) else "none"
-            elif index % 3 == 0:
-                next(answers)
-                ended = "given up after one"
-            else:
-                ended = f"answered {len(list(islice(answers, 3)))}"
+            ended = _ended(_asked(stage, kind, location, rng), index % 5, calls)
         except PlanFailure as failure:
             ended = type(failure).__name__
         except Exception as problem:
             ended = f"{type(problem).__name__}: {problem}"
-            wrong.append(f"{location}: {ended}")
+            wrong.append(f"{kind} {location}: {ended}")
         endings[ended.split(":")[0]] += 1
         stage.platform.sync()
         if snapshot(stage) != before:
-            changed.append(str(location))
-            tell(f"{location} changed the world ({ended})")
+            changed.append(f"{kind} {location}")
+            tell(f"{kind} {location} changed the world ({ended})")
             before = snapshot(stage)
     gc.collect()
     return Asked(endings, tuple(changed), tuple(wrong), _memory() - half)
+
+
+def _asked(stage: Stage, kind: str, location: Location, rng: np.random.Generator) -> Iterator[object]:
+    """The answers to a question, lazily."""
+    platform = stage.platform
+    arm = platform.around.arms[int(rng.integers(len(platform.around.arms)))]
+    match kind:
+        case "base":
+            return platform.resolver.bases(location)
+        case "hand":
+            return platform.resolver.hands(location, arm, platform.arm_joints(arm))
+        case "thing":
+            return platform.resolver.things(location, THE_BOTTLE)
+    what = (None, THE_BOTTLE, a_device(f"{arm.name.capitalize()}Arm"))[int(rng.integers(3))]
+    return (platform.resolver.holds(location, what) for _ in range(2))
+
+
+def _ended(answers: Iterator[object], how: int, calls: int) -> str:
+    """Ask in one of five manners; how it ended."""
+    match how:
+        case 0:
+            next(answers, None)
+            del answers
+            return "given up after one"
+        case 1:
+            next(answers, None)
+            if (close := getattr(answers, "close", None)) is not None:
+                close()
+            return "closed after one"
+        case 2:
+            return f"evaporated with {_evaporated(answers)}"
+        case 3:
+            ended = "interrupted"
+            with Interrupter(calls):
+                ended = "answered" if list(islice(answers, 2)) else "none"
+            return ended
+    return f"answered {len(list(islice(answers, 3)))}"
+
+
+def _evaporated(answers: Iterator[object]) -> int:
+    """Ask in a branch of a plan that is evaporated between its second answer and the third; the number of answers."""
+    found: list[object] = []
+
+    async def ask() -> None:
+        for answer in answers:
+            found.append(answer)
+            await sleep(1.0)
+        await sleep(60.0)
+
+    run(partial(pursue, partial(sleep, 1.5), ask), host=VirtualHost())
+    return len(found)
 
 
 def resolve_again(stage: Stage, location: Location, number: int) -> float:
@@ -187,6 +289,29 @@ def _memory() -> float:
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
 
+def main() -> int:
+    """Ask, resolve, print; 1 if something changed, grew, or ended in an internal error."""
+    options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    options.add_argument("number", nargs="?", type=int, default=1000, help="questions (default: 1000)")
+    number = options.parse_args().number
+    room, robot = some_stage()
+    stage = Stage(room, robot_of(robot))
+    asked_many = ask_many(stage, number, tell=print)
+    for ending, count in asked_many.endings.most_common():
+        print(f"{count:5} {ending}")
+    for line in asked_many.other_failures:
+        print(f"internal error: {line}")
+    growth = resolve_again(stage, asked(room), number)
+    stage.close()
+    print(f"{number} questions in {room.name}: {len(asked_many.changed)} changed something")
+    print(f"{number} resolutions: {growth:+.1f} MB in the last half")
+    return int(bool(asked_many.changed or asked_many.other_failures) or growth > 2.0)
+
+
 def some_stage() -> tuple[Room, str]:
     """A room for questions and the robot that asks in it."""
     return room_of("person in bed", 3), "amigo"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import statistics
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -32,6 +33,12 @@ class Case:
         """Whether there is an answer that the judge accepts."""
         return self.answer.solved and self.objection is None
 
+    @property
+    def missed(self) -> bool:
+        """Whether it is not solved although somebody found a way."""
+        sampled = any(one.claim is not None for one in self.sampled.values())
+        return not self.solved and (sampled or (self.verdict is not None and self.verdict.claim is not None))
+
 
 Peer = tuple[str, int]
 """Inverse kinematics of a sampler, "planlang" or "PyBullet", and how many samples it may draw."""
@@ -60,6 +67,7 @@ def reach(
             if classify and not case.solved:
                 case.verdict = search(oracle, chains, "bottle")
             yield case
+            print(f"{room.name}{'' if case.solved else ', no answer'}", end="\r", file=sys.stderr, flush=True)
         finally:
             stage.close()
             oracle.close()

@@ -116,7 +116,7 @@ def test_what_is_held_stays_upright_in_every_way_that_is_tried(
     zone = ComfortZone(((0.0, 0.2, 1.2), (0.0, -0.2, 1.2)), facing, 0.6, lambda point: True)
     upright = held.pose.matrix()[:3, :3]
     for ways in (
-        above_ways("box", block, FRAME, held, 0.05, (0.02, 0.15), fine=False),
+        above_ways("box", block, FRAME, held, held.lowest_of, (0.02, 0.15), inset=0.05, fine=False),
         offer_ways("patient", zone, FRAME, held, fine=False),
         place_ways("box", block.centre[None], FRAME, held, fine=False),
     ):
@@ -146,7 +146,7 @@ def test_poses_above_keep_what_is_held_between_2_and_15_cm_over_the_top(
     block: Block, extents: tuple[float, float, float], turn: float
 ) -> None:
     held = Held("cup", Pose.planar(0.02, -0.01, turn, 0.03), extents)
-    ways = above_ways("box", block, FRAME, held, 0.05, (0.02, 0.15), fine=True)
+    ways = above_ways("box", block, FRAME, held, held.lowest_of, (0.02, 0.15), inset=0.05, fine=True)
     for index in range(0, len(ways), 7):
         pose = Pose.from_matrix(ways.plan(index).poses[0])
         lowest = corners(pose @ held.pose, extents)[:, 2].min()

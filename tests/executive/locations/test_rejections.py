@@ -90,8 +90,16 @@ def test_a_bottle_in_a_box_would_have_its_sides_touched_by_the_hand(make_stage: 
     arm = stage.platform.around.arms_of(a_device("LeftGripper"))[0]
     with pytest.raises(LocationUnresolvable) as caught:
         next(stage.resolver.hands(a_location(in_center_of=THE_BOTTLE), arm, stage.platform.arm_joints(arm)))
-    assert next(iter(caught.value.counts)) == "in collision"
+    assert caught.value.counts == {"in collision": 32}, "16 headings with either side of the hand up"
     assert set(caught.value.blocking) <= {"left", "right", "roof", "behind"}
+
+
+def test_each_way_of_a_hand_is_counted_once(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, BOTTLE, start=(0.55, 0.0, -0.35))
+    arm = stage.platform.around.arms_of(a_device("LeftGripper"))[0]
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(stage.resolver.hands(a_location(in_center_of=THE_BOTTLE), arm, stage.platform.arm_joints(arm)))
+    assert sum(caught.value.counts.values()) == 32, caught.value.counts
 
 
 def test_the_message_tells_the_counts_and_the_bodies(refused: Refused) -> None:
@@ -101,6 +109,13 @@ def test_the_message_tells_the_counts_and_the_bodies(refused: Refused) -> None:
     assert text.startswith("no place found: in_reach_of(bottle): ")
     assert f"{failure.counts['no room for the base']} no room for the base" in text
     assert f"(in the way: table {failure.blocking['table']})" in text
+
+
+def test_each_place_is_counted_once(refused: Refused) -> None:
+    """Two arms, 32 headings, five grasps (two with either side of the hand up), of each the 48 places that count."""
+    table = box("table", 1.6, 0.0, (2.4, 2.4, 0.8))
+    failure = refused(TO_GRASP, table, replace(BOTTLE, pose=Pose((1.6, 0.0, 0.9))))
+    assert failure.counts == {"no room for the base": 2 * 32 * 5 * 48}
 
 
 @pytest.mark.parametrize(

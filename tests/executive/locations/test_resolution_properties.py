@@ -117,13 +117,17 @@ def test_places_stay_places_when_the_whole_scene_is_moved_and_turned(
 
 @pytest.mark.parametrize("location", LOCATIONS, ids=str)
 @PROPERTY
-@given(x=offsets.map(lambda by: round(by, 4)), y=offsets.map(lambda by: round(by, 4)))  # as places are told
-def test_the_best_place_moves_with_the_scene(
-    moved: Callable[[Pose], Stage], location: Location, x: float, y: float
+@given(x=offsets, y=offsets, yaw=st.floats(-math.pi, math.pi))
+def test_a_moved_and_turned_scene_gives_the_same_places_moved_in_the_same_order(
+    moved: Callable[[Pose], Stage], location: Location, x: float, y: float, yaw: float
 ) -> None:
-    base = next(iter(moved(Pose((0.0, 0.0, 0.0))).resolver.bases(location))).base
-    found = next(iter(moved(Pose.planar(x, y)).resolver.bases(location))).base
-    assert found == pytest.approx((base[0] + x, base[1] + y, base[2]), abs=2e-4)
+    motion = Pose.planar(x, y, yaw)
+    bases = [solution.base for solution in islice(moved(Pose((0.0, 0.0, 0.0))).resolver.bases(location), 4)]
+    found = [solution.base for solution in islice(moved(motion).resolver.bases(location), 4)]
+    for base, other in zip(bases, found, strict=True):
+        there = transported(motion, base)
+        assert other[:2] == pytest.approx(there[:2], abs=1e-4)
+        assert math.remainder(other[2] - there[2], 2 * math.pi) == pytest.approx(0.0, abs=1e-4)
 
 
 def test_places_are_begun_anew_when_the_belief_changes_in_between(make_stage: MakeStage) -> None:

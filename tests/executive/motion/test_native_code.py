@@ -117,3 +117,34 @@ def test_compiled_and_interpreted_kinematics_agree(
     near = q[:, None] + rng.normal(0, 0.02, (50, 1, compiled.dof))
     found = [InverseKinematics(chain).solve(compiled.fk(q), near)[0] for chain in (compiled, interpreted)]
     np.testing.assert_allclose(*found, atol=2e-3)
+
+
+def test_processes_that_need_the_same_chain_at_once_agree(
+    folder: Path, tmp_path: Path, urdf_of: Callable[[str], Path]
+) -> None:
+    program = (
+        "from executive.motion import Chain\n"
+        f"chain = Chain.from_urdf({str(urdf_of('amigo'))!r}, 'base_link', 'grippoint_left')\n"
+        "print(type(chain.backend).__name__, chain.fk([0.1] * chain.dof).tobytes().hex())\n"
+    )
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    command = [sys.executable, "-c", program]
+    running = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    said = {process.communicate()[0] for process in running}
+    assert len(said) == 1
+    assert said.pop().startswith("CompiledChain ")
+    assert all(name.endswith(".so") for name in kept(folder)), "no temporary file is left"
+
+
+@pytest.mark.parametrize("content", [b"", b"\x7fELF", b"not a library at all" * 100])
+def test_a_damaged_library_of_a_chain_is_made_anew(
+    content: bytes, folder: Path, urdf_of: Callable[[str], Path]
+) -> None:
+    first = Chain.from_urdf(urdf_of("amigo"), "base_link", "neck_pan")
+    pose = first.fk([0.1] * first.dof)
+    (entry,) = folder.iterdir()
+    entry.unlink()  # one that is in use is never written to
+    entry.write_bytes(content)
+    again = Chain.from_urdf(urdf_of("amigo"), "base_link", "neck_pan")
+    np.testing.assert_array_equal(again.fk([0.1] * again.dof), pose)
+    assert isinstance(again.backend, CompiledChain)

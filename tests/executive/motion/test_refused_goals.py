@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+from typing import Any
+
 import numpy as np
 import pytest
 
-from executive.motion import GoalInCollision, StartInCollision
-from planlang.protocols import Pose
+from executive.motion import GoalInCollision, MotionError, StartInCollision, time_curve
+from planlang.protocols import Array, Configuration, Pose, Trajectory
 from sim import Body
 from tests.executive.conftest import MakeStage
 
@@ -39,3 +42,30 @@ def test_a_goal_inside_of_the_robot_is_refused_with_both_links(make_stage: MakeS
 
 def test_errors_name_the_first_pairs() -> None:
     assert str(StartInCollision([0.0], [("hand", "cup")])).endswith("hand in cup")
+
+
+def test_a_straight_line_whose_curve_swings_over_a_limit_is_followed_with_stops(
+    make_stage: MakeStage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    platform = make_stage().platform
+    arm, chain, base = platform.around.arms[0], platform.around.arms[0].solver.chain, platform.base()
+    curves: list[Array] = []
+
+    def watched(*arguments: Any, **limits: Any) -> Trajectory:
+        curve = time_curve(*arguments, **limits)
+        curves.append(curve.positions)
+        return curve
+
+    monkeypatch.setattr("executive.platform.time_curve", watched)
+    rng = np.random.default_rng(0)
+    for start in chain.sample(rng, 60):
+        start[3] = chain.upper[3] - 0.001  # the shoulder's roll, at its limit
+        if platform.around.contacts(base, arm, start):
+            continue
+        joints = {**platform.world.configuration().joints, **dict(zip(arm.joints, start.tolist(), strict=True))}
+        platform.world.set_configuration(Configuration(base, joints))  # type: ignore[attr-defined]
+        goal = platform.world.link_pose(platform.robot.arms[0].tip).matrix()
+        goal[:3, 3] += rng.uniform(-0.1, 0.1, 3)
+        with contextlib.suppress(MotionError):
+            assert chain.within(platform.straight_path(arm, goal, start, None).positions, 1e-6).all()
+    assert not all(chain.within(curve, 1e-6).all() for curve in curves), "no curve would have left the limits"

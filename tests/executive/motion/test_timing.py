@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import executive.motion
-from executive.motion.timing import time_path
+from executive.motion.timing import time_curve, time_path
 from planlang.protocols import Array
 
 V, A, J = np.array([0.07, 0.4, 1.0]), np.array([0.2, 2.0, 2.0]), np.array([2.0, 20.0, 40.0])
@@ -57,14 +57,25 @@ def test_trajectory_follows_the_polyline_forwards_and_ends_exactly(waypoints: Ar
         progress(rows, waypoints)
 
 
+def assert_within_limits(rows: Array) -> None:
+    """Differences of a trajectory that begins and ends at rest, first to third, against the limits above."""
+    still = np.repeat(rows[:1], 3, axis=0), np.repeat(rows[-1:], 3, axis=0)
+    found = np.concatenate([still[0], rows, still[1]])
+    for limit in (V, A, J):
+        found = np.diff(found, axis=0) * RATE
+        assert (np.abs(found) <= limit * (1 + 1e-4) + 1e-6).all()
+
+
 @settings(max_examples=60, deadline=None)
 @given(polylines)
-def test_trajectory_keeps_velocity_and_acceleration_limits(waypoints: Array) -> None:
-    rows = timed(waypoints)
-    still = np.repeat(rows[:1], 2, axis=0), np.repeat(rows[-1:], 2, axis=0)
-    velocity = np.diff(np.concatenate([still[0], rows, still[1]]), axis=0) * RATE
-    assert (np.abs(velocity) <= V + 1e-9).all()
-    assert (np.abs(np.diff(velocity, axis=0) * RATE) <= A + 1e-6).all()
+def test_trajectory_keeps_limits_of_velocity_acceleration_and_jerk(waypoints: Array) -> None:
+    assert_within_limits(timed(waypoints))
+
+
+@settings(max_examples=60, deadline=None)
+@given(polylines)
+def test_curve_keeps_limits_of_velocity_acceleration_and_jerk(waypoints: Array) -> None:
+    assert_within_limits(curved(waypoints))
 
 
 def test_single_segment_takes_the_time_of_its_slowest_joint() -> None:
@@ -81,23 +92,41 @@ def test_sharp_corner_is_a_row_of_its_own_and_a_stop() -> None:
     assert np.abs(rows[corner[0] + 1] - rows[corner[0]]).max() * RATE < 0.1
 
 
-def test_slight_corners_are_passed_without_a_stop() -> None:
-    t = np.linspace(0, 1, 10)
-    bow = np.stack([0 * t, t, 0.1 * np.sin(t)], axis=1)
-    rows, straight = timed(bow), timed(bow[[0, -1]])
-    assert len(rows) < 1.5 * len(straight)
-    inner = np.abs(np.diff(rows, axis=0))[len(rows) // 4 : -len(rows) // 4, 1]
-    assert inner.min() * RATE > 0.3
-
-
-@pytest.mark.parametrize("count", [5, 10, 40, 200])
-@pytest.mark.parametrize("bend", [0.05, 0.3, 1.0, 4.0])
-def test_limits_are_kept_where_corners_are_passed(count: int, bend: float) -> None:
+def bow(count: int, bend: float) -> Array:
+    """A smooth way of the three joints."""
     t = np.linspace(0, 1, count)
-    rows = timed(np.stack([0.05 * t, 0.8 * t, 0.2 * np.sin(bend * t)], axis=1))
-    velocity = np.diff(np.concatenate([rows[:1], rows, rows[-1:]]), axis=0) * RATE
-    assert (np.abs(velocity) <= V + 1e-9).all()
-    assert (np.abs(np.diff(velocity, axis=0) * RATE) <= A + 1e-6).all()
+    return np.stack([0.05 * t, 0.8 * t, 0.2 * np.sin(bend * t)], axis=1)
+
+
+def curved(waypoints: Array) -> Array:
+    """Rows of the trajectory along the curve through waypoints (n, 3) with the limits above."""
+    return time_curve(NAMES, waypoints, velocity=V, acceleration=A, jerk=J, rate=RATE).positions
+
+
+def test_straight_waypoints_are_passed_without_a_stop() -> None:
+    ends = np.array([[0.0, 0.0, 0.0], [0.1, 0.5, 0.3]])
+    between = ends[0] + np.linspace(0, 1, 7)[:, None] * (ends[1] - ends[0])
+    np.testing.assert_allclose(timed(between), timed(ends), atol=1e-9)
+
+
+def test_a_curve_is_passed_without_a_stop_and_goes_through_its_ends() -> None:
+    rows = curved(bow(10, 1.5))
+    assert np.array_equal(rows[[0, -1]], bow(10, 1.5)[[0, -1]])
+    assert len(rows) < 2.0 * len(timed(bow(10, 1.5)[[0, -1]]))
+    inner = np.abs(np.diff(rows, axis=0))[len(rows) // 4 : -len(rows) // 4, 1]
+    assert inner.min() * RATE > 0.1
+
+
+def test_a_curve_stays_near_to_the_way_that_its_waypoints_are_of() -> None:
+    fine = bow(400, 1.5)
+    away = np.linalg.norm(curved(bow(10, 1.5))[:, None] - fine, axis=2).min(axis=1)
+    assert away.max() < 0.003
+
+
+@pytest.mark.parametrize("count", [3, 5, 10, 40, 200])
+@pytest.mark.parametrize("bend", [0.05, 0.3, 1.0, 4.0])
+def test_limits_are_kept_on_curves(count: int, bend: float) -> None:
+    assert_within_limits(curved(bow(count, bend)))
 
 
 def test_repeated_waypoints_cost_no_time() -> None:

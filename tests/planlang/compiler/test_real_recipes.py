@@ -151,6 +151,11 @@ def test_plans_of_real_recipes_are_formatted_linted_and_typed(corpus: Path, tmp_
         ("recipes/pouring@hydro.owl", None),
         ("recipes/ChocolateCakeBaking@2011-03.owl", None),
         ("recipes/serve_drink_new@re_stack.owl", None),
+        ("recipes/object-search-recipe@hydro.owl", None),
+        ("recipes/pancake@kinetic.owl", None),
+        ("recipes/acat-adt_example_pipetting@master.owl", None),
+        ("recipes/make_pancakes@hydro.owl", None),
+        ("recipes/GetFromRefrigerator@2010-11.owl", None),
         ("ontologies/knowrob@hydro.owl", "PuttingSomethingSomewhere"),
         ("ontologies/knowrob@hydro.owl", "AddingAnEgg"),
     ]

@@ -12,7 +12,7 @@ from planlang import given
 from planlang.compiler.canonical import canonical
 from planlang.compiler.emit import emit
 from planlang.compiler.lowering import Lowering
-from planlang.designators import an_object
+from planlang.designators import a_location, a_posture, an_object
 from planlang.failures import GraspMissed, ObjectNotFound, PlanFailure, TransitionMissing
 from planlang.ontology import Ontology, load
 from planlang.recipe import (
@@ -38,6 +38,7 @@ from planlang.testing import Script, explore, run_plan
 
 BASE = "http://planlang.org/test#"
 PRIMITIVE = "http://knowrob.org/kb/knowrob.owl#LookingForSomething"
+THERE = a_location(near=an_object("Cup"))
 CUP = Thing(Kind.OBJECT, "Cup", BASE + "cup1", "http://knowrob.org/kb/knowrob.owl#Cup")
 
 
@@ -111,6 +112,12 @@ def test_a_result_is_handed_to_the_steps_that_use_it(compiled: Callable[..., str
     [
         (an_object("Cup"), an_object("DrinkingBottle"), an_object("Cup")),
         (an_object("Cup"), "Dough", an_object("Cup")),
+        (THERE, "nextPose", THERE),
+        ({"nextPose": THERE, "finished": True}, "nextPose", THERE),
+        ({"Cup": an_object("Cup", "x#cup1")}, an_object("Cup"), an_object("Cup", "x#cup1")),
+        ({"Bowl": an_object("Bowl")}, an_object("Cup"), an_object("Cup")),
+        (THERE, a_posture("nextPose"), THERE),
+        (THERE, an_object("Cup"), an_object("Cup")),
         ("Batter", "Dough", "Batter"),
         ((0.5, 1.0), "Dough", "Dough"),
         (None, an_object("Cup"), an_object("Cup")),

@@ -11,6 +11,7 @@ import pytest
 
 from planlang import a_location, an_object
 from planlang.compiler import CompiledPlan, compile_recipe
+from planlang.compiler.graphs import svg, task_graph
 from planlang.designators import a_posture
 from planlang.failures import ObjectNotFound
 from planlang.kernel.recorded import RecordedRun
@@ -77,8 +78,60 @@ def test_resumed_search_still_knows_what_an_earlier_state_made(search: CompiledP
     assert went == [SHELF]
 
 
+def test_exploration_runs_when_the_pose_that_its_file_forgets_is_made_by_a_state(corpus: Path, tmp_path: Path) -> None:
+    text = (corpus / "recipes" / "exploration-recipe@hydro.owl").read_text(encoding="utf-8")
+    made = '<owl:onProperty rdf:resource="&knowrob;outputsCreated"/>\n<owl:hasValue rdf:resource="&roboearth;{}"/>'
+    restriction = "<rdfs:subClassOf><owl:Restriction>" + made + "</owl:Restriction></rdfs:subClassOf>"
+    anchor = '<rdfs:subClassOf rdf:resource="&roboearth;re_explore"/>'
+    path = tmp_path / "exploration.owl"
+    path.write_text(text.replace(anchor, anchor + restriction.format("next-best-pose")), encoding="utf-8")
+    found = compile_recipe(path, allow_abstract=True)
+    went: list[Any] = []
+    script = script_for(found).on("explore-environment", returns=SHELF).on("check-finished", returns=False, times=1)
+    script.on("move-to-nbv", does=noting(went, "to_location"))
+    done = run_plan(plan_of(found), script=script)
+    assert done.value is None
+    assert went == [SHELF]
+    assert 'condition_evaluated="COMPLETED_OK"' in found.source
+
+
+FINDING = """
+Prefix: : <http://planlang.org/test#>
+Prefix: k: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://planlang.org/test>
+Class: Tidy
+    SubClassOf: k:PurposefulAction, k:subAction some FindPlace, k:subAction some Drive, k:subAction some Look,
+        k:subAction some Check, k:orderingConstraints value o1, k:orderingConstraints value o2
+Class: FindPlace SubClassOf: k:LookingForSomething, k:objectActedOn value cup1, k:outputsCreated value somePlace
+Class: Drive SubClassOf: k:Translation-LocationChange, k:toLocation value somePlace
+Class: Look SubClassOf: k:Perceiving, k:objectActedOn value cup1
+Class: Check SubClassOf: k:Perceiving, k:conditionEvaluated some (k:StaticSituation and (k:near value bed1))
+Individual: o1 Types: k:PartialOrdering-Strict Facts: k:occursBeforeInOrdering Drive, k:occursAfterInOrdering Look
+Individual: o2 Types: k:PartialOrdering-Strict Facts: k:occursBeforeInOrdering Look, k:occursAfterInOrdering Check
+Individual: somePlace Types: k:Point2D
+Individual: cup1 Types: k:Cup
+Individual: bed1 Types: k:Bed-PieceOfFurniture
+"""
+
+
+def test_a_scope_is_where_an_earlier_step_has_found_the_place(tmp_path: Path) -> None:
+    path = tmp_path / "finding.omn"
+    path.write_text(FINDING, encoding="utf-8")
+    found = compile_recipe(path)
+    assert found.diagnostics == ()
+    asked: list[Any] = []
+    script = script_for(found).on("FindPlace", returns=SHELF).on("Check", does=noting(asked, "condition_evaluated"))
+    done = run_plan(plan_of(found), script=script)
+    assert done.value is None
+    assert [
+        event["location"] for event in done.events if event.get("kind") == "at_location" and "location" in event
+    ] == [str(SHELF)]
+    assert [str(one) for one in asked] == ["StaticSituation(near=bed1)"]
+
+
 def test_what_a_step_checks_is_told_to_its_module(search: CompiledPlan) -> None:
     assert 'action("Perceiving", object_acted_on=bottle)' in search.source
+    assert "checks: VisualPerception (detectedObject: any Bottle)" in svg(task_graph(search.recipes, search.added))
     assert "find_bottle(*, bottle: Object = BOTTLE)" in search.source
 
 

@@ -255,6 +255,22 @@ def test_of_nested_shields_that_overrun_together_one_error_is_raised_and_cleanup
     assert log == [3.0]
 
 
+def test_the_error_of_a_second_shield_that_overruns_in_the_step_of_the_first_does_not_cut_the_cleanup_short() -> None:
+    log: list[float] = []
+
+    async def clean_up() -> None:
+        await sleep(2)
+        log.append(now())
+
+    async def outer() -> None:
+        with shield(within=1), shield(within=1):
+            await unwind_protect(partial(sleep, 5), clean_up)
+
+    with pytest.raises(CleanupOverrun):
+        go(outer)
+    assert log == [3.0]
+
+
 def test_an_overrun_evaporates_what_the_cleanup_started() -> None:
     log: list[str] = []
 

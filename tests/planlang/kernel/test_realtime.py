@@ -24,6 +24,7 @@ from planlang import (
     par,
     pursue,
     run,
+    seq,
     sleep,
     suspend,
     tag,
@@ -34,6 +35,9 @@ from planlang import (
 )
 from planlang.failures import BranchEvaporated
 from planlang.kernel.inbox import Inbox
+from planlang.kernel.past import Past
+from planlang.kernel.recorded import RecordedRun
+from planlang.testing import replay
 
 
 class Clock:
@@ -328,3 +332,26 @@ def test_tasks_that_spin_in_real_time_make_no_progress_either() -> None:
 
     with pytest.raises(NoProgress, match="spin"):
         run(spin, host=Clock().host())
+
+
+def test_a_run_in_real_time_is_resumed_where_it_was_left_and_not_replayed() -> None:
+    asked: list[float] = []
+
+    async def ask() -> int:
+        asked.append(now())
+        return await in_thread(lambda: 5)
+
+    async def top() -> object:
+        return await seq(partial(sleep, 1), ask, partial(sleep, 2), ask)
+
+    whole = Trace([])
+    run(top, host=Clock().host(), trace=whole, resumable=True)
+    cut = [number for number, event in enumerate(whole.events, 1) if event["event"] == "completed"][2]
+    past = RecordedRun.of(whole.events[:cut])
+    clock, again = Clock(), Trace([])
+    asked.clear()
+    assert run(top, host=clock.host(), trace=again, resumable=True, resume=Past(past)) == [None, 5, None, 5]
+    assert asked == [3.0]
+    assert clock.now < 1001, "what is taken over takes no time"
+    with pytest.raises(ValueError, match="resumed, not replayed"):
+        replay(top, again)

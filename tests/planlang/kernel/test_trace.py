@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from contextlib import suppress
 from enum import Enum
 from functools import partial
@@ -14,10 +15,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planlang import TaskTree, Trace, VirtualHost, an_object, par, plan, run, sleep, using
+from planlang import TaskTree, Trace, VirtualHost, an_object, par, plan, run, seq, sleep, unwind_protect, using
 from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, ObjectUnfetchable, PlanFailure
 from planlang.kernel import with_paths
 from planlang.kernel.encoding import encode
+from planlang.kernel.past import Past
+from planlang.kernel.recorded import RecordedRun
 from planlang.protocols import Configuration, Pose
 
 
@@ -291,3 +294,59 @@ def test_a_line_that_the_system_takes_in_parts_is_written_whole(
             run(partial(par, partial(sleep, 1), partial(sleep, 2)), host=VirtualHost(), trace=trace)
         written.append((tmp_path / "run.jsonl").read_bytes())
     assert written[0] == written[1]
+
+
+class Disk(io.StringIO):
+    """Takes so many lines."""
+
+    def __init__(self, lines: int) -> None:
+        super().__init__()
+        self.lines = lines
+
+    def write(self, text: str) -> int:
+        if not self.lines:
+            raise OSError(28, "No space left on device")
+        self.lines -= 1
+        return super().write(text)
+
+
+def test_a_run_whose_trace_cannot_be_written_any_further_ends_with_that_error_wherever_it_comes() -> None:
+    def go(disk: Disk) -> list[str]:
+        ended: list[str] = []
+
+        async def body() -> None:
+            try:
+                await par(partial(sleep, 1), partial(unwind_protect, partial(sleep, 2), partial(sleep, 1)))
+            finally:
+                ended.append("body")
+
+        run(partial(seq, body), host=VirtualHost(), trace=Trace(disk))
+        return ended
+
+    whole = Disk(1000)
+    assert go(whole) == ["body"]
+    lines = whole.getvalue().splitlines(keepends=True)
+    for number in range(len(lines)):
+        disk = Disk(number)
+        with pytest.raises(OSError, match="No space left") as full:
+            go(disk)
+        assert disk.getvalue() == "".join(lines[:number])
+        assert number == 0 or "the run was ended" in full.value.__notes__[0]
+
+
+def test_a_pipe_is_written_to_and_not_renamed(tmp_path: Path) -> None:
+    pipe = tmp_path / "run.jsonl"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)
+    try:
+        with Trace.at(pipe) as trace:
+            run(partial(sleep, 1), host=VirtualHost(), trace=trace, resumable=True)
+        lines = os.read(reader, 100_000)
+        assert lines.startswith(b'{"step": 0, "event": "header"')
+        past = Past(RecordedRun.of([json.loads(line) for line in lines.splitlines()]))
+        with Trace.at(pipe, past=past) as trace:
+            run(partial(sleep, 1), host=VirtualHost(), trace=trace, resumable=True, resume=past)
+        assert b'"event": "resumed"' in os.read(reader, 100_000)
+    finally:
+        os.close(reader)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.jsonl"]

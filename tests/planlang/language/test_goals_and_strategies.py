@@ -23,10 +23,13 @@ from planlang import (
     ignore,
     look_and_repeat,
     look_from_another_place,
+    now,
     par,
     perform,
+    pursue,
     run,
     sleep,
+    wait_for,
     with_failure_handling,
 )
 from planlang.designators import located
@@ -182,6 +185,22 @@ def test_being_somewhere_is_a_condition_too(executive: Any) -> None:
         return near.value, str(near)
 
     assert go(watch, executive) == (False, str(located(a_location(near=BOTTLE))))
+
+
+def test_a_place_that_stops_holding_ends_what_depends_on_it(executive: Any) -> None:
+    here = a_location(near=BOTTLE)
+    executive.facts[str(located(here))] = True
+
+    async def leave() -> None:
+        await sleep(2)
+        executive.facts[str(located(here))] = False
+        await sleep(10)
+
+    async def watch() -> tuple[bool, float]:
+        await pursue(partial(wait_for, ~holds(here)), leave)
+        return holds(here).value, now()
+
+    assert go(watch, executive) == (False, pytest.approx(2, abs=0.01))
 
 
 def test_a_result_is_handed_on_if_it_is_the_kind_of_thing_that_is_needed() -> None:

@@ -33,6 +33,7 @@ from planlang import (
     timeout,
     try_all,
     unwind_protect,
+    using,
     wait_for,
     wake_up,
     with_failure_handling,
@@ -364,6 +365,45 @@ def test_retries_and_displaced_bases_are_repeated() -> None:
     run = run_plan(top, executive=executive, resumable=True)
     assert run.attempts("Grasp") == 2
     assert at_every_cut(top, run) == []
+
+
+def test_what_a_process_module_holds_for_a_while_is_held_again_whether_it_ends_or_is_cut_short() -> None:
+    from planlang.testing.scripted import ScriptedExecutive
+
+    class Careful:
+        name, actions, failures = "careful", ("Reaching",), ()
+
+        def resources(self, _: object) -> tuple[str, ...]:
+            return ("arm",)
+
+        async def execute(self, _: object) -> float:
+            await sleep(0.5)
+            async with using("tool"):
+                await sleep(1)
+            async with using("tool", "light"), using("camera"):
+                await sleep(1)
+            await sleep(0.5)
+            return now()
+
+    async def other() -> None:
+        async with using("tool"):
+            await sleep(3)
+
+    @plan
+    async def top(limit: float) -> str:
+        reaching = partial(perform, action("Reaching"))
+        try:
+            await par(reaching, partial(reaching, name="second"), partial(sleep, 0.7))
+            await timeout(limit, partial(par, reaching, other))
+        except PlanFailure as failure:
+            return str(failure)
+        return "done"
+
+    for limit in (100, 1.2, 0.2, 3.5, 4.5):  # the last ones while it waits for the tool, and while it holds it
+        executive = ScriptedExecutive(Script())
+        executive.modules = [Careful()]
+        run = run_plan(partial(top, limit), executive=executive, resumable=True)
+        assert at_every_cut(partial(top, limit), run) == []
 
 
 def test_answers_that_were_tampered_with_are_told_with_their_line() -> None:

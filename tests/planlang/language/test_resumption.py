@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import io
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from functools import partial
@@ -18,6 +19,8 @@ from planlang import (
     Policy,
     Recovery,
     Return,
+    Trace,
+    VirtualHost,
     achieve,
     action,
     at_location,
@@ -32,6 +35,7 @@ from planlang import (
     race,
     retry_after_suspension,
     rng,
+    run,
     seq,
     sleep,
     state_machine,
@@ -49,6 +53,7 @@ from planlang import (
 from planlang.designators import a_location, an_object
 from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, PlanFailure
 from planlang.kernel.continued import Different
+from planlang.kernel.past import Past
 from planlang.kernel.recorded import RecordedRun
 from planlang.testing import PlanRun, Script, replay, run_plan
 
@@ -748,3 +753,21 @@ def test_open_steps_begin_again_as_written_whenever_the_completed_ones_end(secon
         assert again.value == whole.value
         told = replay(top, again)
         assert told.equal, told.difference and (told.difference.recorded, told.difference.found)
+
+
+def test_a_resumed_run_whose_trace_cannot_be_written_any_further_ends_with_that_error() -> None:
+    async def top() -> None:
+        await sleep(1)
+        await seq(partial(sleep, 1), partial(sleep, 1))
+
+    class Full(io.StringIO):
+        def write(self, text: str) -> int:
+            if "resumed" in text:
+                raise OSError(28, "No space left on device")
+            return super().write(text)
+
+    before = run_plan(top, resumable=True)
+    past = Past(cut(before, completed(before)[0]))
+    with pytest.raises(OSError, match="No space left") as full:
+        run(top, host=VirtualHost(240), trace=Trace(Full()), resume=past)
+    assert "the run was ended" in full.value.__notes__[0]

@@ -1,13 +1,14 @@
 """Manchester syntax: triples, positions, names, and agreement with py-horned-owl."""
 
 import re
+from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 import pyhornedowl
 import pytest
 
 from planlang.diagnostics import BadInput
-from planlang.ontology import BNode, Literal, Triple
+from planlang.ontology import BNode, Literal, Triple, load
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD
 
@@ -251,3 +252,10 @@ def test_prefixes_in_comments_are_none() -> None:
 def test_comments_may_stand_anywhere_and_are_no_part_of_iris_or_texts() -> None:
     text = '# first\nClass: A # second\n    # third\n    Annotations: rdfs:comment "# no comment" # fourth\n# fifth'
     assert about(read(text), "A")[1] == ("comment", Literal("# no comment"))
+
+
+def test_no_facet_of_a_datatype_is_an_unknown_term(tmp_path: Path) -> None:
+    facets = 'length 3, minLength 1, maxLength 5, pattern "[a-z]", langRange "en", > 1, >= 1, < 9, <= 9'
+    path = tmp_path / "facets.omn"
+    path.write_text(f"{HEAD}Datatype: d\n    EquivalentTo: xsd:string[{facets}]\n", encoding="utf-8")
+    assert load(path, builtin=False).diagnostics == ()

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from planlang.designators import (
@@ -83,13 +84,55 @@ def locations(draw: st.DrawFn, depth: int = 0) -> Location:
     return Location(tuple(several), device=draw(st.none() | devices), grasp=grasp)
 
 
-@settings(max_examples=1000)
-@given(location=locations())
-def test_a_location_is_told_by_its_phrase_and_the_phrase_by_its_location(location: Location) -> None:
+def assert_told(location: Location) -> None:
+    """Phrase and location tell each other."""
     phrase = write_location(location, LEXICON)
     read = read_location(phrase, LEXICON)
     assert read == location
     assert write_location(read, LEXICON) == phrase
+
+
+def any_location(rng: Random, depth: int = 0) -> Location:
+    """Any location, as :func:`locations` draws them, eight times as fast and without making a failure smaller."""
+    several = {any_relation(rng, depth): None for _ in range(rng.randint(1, 3))}
+    device = rng.choice((None, rng.choice(list(DEVICES.values())), Device(any_name(rng), any_name(rng))))
+    return Location(tuple(several), device=device, grasp=rng.choice((None, *GRASPS)))
+
+
+def any_relation(rng: Random, depth: int) -> Relation:
+    """Any relation."""
+    name = rng.choice(list(RELATIONS))
+    least, most = None, None
+    if name in MEASURED:
+        lengths = sorted(
+            rng.choice((rng.uniform(0, 5), rng.randint(0, 500) / 100, 10 ** rng.uniform(-9, 9))) for _ in "ab"
+        )
+        least, most = (rng.choice((None, length)) for length in lengths)
+    if depth < 2 and rng.random() < 0.2:
+        reference: Object | Location = any_location(rng, depth + 1)
+    else:
+        known = rng.choice(list(THINGS.values())), rng.choice(CLASSES)
+        kind = rng.choice((Object, Person, Device))
+        made = kind(any_name(rng), rng.choice((None, any_name(rng)))), type(known[1])(known[1].type, any_name(rng))
+        reference = rng.choice((*known, *made))
+    return Relation(name, reference, most, least, rng.random() < 0.5)
+
+
+def any_name(rng: Random) -> str:
+    """A name with whatever IRIs have."""
+    return "".join(rng.choice("aBz09-_/:#.%é") for _ in range(rng.randint(1, 8)))
+
+
+def test_a_thousand_random_locations_are_told_by_their_phrases_and_the_phrases_by_them() -> None:
+    found = {any_location(Random(seed)) for seed in range(1000)}
+    assert len(found) > 990, "they differ"
+    for location in found:
+        assert_told(location)
+
+
+@given(location=locations())
+def test_a_location_is_told_by_its_phrase_and_the_phrase_by_its_location(location: Location) -> None:
+    assert_told(location)
 
 
 @given(location=locations())

@@ -1,0 +1,34 @@
+"""How much is looked at before a resolution gives up: a natural choice first, then more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+ALL = 1_000_000
+"""More rows than a map has, more places than a way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """Bounds of one search."""
+
+    fine: bool
+    """Whether all ways of a hand are looked at, not only natural ones."""
+    least: float
+    """Score of a map's rows that are used."""
+    rows: int
+    """So many of them for each height of the torso."""
+    each: int
+    """Places of one way."""
+    most: int
+    """Places in all."""
+    block: int
+    """Places whose inverse kinematics is solved at once."""
+    exact: int
+    """Places that are judged exactly."""
+
+
+EFFORTS = (
+    Effort(fine=False, least=0.1, rows=400, each=16, most=384, block=48, exact=60),
+    Effort(fine=True, least=0.0, rows=ALL, each=ALL, most=40_000, block=512, exact=500),
+)

@@ -1,0 +1,259 @@
+"""The exact judgement of places for the base, conjunct by conjunct, cheapest first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from executive.locations.areas import Area, Facing
+from executive.locations.blind import Blind
+from executive.locations.hand_ways import ways_of
+from executive.locations.inverse_map import InverseMaps
+from executive.locations.reach import (
+    Reach,
+    ReachSolution,
+    from_base,
+    is_among,
+    touched_at,
+    touched_by,
+    touched_on_the_way,
+)
+from executive.locations.rejections import Rejections, first_body
+from executive.locations.relations import KINDS, BaseDemand, block_of, is_held
+from executive.locations.solving import unblocked
+from executive.locations.surroundings import ArmModel, Base, Surroundings
+from planlang.protocols import Array, Solution
+
+PLACES = 6
+"""Decimals of places [m, rad]: so few that two machines tell the same, so many that nothing depends on the origin."""
+ANOTHER_PLACE = 0.4
+"""Whatever was not seen from one place is looked for from places at least this far away [m]."""
+MOST_CROWDED = 48
+"""When there is no room, obstacles of so many promising places are named."""
+MOST_REMEMBERED = 64
+"""Places of which it is remembered how arms reach from them."""
+
+
+class BaseJudge:
+    """Judges places for the base in the believed world, and remembers how arms reach from those it accepts."""
+
+    def __init__(self, around: Surroundings, inverse: InverseMaps) -> None:
+        self.around, self.inverse = around, inverse
+        self._reached: dict[tuple[str, Base], dict[Reach, ReachSolution]] = {}
+
+    def wanted(self, demand: BaseDemand) -> tuple[Reach, ...]:
+        """What has to be reached from the base: not what is in the hand already."""
+        free = (r for r in demand.reaches if r.kind != "retreat" and not is_held(r.body, self.around))
+        return tuple(sorted(free, key=lambda reach: KINDS.index(reach.kind)))
+
+    def arms(self, demand: BaseDemand) -> Sequence[ArmModel]:
+        """The arms that may do all that is asked, where no device is said: those that hold something, else all."""
+        holding = [arm for arm in self.around.arms if self.around.held(arm.name) is not None]
+        general = holding or self.around.arms
+        named = [reach.arms for reach in demand.reaches if reach.arms is not None]
+        if named and len(named) == len(demand.reaches):
+            return [arm for arm in self.around.arms if any(arm.name in names for names in named)]
+        return general
+
+    def arms_for(self, reach: Reach, arms: Sequence[ArmModel]) -> Sequence[ArmModel]:
+        """Those of some arms that may do a reach; the ones that it names, if it names any."""
+        if reach.arms is None:
+            return arms
+        return [arm for arm in self.around.arms if arm.name in reach.arms]
+
+    def at(
+        self, base: Base, score: float, demand: BaseDemand, arms: Sequence[ArmModel], log: Rejections
+    ) -> Solution | None:
+        """The solution at ``base`` with any of the arms, or None with the reason counted."""
+        wanted = self.wanted(demand)
+        if any(
+            math.dist(base[:2], centre) > most or math.dist(base[:2], centre) < least
+            for centre, least, most in (self.band(reach, arms) for reach in wanted)
+        ):
+            return None
+        if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log):
+            return None
+        if not wanted:
+            return self.answer(base, score, {}, demand, log)
+        for arm in arms:
+            reached: dict[Reach, ReachSolution] = {}
+            for reach in wanted:
+                if (way := self._first(reach, base, self.arms_for(reach, [arm]), log)) is None:
+                    break
+                reached[reach] = way
+            else:
+                return self.answer(base, score, reached, demand, log)
+        log.judge(base, score, "out of reach")
+        return None
+
+    def complete(
+        self,
+        base: Base,
+        score: float,
+        solution: ReachSolution,
+        wanted: Sequence[Reach],
+        demand: BaseDemand,
+        blind: Blind,
+        log: Rejections,
+    ) -> Solution | None:
+        """The exact judgement of a place whose first reach is solved as far as spheres tell."""
+        if not self.stands(base, score, demand, log):
+            return None
+        body = touched_at(solution.joints, solution, base, self.around)
+        if body is None:
+            if not self.sees(base, score, demand, log, blind):
+                return None
+            body = touched_on_the_way(solution, base, self.around)
+        if body is not None:
+            log.collision(body)
+            log.judge(base, score, "in collision", body)
+            return None
+        reached = {wanted[0]: solution}
+        for reach in wanted[1:]:
+            options = self.arms_for(reach, [solution.arm])
+            if (way := self._first(reach, base, options, log)) is None:
+                log.judge(base, score, "out of reach")
+                return None
+            reached[reach] = way
+        return self.answer(base, score, reached, demand, log)
+
+    def stands(self, base: Base, score: float, demand: BaseDemand, log: Rejections) -> bool:
+        """Whether the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
+        around = self.around
+        place = np.array([base])
+        for term in demand.areas:
+            if scored(term, place)[0] <= 0:
+                return _reject(log, base, score, f"not {term.words}".replace("not not ", ""))
+        if contacts := around.contacts(base):
+            body = first_body(contacts)
+            log.crowded(body)
+            log.judge(base, score, "no room for the base", body)
+            return False
+        return True
+
+    def sees(self, base: Base, score: float, demand: BaseDemand, log: Rejections, blind: Blind | None = None) -> bool:
+        """Whether what has to be seen from the base is: what is asked for, and what is going to be handled."""
+        around = self.around
+        for name in demand.seen:
+            if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in around.looked_in_vain(name)):
+                return _reject(log, base, score, "looked from there in vain")
+        for name in self.to_see(demand):
+            occluder = around.hidden(base, name)
+            if occluder is not None:
+                log.add("not visible")
+                if occluder:
+                    log.blocking[occluder] += 1
+                if occluder and blind is not None and occluder not in around.names():
+                    blind.add(base)
+                log.judge(base, score, "not visible", occluder or None)
+                return False
+        for name in demand.unseen:
+            if around.hidden(base, name) is None:
+                return _reject(log, base, score, f"{name} is visible")
+        return True
+
+    def to_see(self, demand: BaseDemand) -> tuple[str, ...]:
+        """What has to be seen from the base: what is asked for, and what is going to be handled."""
+        handled = [r.body for r in self.wanted(demand) if r.kind in ("grasp", "offer")] if self.around.sighted() else []
+        return tuple(dict.fromkeys((*demand.seen, *handled)))
+
+    def answer(
+        self, base: Base, score: float, reached: dict[Reach, ReachSolution], demand: BaseDemand, log: Rejections
+    ) -> Solution | None:
+        """A place that all else accepts, unless something is in reach that must not be."""
+        for reach in demand.unreached:
+            if self._first(reach, base, self.arms_for(reach, self.around.arms), Rejections()) is not None:
+                _reject(log, base, score, f"{reach.body} is in reach")
+                return None
+        log.judge(base, score)
+        if not reached:
+            return Solution(base, self.around.revision(), self._sides(demand))
+        arm = next(iter(reached.values())).arm.name
+        for way in reached.values():
+            self._reached.setdefault((way.arm.name, rounded(base)), {}).update(reached)
+        while len(self._reached) > MOST_REMEMBERED:
+            del self._reached[next(iter(self._reached))]
+        detail = {"arm": arm, "reaches": [way.plan.label for way in reached.values()], **self._sides(demand)}
+        return Solution(base, self.around.revision(), detail)
+
+    def _sides(self, demand: BaseDemand) -> dict[str, object]:
+        """Whose left and right was meant, where a location names sides."""
+        said = {
+            term.words: "its own" if self.around.front(term.body) is not None else "the viewer's"
+            for term in demand.areas
+            if isinstance(term, Area) and term.directions
+        }
+        return {"frame": said} if said else {}
+
+    def _first(self, reach: Reach, base: Base, arms: Sequence[ArmModel], log: Rejections) -> ReachSolution | None:
+        """The best way to satisfy a reach from a base with one of some arms."""
+        for arm in arms:
+            for fine in (False, True):
+                counted = Rejections()
+                ways = ways_of(reach, arm, self.around, counted, fine=fine)
+                if ways is None:
+                    continue
+                ways = unblocked(ways, arm, self.around.solids(), counted)
+                way = next(from_base(reach, base, arm, ways, self.around, self.inverse, counted), None)
+                if way is None:
+                    known = self.reached(arm.name, base).get(reach)  # for an arm that can do little else from here
+                    if known is not None and is_among(known, ways) and touched_by(known, base, self.around) is None:
+                        way = known
+                if way is not None:
+                    log.include(counted)
+                    return way
+            log.include(counted)  # all ways: the natural ones are among them
+        return None
+
+    def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:
+        """A circle around what a reach is about, outside of which no base can satisfy it: middle, radii [m]."""
+        around = self.around
+        longest = max((float(np.hypot(*a.shoulder_low[:2])) + a.reach for a in self.arms_for(reach, arms)), default=0.0)
+        if reach.kind == "offer":
+            zone = around.zone(reach.body)
+            x, y, _ = np.mean(zone.shoulders, axis=0)
+            return (float(x), float(y)), 0.0, longest + zone.arm_length + 0.5
+        block = block_of(reach.body, around)
+        extent = 0.0 if reach.kind == "grasp" else math.hypot(block.half_x, block.half_y)
+        return (block.x, block.y), 0.0, longest + extent + 0.2
+
+    def name_crowding(self, crowded: Sequence[tuple[float, Array]], log: Rejections) -> None:
+        """Count which bodies take the room of promising places, with their scores; of the best of them."""
+        best = sorted(crowded, key=lambda place: -round(place[0], 6))[:MOST_CROWDED]
+        for score, place in best:
+            base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
+            body = first_body(contacts) if (contacts := self.around.contacts(base)) else None
+            if body is not None:
+                log.blocking[body] += 1
+            log.judge(base, score, "no room for the base", body)
+
+    def reached_from(self, base: Base) -> Mapping[tuple[str, Base], Mapping[Reach, ReachSolution]]:
+        """How arms can reach from a place what was asked for when it was found, if that is the last that was found."""
+        return {key: ways for key, ways in self._reached.items() if key[1] == rounded(base)}
+
+    def reached(self, arm: str, base: Base) -> Mapping[Reach, ReachSolution]:
+        """How an arm can reach from a place."""
+        return self._reached.get((arm, rounded(base)), {})
+
+    def remember(self, reached: Mapping[tuple[str, Base], Iterable[ReachSolution]]) -> None:
+        """The inverse of :meth:`reached_from`; nothing else is remembered then."""
+        self._reached = {key: {way.reach: way for way in ways} for key, ways in reached.items()}
+
+
+def scored(term: object, bases: Array) -> Array:
+    """The score (n,) of a conjunct about the floor for bases (n, 3)."""
+    return term.score(bases if isinstance(term, Facing) else bases[:, :2])  # type: ignore[attr-defined,no-any-return]
+
+
+def _reject(log: Rejections, base: Base, score: float, reason: str) -> bool:
+    log.add(reason)
+    log.judge(base, score, reason)
+    return False
+
+
+def rounded(base: Base) -> Base:
+    """The same for a place and for where the base stands after it went there."""
+    x, y, yaw = base
+    return round(x, 4), round(y, 4), round(math.remainder(yaw, 2 * math.pi), 4)

@@ -1,0 +1,235 @@
+"""Places for the base from which a hand can do what is asked: candidates of the maps, judged block by block.
+
+Spheres inside the arm and warm-started inverse kinematics rule out most of them, the planning world judges the rest
+one by one, only as many as are asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.locations.blind import Blind
+from executive.locations.candidates import Candidates, blocks, invert
+from executive.locations.effort import Effort
+from executive.locations.hand_ways import ways_of
+from executive.locations.judging import PLACES, BaseJudge, scored
+from executive.locations.own_view import Unseen
+from executive.locations.reach import Reach, ReachSolution, hand_is_stopped
+from executive.locations.rejections import Rejections
+from executive.locations.relations import BaseDemand, block_of
+from executive.locations.solving import OFF_LATTICE, ON_LATTICE, arms_have_room, solve, unblocked
+from executive.locations.surroundings import ArmModel, Base
+from executive.locations.ways import CLASSES, Ways
+from executive.motion.solids import Solids
+from planlang.protocols import Array, Solution
+
+ALIKE = 0.06
+"""A candidate this near to one that failed exactly, with the hand from the same side, is judged last [m]."""
+TRAVEL = 8.0
+"""Distance over which a place loses most of its worth [m]."""
+
+
+class ReachingSearch:
+    """One search for places from which all that is wanted can be reached."""
+
+    def __init__(
+        self,
+        judge: BaseJudge,
+        wanted: Sequence[Reach],
+        demand: BaseDemand,
+        arms: Sequence[ArmModel],
+        effort: Effort,
+        log: Rejections,
+    ) -> None:
+        self.judge, self.around, self.inverse = judge, judge.around, judge.inverse
+        self.wanted, self.demand, self.arms, self.effort, self.log = wanted, demand, arms, effort, log
+
+    def places(self) -> Iterator[Solution]:
+        """Places from which the first reach is possible by the maps, judged block by block."""
+        around, judge, effort, log = self.around, self.judge, self.effort, self.log
+        first = self.wanted[0]
+        hands = []
+        for arm in judge.arms_for(first, self.arms):
+            ways = ways_of(first, arm, around, log, fine=effort.fine)
+            if ways is not None and len(ways := unblocked(ways, arm, around.solids(), log)):
+                hands.append((arm, ways))
+        if not hands:
+            return
+        middle = np.mean([ways.points.mean(axis=0) for _, ways in hands], axis=0)
+        spread = max(float(np.linalg.norm(ways.points[:, :2] - middle[:2], axis=1).max()) for _, ways in hands)
+        reach = max(self.inverse(arm, CLASSES[int(g)]).reach for arm, ways in hands for g in np.unique(ways.grasps))
+        floor = around.floor()
+        room = floor.field((float(middle[0]), float(middle[1])), block_of(first.body, around).yaw, spread + reach)
+        terms = self.demand.areas
+        others = [judge.band(reach, self.arms) for reach in self.wanted[1:]]
+
+        def weigh(bases: Array) -> Array:
+            weight = np.ones(len(bases))
+            for centre, least, most in others:
+                away = np.linalg.norm(bases[:, :2] - centre, axis=1)
+                weight = weight * ((away >= least) & (away <= most))
+            for term in terms:
+                weight = weight * scored(term, bases)
+            return weight
+
+        found = invert(
+            hands,
+            self.inverse,
+            room,
+            weigh if terms or others else None,
+            around.lifted,
+            misses=self._unseen() if effort.fine else None,
+            least=effort.least,
+            rows=effort.rows,
+            each=effort.each,
+        )
+        log.scored.append((found.bases, found.scores))
+        log.add("no room for the base", found.without_room)
+        log.add("not where the other conjuncts say", found.unwanted)
+        log.add("not visible", found.unseen)
+        if not len(found) and not found.without_room and not found.unwanted and not found.unseen:
+            log.add("out of reach", sum(len(ways) for _, ways in hands))
+        if log.explained:
+            judge.name_crowding(found.crowded, log)
+        if len(found):
+            yield from self._in_blocks(found, hands, middle, spread + reach)
+        if not log.explained:
+            judge.name_crowding(found.crowded, log)
+
+    def _unseen(self) -> Callable[[Array], NDArray[np.bool_]] | None:
+        """Tells from which bases the robot itself is in the way of seeing what has to be seen."""
+        view = self.around.own_view()
+        names = self.judge.to_see(self.demand)
+        if view is None or not names:
+            return None
+        each = [Unseen(view, block_of(name, self.around)) for name in names]
+        return lambda bases: np.any([unseen(bases) for unseen in each], axis=0)
+
+    def _in_blocks(
+        self,
+        found: Candidates,
+        hands: Sequence[tuple[ArmModel, Ways]],
+        middle: Array,
+        radius: float,
+    ) -> Iterator[Solution]:
+        around, effort, log = self.around, self.effort, self.log
+        x, y, _ = around.base()
+        order = found.order(np.exp(-np.hypot(found.bases[:, 0] - x, found.bases[:, 1] - y) / TRAVEL))[: effort.most]
+        bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
+        bases = bases.round(PLACES)  # as they are told
+        solids = around.solids().near(middle, radius)
+        floor, judged = around.floor(), 0
+        blind = Blind(middle[:2], strict=effort.fine)
+        failed = _Failed()
+        failures: dict[tuple[int, int], tuple[ReachSolution, Base]] = {}
+        stopped: dict[tuple[int, int], bool] = {}
+        postponed: list[tuple[int, ReachSolution]] = []
+
+        def is_stopped(number: int, way: int) -> bool:
+            """Whether the hand itself is in something, so that no place of a way that has failed before will do."""
+            key = (number, way)
+            if key in failures and key not in stopped:
+                stopped[key] = hand_is_stopped(*failures[key], around)
+            return stopped.get(key, False)
+
+        def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
+            """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
+            for part in blocks(len(order), effort.block):
+                rows = order[part]
+                roomy = floor.at(bases[rows, :2]) > 0.0
+                log.add("no room for the base", int((~roomy).sum()))
+                rows = rows[roomy]
+                rows = rows[arms_have_room(bases[rows], around, solids, log)]
+                rows = rows[[not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]]
+                ways_ok, joints = self._solved(found, rows, bases, hands, solids)
+                for row in rows[ways_ok].tolist():
+                    arm, ways = hands[int(found.arms[row])]
+                    solution = ReachSolution(self.wanted[0], arm, ways.plan(int(found.ways[row])), joints[row])
+                    yield row, solution, True
+            if effort.fine:
+                for row, solution in postponed:
+                    yield row, solution, False
+
+        for row, solution, first in looked_at():
+            number, way = int(found.arms[row]), int(found.ways[row])
+            base = bases[row]
+            place = (float(base[0]), float(base[1]), float(base[2]))
+            heading = float(hands[number][1].headings[way])
+            if is_stopped(number, way):
+                continue
+            if first and (failed.near(number, base, heading) or blind.covers(base)):
+                postponed.append((row, solution))
+                continue
+            if judged >= effort.exact:
+                log.add("not looked at")
+                return
+            score = float(found.scores[row])
+            answer = self.judge.complete(place, score, solution, self.wanted, self.demand, blind, log)
+            if answer is not None:
+                yield answer
+            else:
+                judged += 1
+                failed.add(number, base, heading)
+                failures.setdefault((number, way), (solution, place))
+
+    def _solved(
+        self,
+        found: Candidates,
+        rows: NDArray[np.intp],
+        bases: Array,
+        hands: Sequence[tuple[ArmModel, Ways]],
+        solids: Solids,
+    ) -> tuple[NDArray[np.bool_], dict[int, Array]]:
+        """Which candidates (rows) have joint values as far as spheres tell, and these (k, d) by row."""
+        ok = np.zeros(len(rows), bool)
+        joints: dict[int, Array] = {}
+        for number, (arm, ways) in enumerate(hands):
+            for grasp in np.unique(ways.grasps):
+                mine = np.flatnonzero(
+                    (found.arms[rows] == number) & (ways.grasps[found.ways[rows] % len(ways)] == grasp)
+                )
+                if not len(mine):
+                    continue
+                chosen = rows[mine]
+                forward = self.inverse(arm, CLASSES[int(grasp)]).forward
+                seeds = forward.seeds(found.rows[chosen], found.torsos[chosen])
+                slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
+                solved = solve(
+                    ways,
+                    found.ways[chosen],
+                    bases[chosen],
+                    arm,
+                    seeds[:, None],
+                    solids,
+                    own=self.around.own_body(arm),
+                    slack=slack,
+                )
+                self.log.count(solved.reasons)
+                ok[mine] = [reason is None for reason in solved.reasons]
+                joints |= zip(chosen.tolist(), solved.joints, strict=True)
+        return ok, joints
+
+
+class _Failed:
+    """Places that failed exactly: those near to them, with the hand from the same side, are not judged next."""
+
+    def __init__(self) -> None:
+        self._places: list[tuple[int, float, float, float]] = []
+
+    def add(self, arm: int, base: Array, heading: float) -> None:
+        """One more."""
+        self._places.append((arm, float(base[0]), float(base[1]), heading))
+
+    def near(self, arm: int, base: Array, heading: float) -> bool:
+        """Whether a place nearly like this one has failed."""
+        x, y = float(base[0]), float(base[1])
+        return any(
+            number == arm
+            and abs(other_x - x) + abs(other_y - y) < ALIKE
+            and abs(math.remainder(heading - before, 2 * math.pi)) < 0.3
+            for number, other_x, other_y, before in self._places
+        )

@@ -1,0 +1,161 @@
+"""Joint values for ways of a hand from many bases at once: inverse kinematics, and spheres that rule out collisions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.locations.own_body import OwnBody
+from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Reason, Rejections
+from executive.locations.surroundings import ArmModel, Base, Surroundings
+from executive.locations.ways import Ways
+from executive.motion.solids import Solids
+from planlang.protocols import Array
+
+FARTHEST = 1.2
+"""Largest move of a joint between neighbouring poses of a way [rad, m]."""
+INSIDE = 0.001
+"""How far a sphere of the arm must be inside something to count [m]."""
+ON_LATTICE, OFF_LATTICE = 0.005, 0.04
+"""The same for a posture of a map whose height is that of the target, or is not [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solved:
+    """Joint values (m, k, d) of m ways from m bases, and why others than those with None are impossible."""
+
+    joints: Array
+    reasons: list[Reason | None]
+
+
+def base_matrices(bases: Array) -> Array:
+    """Poses (m, 4, 4) of the base frame in the map for bases (m, 3)."""
+    matrices = np.zeros((len(bases), 4, 4))
+    matrices[:, 0, 0] = matrices[:, 1, 1] = np.cos(bases[:, 2])
+    matrices[:, 1, 0] = np.sin(bases[:, 2])
+    matrices[:, 0, 1] = -matrices[:, 1, 0]
+    matrices[:, 0, 3], matrices[:, 1, 3] = bases[:, 0], bases[:, 1]
+    matrices[:, 2, 2] = matrices[:, 3, 3] = 1.0
+    return matrices
+
+
+def base_matrix(base: Base) -> Array:
+    """Pose (4, 4) of the base frame in the map."""
+    return np.asarray(base_matrices(np.array([base]))[0])
+
+
+def unblocked(ways: Ways, arm: ArmModel, solids: Solids, rejections: Rejections) -> Ways:
+    """Ways in which the hand itself, wherever the base stands, would be inside nothing; others are counted."""
+    if not len(ways) or not len(arm.spheres.in_tip):
+        return ways
+    poses = ways.poses(np.arange(len(ways)))
+    points = poses[..., :3, :3].reshape(-1, 3, 3) @ arm.spheres.in_tip.T + poses[..., :3, 3].reshape(-1, 3, 1)
+    points = points.transpose(0, 2, 1)
+    lower, upper = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+    near = solids.near((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2 + 0.1)
+    radii = arm.spheres.radii[arm.spheres.hand]
+    found = near.hits(points, radii, np.ones(len(radii), bool), ways.touches)
+    bodies = _met(*found, near, len(ways), INSIDE)
+    rejections.count(_in_the_way(bodies))
+    return ways.chosen([body is None for body in bodies])
+
+
+def arms_have_room(bases: Array, around: Surroundings, solids: Solids, rejections: Rejections) -> NDArray[np.bool_]:
+    """At which bases (n, 3) no arm, in its present posture, is inside something as far as spheres tell.
+
+    Others are counted.
+    """
+    arms = around.arms_as_they_are()
+    if not len(bases) or not len(arms.radii):
+        return np.ones(len(bases), bool)
+    matrices = base_matrices(bases)
+    points = arms.centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+    bodies = _met(*solids.hits(points, arms.radii, arms.hand, None), solids, len(bases), INSIDE)
+    rejections.count(None if body is None else Reason(NO_ROOM, body) for body in bodies)
+    return np.array([body is None for body in bodies], bool)
+
+
+def solve(
+    ways: Ways,
+    index: NDArray[np.intp],
+    bases: Array,
+    arm: ArmModel,
+    seeds: Array,
+    solids: Solids,
+    *,
+    own: OwnBody,
+    slack: float | None = None,
+) -> Solved:
+    """Joint values of ways (m,) from bases (m, 3), begun at seeds (m, s, d); spheres inside something rule out.
+
+    With ``slack`` the first seeds are within so many metres of solutions: where they are deeper inside something than
+    that, nothing is solved.
+    """
+    count, steps = len(index), ways.offsets.shape[1]
+    joints = np.zeros((count, steps, seeds.shape[2]))
+    reasons: list[Reason | None] = [None] * count
+
+    def left(rows: NDArray[np.intp], found: Iterable[Reason | None]) -> NDArray[np.intp]:
+        """Those of some rows for which there is no reason."""
+        for row, reason in zip(rows.tolist(), found, strict=True):
+            reasons[row] = reason
+        return rows[[reasons[row] is None for row in rows.tolist()]]
+
+    to_base = np.linalg.inv(base_matrices(bases))
+    targets = to_base[:, None] @ ways.poses(index)
+    alive = np.arange(count)
+    if slack is not None:
+        alive = left(alive, _in_the_way(_blocked(seeds[:, :1], bases, arm, solids, ways.touches, slack, own)))
+    q, solved = arm.solver.solve(targets[alive, ways.key], seeds[alive])
+    joints[alive, ways.key] = q
+    alive = left(alive, (None if good else OUT_OF_REACH for good in solved.tolist()))
+    others = [step for step in range(steps) if step != ways.key]
+    if others and len(alive):
+        goals = targets[alive][:, others].reshape(-1, 4, 4)
+        starts = np.repeat(joints[alive, ways.key], len(others), axis=0)
+        found, good = arm.solver.solve(goals, starts[:, None])
+        good &= np.abs(found - starts).max(axis=1) <= FARTHEST
+        joints[alive[:, None], others] = found.reshape(len(alive), len(others), -1)
+        whole = good.reshape(len(alive), len(others)).all(axis=1)
+        alive = left(alive, (None if good else OUT_OF_REACH for good in np.asarray(whole).tolist()))
+    postures = joints[alive][:, [ways.key, *others]]
+    left(alive, _in_the_way(_blocked(postures, bases[alive], arm, solids, ways.touches, INSIDE, own)))
+    return Solved(joints, reasons)
+
+
+def _blocked(
+    q: Array, bases: Array, arm: ArmModel, solids: Solids, touches: str | None, slack: float, own: OwnBody
+) -> list[str | None]:
+    """For each base (n, 3) what a sphere of the arm is inside of by more than ``slack`` [m] at some of q (n, s, d)."""
+    count, steps, size = q.shape
+    if not count or not len(arm.spheres.radii):
+        return [None] * count
+    flat, matrices = q.reshape(-1, size), np.repeat(base_matrices(bases), steps, axis=0)
+    centres = arm.spheres.centres(flat)
+    points = centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+    bodies = _met(*solids.hits(points, arm.spheres.radii, arm.spheres.hand, touches), solids, count, slack)
+    free = np.array([body is None for body in bodies], bool)
+    rest = np.repeat(free, steps)
+    found = own.hits(centres[rest], arm.spheres.radii, flat[rest])
+    for row, body in zip(np.flatnonzero(free).tolist(), _met(*found, own.solids, int(free.sum()), slack), strict=True):
+        bodies[row] = body
+    return bodies
+
+
+def _met(gap: Array, piece: NDArray[np.intp], solids: Solids, count: int, slack: float) -> list[str | None]:
+    """For each of ``count`` places the first body that is met in one of its postures, None where none is."""
+    bodies: list[str | None] = [None] * count
+    if count:
+        inside = (gap <= -slack).reshape(count, -1)
+        blocked = np.flatnonzero(inside.any(axis=1))
+        first = np.argmax(inside[blocked], axis=1)
+        for row, number in zip(blocked.tolist(), piece.reshape(inside.shape)[blocked, first].tolist(), strict=True):
+            bodies[row] = solids.bodies[number]
+    return bodies
+
+
+def _in_the_way(bodies: Iterable[str | None]) -> list[Reason | None]:
+    return [None if body is None else Reason(COLLISION, body) for body in bodies]

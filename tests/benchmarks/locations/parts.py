@@ -1,0 +1,175 @@
+"""The parts of the measurements that ask in rooms: reach, hard rooms, infeasible ones, sight, putting things down."""
+
+from __future__ import annotations
+
+import statistics
+
+from executive.capabilities import Robot
+from planlang.designators import a_location
+from tests.benchmarks.locations import ik
+from tests.benchmarks.locations.infeasible import infeasible_rooms
+from tests.benchmarks.locations.oracle import Oracle
+from tests.benchmarks.locations.promises import Report
+from tests.benchmarks.locations.queries import check_areas
+from tests.benchmarks.locations.reach import (
+    HEAD,
+    Case,
+    first_reasons,
+    milliseconds,
+    reach,
+    summary,
+    told_reason,
+    unsolved,
+)
+from tests.benchmarks.locations.rooms import SUPPORTS, THE_BOTTLE, rooms, thing
+from tests.benchmarks.locations.stage import Stage
+
+MAIN = "amigo"
+"""The robot whose rooms are given to the peers, too."""
+
+
+def inverse_kinematics(robot: Robot, targets: int) -> Report:
+    """Beside TRAC-IK and PyBullet, at 0.1 mm and 1 mrad."""
+    report, rows = Report(), ik.measure(robot, targets)
+    print(ik.table(rows))
+    by = {row.solver: row for row in rows}
+    batch, single = by["planlang, batch"], by["planlang, one call each"]
+    solved = min(batch.solved, single.solved)
+    report.add(f"IK solved, {robot.name}", f"{solved:.1%}", ">= 99.8 %", solved >= 0.998)
+    trac = by.get("TRAC-IK (pytracik)")
+    for row, least in ((batch, 20), (single, 10)) if trac is not None else ():
+        ratio = trac.microseconds / row.microseconds if trac is not None else 0.0
+        report.add(f"TRAC-IK / {row.solver}, {robot.name}", f"{ratio:.1f}", f">= {least}", ratio >= least)
+    return report
+
+
+def reaching(robot: Robot, kind: str, number: int, first: int) -> Report:
+    """Rooms of a kind that is not hard."""
+    main = robot.name == MAIN
+    peers = [("planlang", 200), ("PyBullet", 60)] if main and kind == "normal" else []
+    cases = list(reach(robot, rooms(kind, number, first), peers=peers))
+    report = _reached(robot, kind, cases)
+    for line in unsolved(cases):
+        print(line)
+    if kind != "normal":
+        return report
+    median, p95 = milliseconds(cases, lambda case: case.answer.seconds)
+    share = sum(case.solved for case in cases) / len(cases)
+    least, fastest = (0.995, 25.0) if main else (0.99, 50.0)
+    report.add(f"{robot.name}, normal rooms", f"{share:.1%}", f">= {least:.1%}", share >= least)
+    report.at_most(f"{robot.name}, normal rooms, median", median, fastest, " ms", 1)
+    if main:
+        report.at_most(f"{robot.name}, normal rooms, p95", p95, 50.0, " ms", 1)
+    return report
+
+
+def hard(robot: Robot, number: int, first: int, *, search: bool) -> Report:
+    """Hard rooms; what is not solved is given to the sampler for long, and searched through."""
+    peers = [("planlang", 200), ("PyBullet", 60)]
+    drawn = rooms("hard", number, first)
+    cases = list(reach(robot, drawn, peers=peers, only_unsolved=[("planlang", 2000)], classify=search))
+    report = _reached(robot, "hard", cases)
+    print("\n| hard room without answer | verdict | reasons of the resolver |\n|---|---|---|")
+    print("\n".join(unsolved(cases)))
+    p95 = milliseconds(cases, lambda case: case.answer.seconds)[1]
+    report.at_most("hard rooms, p95", p95, 600.0, " ms")
+    solved = sum(case.solved for case in cases)
+    report.add("hard rooms solved", f"{solved} of {len(cases)}", "", True)
+    beaten = [c for c in cases if not c.solved and any(s.claim is not None for s in c.sampled.values())]
+    report.none("hard rooms that only the sampler solves, in 2,000 samples", len(beaten))
+    quick = sum(case.sampled["planlang 200"].claim is not None for case in cases)
+    ratio = solved / max(quick, 1)
+    report.add("hard rooms solved / by the sampler in 200 samples", f"{ratio:.2f}", ">= 1.5", ratio >= 1.5)
+    if search:
+        missed = sum(case.missed for case in cases)
+        report.add("hard rooms missed", f"{missed / len(cases):.1%}", "<= 2 %", missed <= 0.02 * len(cases))
+        open_ = sum(case.verdict is not None and not case.verdict.finished for case in cases)
+        report.add("hard rooms whose search was not finished", str(open_), "", True)
+    return report
+
+
+def sampling(robot: Robot, number: int, first: int) -> Report:
+    """The sampler with 2,000 samples in all hard rooms, for comparison only."""
+    report = Report()
+    cases = list(reach(robot, rooms("hard", number, first), peers=[("planlang", 2000)]))
+    print("\n".join([*HEAD, *summary("hard", cases)]))
+    solved = sum(case.solved for case in cases)
+    long = sum(case.sampled["planlang 2000"].claim is not None for case in cases)
+    ratio = solved / max(long, 1)
+    report.add("hard rooms solved / by the sampler in 2,000 samples", f"{ratio:.2f}", ">= 1", ratio >= 1)
+    return report
+
+
+def _reached(robot: Robot, kind: str, cases: list[Case]) -> Report:
+    print("\n".join([*HEAD, *summary(f"{robot.name}, {kind}", cases)]))
+    wrong = sum(case.objection is not None for case in cases)
+    report = Report(wrong=wrong)
+    report.none(f"{robot.name}, {kind}: answers that PyBullet does not confirm", wrong)
+    return report
+
+
+def infeasible(robot: Robot, number: int) -> Report:
+    """Rooms built to be infeasible for one known reason, so many of each."""
+    report = Report()
+    print("| room | asked for | told first | ms | reasons |\n|---|---|---|---|---|")
+    right, times = 0, []
+    for room, location in infeasible_rooms(number):
+        stage = Stage(room, robot)
+        answer = stage.ask(location)
+        stage.close()
+        told = told_reason(answer.counts, room.reason)
+        times.append(answer.seconds)
+        right += told == room.reason and not answer.solved
+        print(f"| {room.name} | {room.reason} | {told} | {1e3 * answer.seconds:.0f} | {first_reasons(answer)} |")
+    report.add("unreachable, right reason", f"{right} of {len(times)}", "all", right == len(times))
+    report.at_most("unreachable, longest", 1e3 * max(times), 500.0, " ms")
+    return report
+
+
+def visible(robot: Robot, number: int) -> Report:
+    """Places from which the bottle is seen."""
+    times = []
+    for room in rooms("normal", number):
+        stage = Stage(room, robot)
+        times.append(stage.ask(a_location(visible_from=THE_BOTTLE)).seconds)
+        stage.close()
+    report = Report()
+    report.at_most("visible from, median", 1e3 * statistics.median(times), 30.0, " ms", 1)
+    return report
+
+
+def on(robot: Robot, number: int) -> Report:
+    """Putting the bottle on a table, a nightstand, a cabinet."""
+    report, times, none = Report(), [], 0
+    for index, room in enumerate(rooms("normal", max(3, number))):
+        support = room.body(SUPPORTS[index % len(SUPPORTS)])
+        stage, oracle = Stage(room, robot), Oracle(room, robot)
+        pose, seconds = stage.put(a_location(on=thing(support)), THE_BOTTLE)
+        times.append(seconds)
+        none += pose is None
+        if pose is not None and (problem := oracle.rests("bottle", pose, support.name)) is not None:
+            print(f"- {room.name}: on {support.name}: {problem}")
+            report.wrong += 1
+        stage.close()
+        oracle.close()
+    report.at_most("on, median", 1e3 * statistics.median(times), 2.0, " ms", 1)
+    report.none(f"on, without answer, of {len(times)}", none)
+    report.none("on, wrong", report.wrong)
+    return report
+
+
+def areas(robot: Robot, number: int) -> Report:
+    """Random conjunctions of relations about the floor, and whether places keep all of them."""
+    report, answered, asked_for = Report(), 0, 0
+    for room in rooms("normal", number):
+        stage = Stage(room, robot)
+        for objections, solved in check_areas(stage, 10, room.seed):
+            asked_for += 1
+            answered += solved
+            report.wrong += len(objections)
+            for line in objections:
+                print(f"- {line}")
+        stage.close()
+    what = f"places that break their words, of {answered} answers to {asked_for} conjunctions"
+    report.none(what, report.wrong)
+    return report

@@ -1,0 +1,156 @@
+"""Facts about the spheres by which arms find their way: what they say for sure, PyBullet says too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from executive.arm_bodies import arm_bodies
+from executive.capabilities import bind_robot
+from executive.motion import Chain
+from executive.motion.backends import SURE
+from executive.motion.collision import QuickCheck
+from executive.motion.solids import Solids
+from planlang.protocols import Array, Configuration, Pose
+from sim import Body, PyBulletWorld, Scene
+
+ROOM = (
+    Body("room", Pose((0.0, 0.0, 1.3)), (5.0, 5.0, 2.6), "room"),
+    Body("table", Pose((0.8, 0.0, 0.72)), (0.6, 1.2, 0.04)),
+    Body("shelf", Pose.planar(0.7, 0.8, 0.4, 1.2), (0.5, 0.3, 0.6)),
+    Body("bottle", Pose((0.65, -0.1, 0.84)), (0.065, 0.065, 0.2), "cylinder", movable=True),
+    Body("post", Pose((0.4, -0.6, 0.8)), (0.1, 0.1, 1.6), "cylinder"),
+    Body("somebody", Pose.planar(0.9, 1.4, -2.0, 0.65), (0.75, 0.5, 1.3), "person"),
+)
+
+
+@dataclass(slots=True)
+class Reacher:
+    """A robot in a room, and the chain of its first arm."""
+
+    world: PyBulletWorld
+    chain: Chain
+    base_link: str
+    tip: str
+    joints: tuple[str, ...]
+
+    def quick(self) -> QuickCheck:
+        """The check by spheres, as things are now."""
+        bodies = arm_bodies(self.world, self.chain, self.base_link)
+        base = self.world.link_pose(self.base_link).matrix()
+        return bodies.against(base, Solids.of(self.world.solids()), "room", (frozenset(), None))
+
+    def touched(self, q: Array, among: list[tuple[str, str]] | None = None) -> set[frozenset[str]]:
+        """Pairs that PyBullet finds in each other."""
+        joints = {**self.world.configuration().joints, **dict(zip(self.chain.names, q.tolist(), strict=True))}
+        there = Configuration(self.world.configuration().base, joints)
+        return {frozenset((contact.part, contact.body)) for contact in self.world.contacts(there, among=among)}
+
+
+@pytest.fixture(scope="module", params=["amigo", "panda"])
+def reacher(request: pytest.FixtureRequest) -> Iterator[Reacher]:
+    """A robot of primitives and one of meshes before the same table."""
+    robot = bind_robot(request.param)
+    world = PyBulletWorld(Scene(ROOM, (-2.5, -2.5, 2.5, 2.5), (-0.15, 0.1, 0.2)), robot.body())
+    chain = Chain.from_urdf(robot.urdf, robot.base_link, robot.arms[0].tip)
+    yield Reacher(world, chain, robot.base_link, robot.arms[0].tip, robot.arms[0].joints)
+    world.close()
+
+
+def _judged(reacher: Reacher, count: int) -> Iterator[tuple[Array, int, set[frozenset[str]], QuickCheck]]:
+    quick = reacher.quick()
+    rows = reacher.chain.sample(np.random.default_rng(0), count)
+    still = reacher.touched(rows[0]) - {
+        pair for pair in reacher.touched(rows[0]) if pair in {frozenset(names) for names in quick.names}
+    }
+    for q, said in zip(rows, quick.judge(rows).tolist(), strict=True):
+        yield q, said, reacher.touched(q) - still, quick
+
+
+def test_what_is_free_for_sure_touches_nothing_and_what_is_hit_does(reacher: Reacher) -> None:
+    seen = {"sure": 0, "unsure": 0, "hit": 0}
+    for q, said, touched, quick in _judged(reacher, 150):
+        if said == SURE:
+            seen["sure"] += 1
+            assert not touched
+        elif said >= 0:
+            seen["hit"] += 1
+            assert touched, f"{quick.names[said]} at {q.tolist()}"
+        else:
+            seen["unsure"] += 1
+    assert seen["hit"] > 5
+
+
+def test_what_touches_is_among_the_doubtful_pairs(reacher: Reacher) -> None:
+    for q, _, touched, quick in _judged(reacher, 80):
+        doubtful = quick.doubtful(q)
+        assert doubtful is not None
+        assert touched <= {frozenset(pair) for pair in doubtful}
+        assert reacher.touched(q, doubtful) == touched
+
+
+def test_compiled_and_interpreted_checks_agree(reacher: Reacher, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled = reacher.quick()
+    monkeypatch.setenv("CC", "no-such-compiler")
+    interpreted = replace(reacher, chain=reacher.chain.locked({})).quick()
+    assert type(interpreted._checker).__name__ == "VirtualChecker"
+    rows = reacher.chain.sample(np.random.default_rng(1), 12)
+    for q in rows:
+        np.testing.assert_allclose(compiled.gaps(q), interpreted.gaps(q), atol=1e-9)
+        assert compiled.doubtful(q) == interpreted.doubtful(q)
+    said, other = compiled.judge(rows), interpreted.judge(rows)
+    np.testing.assert_array_equal(said < 0, other < 0)
+    np.testing.assert_array_equal(said[said < 0], other[said < 0])
+    for a, b in pairwise(rows):
+        assert compiled.edge_free(a, b, 9) == interpreted.edge_free(a, b, 9)
+
+
+def _chosen(reacher: Reacher, wanted: Callable[[int, set[frozenset[str]]], bool]) -> Array:
+    return next(q for q, said, touched, _ in _judged(reacher, 4000) if wanted(said, touched))
+
+
+def test_held_things_move_along_with_the_hand(reacher: Reacher) -> None:
+    before, place = reacher.world.configuration(), reacher.world.pose("bottle")
+    free = _chosen(reacher, lambda said, touched: said < 0 and not touched)
+    joints = dict(zip(reacher.chain.names, free.tolist(), strict=True))
+    reacher.world.set_configuration(Configuration(before.base, joints))
+    reacher.world.set_pose("bottle", reacher.world.link_pose(reacher.tip))
+    reacher.world.attach(reacher.tip, "bottle")
+    quick, hits = reacher.quick(), 0
+    rows = reacher.chain.sample(np.random.default_rng(5), 300)
+    for q, said in zip(rows, quick.judge(rows).tolist(), strict=True):
+        doubtful = {frozenset(pair) for pair in quick.doubtful(q) or ()}
+        assert {pair for pair in reacher.touched(q) if "bottle" in pair} <= doubtful
+        if said >= 0 and "bottle" in quick.names[said]:
+            hits += 1
+            assert frozenset(quick.names[said]) in reacher.touched(q)
+    reacher.world.release("bottle")
+    reacher.world.set_pose("bottle", place)
+    reacher.world.set_configuration(before)
+    assert hits
+
+
+def test_what_was_learnt_keeps_the_two_apart_and_the_ends_stay_free(reacher: Reacher) -> None:
+    ends = [q for q, _, touched, _ in _judged(reacher, 400) if not touched][:2]
+    quick = reacher.quick()
+    quick.keep(0.0, ends)
+    q, touched = next((q, touched) for q, _, touched, _ in _judged(reacher, 4000) if touched and quick.free(q))
+    assert quick.free(q)
+    before = quick._bodies.limit.copy()
+    quick.learn(q, [tuple(pair) for pair in touched])  # type: ignore[misc]
+    assert (quick._bodies.limit >= before).all()
+    assert (quick._bodies.limit > before).any()
+    assert all(map(quick.free, ends))
+    quick.keep(0.0, ends)
+    np.testing.assert_array_equal(quick._bodies.limit, before)
+
+
+def test_keeping_apart_never_closes_the_ends(reacher: Reacher) -> None:
+    ends = [q for q, _, touched, _ in _judged(reacher, 400) if not touched][:4]
+    quick = reacher.quick()
+    quick.keep(0.2, ends)
+    assert all(map(quick.free, ends))
