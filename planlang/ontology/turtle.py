@@ -15,6 +15,7 @@ from lark import Lark, Token, Transformer, UnexpectedInput
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.iris import resolve
+from planlang.ontology.lalr import Loop, Mistake
 from planlang.ontology.parsed import MOST_TRIPLES, Parsed
 from planlang.ontology.syntax_errors import explain, where
 from planlang.ontology.terms import FIRST, NIL, PREFIXES, REST, TYPE, XSD, BNode, Literal, Term, Triple
@@ -41,10 +42,12 @@ def read_turtle(content: bytes | str, file: str, *, base: str, label: str = "b")
     """
     text = decode(content, file)
     statements = _Statements(file, base, label)
+    if not _is_read(text, statements):
+        statements = _Statements(file, base, label)
+        rest: str | None = text
+        while rest is not None:
+            rest = _parse(rest, file, statements, statements.problems)
     problems = statements.problems
-    rest: str | None = text
-    while rest is not None:
-        rest = _parse(rest, file, statements, problems)
     if problems:
         problems.sort(key=lambda problem: problem.span or Span(file))
         raise BadInput(problems[:MOST_ERRORS])
@@ -75,16 +78,31 @@ class _Relay(Transformer[Token, None]):
 
 
 @cache
-def _parser() -> tuple[Lark, _Relay]:
+def _parser() -> tuple[Lark, _Relay, Loop]:
     relay = _Relay()
     brackets = dict.fromkeys(("LSQB", "RSQB", "LPAR", "RPAR"), relay.opened)
     grammar = str(Path(__file__).parent / "turtle.lark")
-    return Lark.open(grammar, parser="lalr", lexer="contextual", transformer=relay, lexer_callbacks=brackets), relay
+    parser = Lark.open(grammar, parser="lalr", lexer="contextual", transformer=relay, lexer_callbacks=brackets)
+    return parser, relay, Loop(parser)
+
+
+def _is_read(text: str, statements: _Statements) -> bool:
+    """Read a text; False, with half of it read, if there is a mistake in it."""
+    _, relay, loop = _parser()
+    with relay.busy:
+        relay.target = statements
+        try:
+            loop.parse(text)
+            return True
+        except (Mistake, BadInput):
+            return False
+        finally:
+            relay.target = None
 
 
 def _parse(text: str, file: str, statements: _Statements, problems: list[Diagnostic]) -> str | None:
     """Parse up to the first mistake. Returns what to go on with: what follows it, lines kept; None at the end."""
-    parser, relay = _parser()
+    parser, relay, _ = _parser()
     with relay.busy:
         relay.target = statements
         statements.depth = 0
@@ -133,7 +151,7 @@ class _Statements:
         self._unknown: set[str] = set()
 
     def opened(self, token: Token) -> None:
-        self.depth += 1 if token in "[(" else -1
+        self.depth += 1 if token.type in ("LSQB", "LPAR") else -1
         if self.depth > DEEPEST:
             message = f"more than {DEEPEST} nameless nodes or lists inside each other"
             raise BadInput([error("O008", message, self._span(token))])
@@ -214,18 +232,18 @@ class _Statements:
 
     def full_iri(self, children: list[Token]) -> _Value:
         token = children[0]
-        known = self._known.get(token)
+        known = self._known.get(token.value)
         if known is None:
-            known = self._known[str(token)] = resolve(self._base_iri, self._unescaped(token, token[1:-1]))
+            known = self._known[token.value] = resolve(self._base_iri, self._unescaped(token, token[1:-1]))
         return _Value(known, self._span(token))
 
     def prefixed_name(self, children: list[Token]) -> _Value:
         token = children[0]
-        known = self._known.get(token)
+        known = self._known.get(token.value)
         if known is None:
             prefix, _, local = token.partition(":")
             local = re.sub(r"\\(.)", r"\1", local)
-            known = self._known[str(token)] = self._namespace(prefix, token) + local
+            known = self._known[token.value] = self._namespace(prefix, token) + local
         return _Value(known, self._span(token))
 
     def _namespace(self, prefix: str, token: Token) -> str:
