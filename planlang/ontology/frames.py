@@ -110,14 +110,14 @@ class Frames(Transformer[Token, None]):
     def iri(self, children: Children) -> Expression:
         token = children[0]
         span = self._span(token)
-        return Expression("name", span, self._resolve(token.value, span))
+        return Expression("name", span, self._resolve(str(token), span))
 
     annotation_property = annotation_target = fact_property = key = iri
 
     def named(self, children: Children) -> Expression:
         """A class or a datatype; some datatypes have names of their own."""
         token = children[0]
-        if token.value in BUILTIN and not self._is_declared(token.value):
+        if token in BUILTIN and not self._is_declared(str(token)):
             return Expression("name", self._span(token), XSD + token)
         return self.iri(children)
 

@@ -15,7 +15,6 @@ from lark import Lark, Token, Transformer, UnexpectedInput
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.ontology.expressions import Statements
 from planlang.ontology.frames import Frames
-from planlang.ontology.lalr import Loop, Mistake
 from planlang.ontology.parsed import Parsed
 from planlang.ontology.syntax_errors import FRAME_WORDS, explain, where
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary
@@ -54,16 +53,15 @@ class _Relay(Transformer[Token, None]):
     def told(self, token: Token) -> Token:
         """Called by the lexer for each of the words that the frames count."""
         assert self.frames is not None
-        return self.frames.separates(token) if token.type == "COMMA" else self.frames.opens(token)
+        return self.frames.separates(token) if token == "," else self.frames.opens(token)
 
 
 @cache
-def _parser() -> tuple[Lark, _Relay, Loop]:
+def _parser() -> tuple[Lark, _Relay]:
     relay = _Relay()
     grammar = str(Path(__file__).parent / "manchester.lark")
     told = dict.fromkeys(_COUNTED, relay.told)
-    parser = Lark.open(grammar, parser="lalr", lexer="contextual", transformer=relay, lexer_callbacks=told)
-    return parser, relay, Loop(parser)
+    return Lark.open(grammar, parser="lalr", lexer="contextual", transformer=relay, lexer_callbacks=told), relay
 
 
 def read_manchester(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
@@ -73,42 +71,22 @@ def read_manchester(content: bytes | str, file: str, *, base: str, label: str = 
     with what was expected there.
     """
     text = decode(content, file)
-    names, statements, frames = _begun(text, file, base, label)
+    names = _Names(text, file, base)
+    statements = Statements(file, label, names.declared("DataProperty"), names.declared("Datatype"))
     problems: list[Diagnostic] = []
-    if not _is_read(text, frames):
-        names, statements, frames = _begun(text, file, base, label)
-        rest: str | None = text
-        while rest is not None:
-            rest = _parse(rest, file, frames, problems)
+    frames = Frames(statements, names.resolve, names.is_class, file)
+    rest: str | None = text
+    while rest is not None:
+        rest = _parse(rest, file, frames, problems)
     problems = sorted(problems + names.problems, key=lambda problem: problem.span or Span(file))
     if problems:
         raise BadInput(problems[:MOST_ERRORS])
     return Parsed(statements.triples, names.notes + frames.skipped, names.prefixes)
 
 
-def _begun(text: str, file: str, base: str, label: str) -> tuple[_Names, Statements, Frames]:
-    names = _Names(text, file, base)
-    statements = Statements(file, label, names.declared("DataProperty"), names.declared("Datatype"))
-    return names, statements, Frames(statements, names.resolve, names.is_class, file)
-
-
-def _is_read(text: str, frames: Frames) -> bool:
-    """Read a text; False, with half of it read, if there is a mistake in it."""
-    _, relay, loop = _parser()
-    with relay.busy:
-        relay.frames = frames
-        try:
-            loop.parse(text)
-            return True
-        except (Mistake, BadInput):
-            return False
-        finally:
-            relay.frames = None
-
-
 def _parse(text: str, file: str, frames: Frames, problems: list[Diagnostic]) -> str | None:
     """Parse up to the first mistake. Returns what to go on with: the frames after it, lines kept; None at the end."""
-    parser, relay, _ = _parser()
+    parser, relay = _parser()
     with relay.busy:
         relay.frames = frames
         try:

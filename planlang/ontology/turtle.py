@@ -15,7 +15,6 @@ from lark import Lark, Token, Transformer, UnexpectedInput
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.iris import resolve
-from planlang.ontology.lalr import Loop, Mistake
 from planlang.ontology.parsed import MOST_TRIPLES, Parsed
 from planlang.ontology.syntax_errors import explain, where
 from planlang.ontology.terms import FIRST, NIL, PREFIXES, REST, TYPE, XSD, BNode, Literal, Term, Triple
@@ -42,12 +41,10 @@ def read_turtle(content: bytes | str, file: str, *, base: str, label: str = "b")
     """
     text = decode(content, file)
     statements = _Statements(file, base, label)
-    if not _is_read(text, statements):
-        statements = _Statements(file, base, label)
-        rest: str | None = text
-        while rest is not None:
-            rest = _parse(rest, file, statements, statements.problems)
     problems = statements.problems
+    rest: str | None = text
+    while rest is not None:
+        rest = _parse(rest, file, statements, problems)
     if problems:
         problems.sort(key=lambda problem: problem.span or Span(file))
         raise BadInput(problems[:MOST_ERRORS])
@@ -78,31 +75,16 @@ class _Relay(Transformer[Token, None]):
 
 
 @cache
-def _parser() -> tuple[Lark, _Relay, Loop]:
+def _parser() -> tuple[Lark, _Relay]:
     relay = _Relay()
     brackets = dict.fromkeys(("LSQB", "RSQB", "LPAR", "RPAR"), relay.opened)
     grammar = str(Path(__file__).parent / "turtle.lark")
-    parser = Lark.open(grammar, parser="lalr", lexer="contextual", transformer=relay, lexer_callbacks=brackets)
-    return parser, relay, Loop(parser)
-
-
-def _is_read(text: str, statements: _Statements) -> bool:
-    """Read a text; False, with half of it read, if there is a mistake in it."""
-    _, relay, loop = _parser()
-    with relay.busy:
-        relay.target = statements
-        try:
-            loop.parse(text)
-            return True
-        except (Mistake, BadInput):
-            return False
-        finally:
-            relay.target = None
+    return Lark.open(grammar, parser="lalr", lexer="contextual", transformer=relay, lexer_callbacks=brackets), relay
 
 
 def _parse(text: str, file: str, statements: _Statements, problems: list[Diagnostic]) -> str | None:
     """Parse up to the first mistake. Returns what to go on with: what follows it, lines kept; None at the end."""
-    parser, relay, _ = _parser()
+    parser, relay = _parser()
     with relay.busy:
         relay.target = statements
         statements.depth = 0
@@ -151,7 +133,7 @@ class _Statements:
         self._unknown: set[str] = set()
 
     def opened(self, token: Token) -> None:
-        self.depth += 1 if token.type in ("LSQB", "LPAR") else -1
+        self.depth += 1 if token in "[(" else -1
         if self.depth > DEEPEST:
             message = f"more than {DEEPEST} nameless nodes or lists inside each other"
             raise BadInput([error("O008", message, self._span(token))])
@@ -232,18 +214,18 @@ class _Statements:
 
     def full_iri(self, children: list[Token]) -> _Value:
         token = children[0]
-        known = self._known.get(token.value)
+        known = self._known.get(token)
         if known is None:
-            known = self._known[token.value] = resolve(self._base_iri, self._unescaped(token, token[1:-1]))
+            known = self._known[str(token)] = resolve(self._base_iri, self._unescaped(token, token[1:-1]))
         return _Value(known, self._span(token))
 
     def prefixed_name(self, children: list[Token]) -> _Value:
         token = children[0]
-        known = self._known.get(token.value)
+        known = self._known.get(token)
         if known is None:
             prefix, _, local = token.partition(":")
             local = re.sub(r"\\(.)", r"\1", local)
-            known = self._known[token.value] = self._namespace(prefix, token) + local
+            known = self._known[str(token)] = self._namespace(prefix, token) + local
         return _Value(known, self._span(token))
 
     def _namespace(self, prefix: str, token: Token) -> str:
