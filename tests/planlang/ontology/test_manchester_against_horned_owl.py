@@ -196,8 +196,12 @@ axiom_texts = st.one_of(
 frames = st.one_of(
     *(filled(f"{head}\n    {{s}}", s=joined("\n    ", found, 1, 3)) for head, found in sections.items()), axiom_texts
 )
-nameless = filled("Individual: _:x\n    Types: {x}\n    Facts: p b, {y}", x=classes, y=one_of("d 1", "not e 2", "q c"))
-"""Never related to itself: of that horned-owl writes RDF without end."""
+nameless = st.one_of(
+    filled("Individual: _:x\n    Types: {x}\n    Facts: p b, {y}", x=classes, y=one_of("d 1", "q c")),
+    one_of("Individual: _:x\n    Facts: not e 2"),
+)
+"""Never related to itself: of that horned-owl writes RDF without end; nor with types and a negative fact: it writes the
+types without their rdf:nodeID then."""
 ontologies = st.tuples(joined("\n", frames, 1, 5), st.one_of(st.just(""), nameless)).map("\n".join)
 
 
