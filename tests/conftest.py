@@ -1,6 +1,7 @@
 """Fixtures shared by all tests."""
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +11,10 @@ from hypothesis import settings
 # no test is timed; continuous integration tries the same examples each time, everybody else new ones
 settings.register_profile("planlang", deadline=None, derandomize="CI" in os.environ, print_blob=True)
 settings.load_profile("planlang")
+
+# a shell lets what it runs in the background ignore Ctrl-C, and so would the processes that tests interrupt
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
 
