@@ -24,7 +24,7 @@ MOST_ERRORS = 20
 """Syntax errors reported of one file."""
 
 _FRAME_START = re.compile(rf"^[ \t]*(?:{'|'.join(FRAME_WORDS)})(?=\s)", re.MULTILINE)
-_BESIDE = re.compile(r'("(?:[^"\\]|\\.)*+"|\#[^\n]*)|<[^<>\s]*>', re.DOTALL)
+_BESIDE = re.compile(r'("[^"\\]*(?:\\.[^"\\]*)*"|\#[^\n]*)|<[^<>\s]*>', re.DOTALL)
 _PREFIX = re.compile(r"(?<!\S)Prefix:\s*([^\s:<>]*):\s*<([^<>\s]*)>")
 _ONTOLOGY = re.compile(r"(?<!\S)Ontology:\s*<([^<>\s]*)>")
 _CLASS = re.compile(r"(?<!\S)Class:\s+(\S+)")
