@@ -29,42 +29,41 @@ class Freshness:
 def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
     """Compare a plan with what its recipe compiles to now, with the options that the plan was compiled with.
 
-    The recipe is looked for beside the plan, then in ``folders``, then among the bundled recipes. That it has changed
+    The recipe is the first of its name beside the plan, in ``folders``, among the bundled ones. That it has changed
     is an error; that the compiler has, or what the recipe imports, is a warning; that the plan was edited, a note.
     """
     origin = plan.header
     if origin is None:
         return Freshness("a plan written by hand")
     span = Span(str(plan.path))
-    places = [place / origin.recipe for place in (plan.path.parent, *folders, bundled("recipes"))]
-    found = [place for place in places if place.is_file()]
-    if not found:
+    places = (place / origin.recipe for place in (plan.path.parent, *folders, bundled("recipes")))
+    recipe = next((place for place in places if place.is_file()), None)
+    if recipe is None:
         advice = "--ontologies DIR names a folder in which it is"
         message = f"the recipe {origin.recipe} is not beside the plan: whether it has changed is not known"
         return Freshness("a compiled plan without its recipe", (warning("C011", message, span, advice),))
-    same = next((place for place in found if origin.matches(place.read_bytes())), None)
-    recipe = same or found[0]
+    same = origin.matches(recipe.read_bytes())
     said: list[Diagnostic] = []
-    if same is None:
+    if not same:
         advice = f"planlang compile {recipe} -o {plan.path} writes the plan anew"
         message = f"the recipe has changed since this plan was compiled from it: {recipe}"
         said.append(error("C009", message, span, advice))
     fresh, problems = _compiled(recipe, origin, folders)
     if fresh is None:
-        state = "out of date" if same is None else "compiled from a recipe that no longer compiles"
-        return Freshness(state, tuple(said) if same is None else problems)
+        state = "out of date" if not same else "compiled from a recipe that no longer compiles"
+        return Freshness(state, tuple(said) if not same else problems)
     if fresh == plan.source:
         return Freshness(f"what {recipe.name} compiles to")
     is_edited = origin.is_edited(plan.source)
-    if same is not None and not is_edited:
+    if same and not is_edited:
         message = f"{origin.recipe} compiles to another plan now: planlang has changed ({_versions(origin, fresh)})"
         said.append(warning("C006", f"{message}, or what the recipe imports", span, "compile the plan anew"))
     if is_edited and origin.digest is not None:
         said.append(note("C010", "the plan was edited since it was compiled", span))
-    elif same is not None and is_edited:
+    elif same and is_edited:
         message = f"the plan differs from what {origin.recipe} compiles to: it was edited, or planlang has changed"
         said.append(note("C010", message, span))
-    state = "out of date" if same is None or not is_edited else "an edited plan"
+    state = "out of date" if not same or not is_edited else "an edited plan"
     return Freshness(state, tuple(said), _difference(plan, recipe, fresh))
 
 

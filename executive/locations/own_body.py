@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.reachability import Lift
-from executive.locations.spheres import CORE, ArmSpheres
+from executive.locations.spheres import ArmSpheres, surely_filled
 from executive.motion.solids import Solids
 from planlang.protocols import Array, Configuration
 from sim import PyBulletWorld
@@ -55,10 +55,7 @@ class OwnShapes:
         self._links = np.array([number for number, *_ in pieces], np.intp)
         self._names = tuple(robot.solid_names[number] for number in self._links)
         self._local = np.array([pose.matrix() for *_, pose in pieces]).reshape(-1, 4, 4)
-        self._shapes = [
-            ("box", (CORE * x, CORE * y, CORE * z)) if kind == "mesh" else (kind, (x, y, z))
-            for _, kind, (x, y, z), _ in pieces
-        ]
+        self._shapes = [surely_filled(kind, size) for _, kind, size, _ in pieces]
         self._watched = watched[:, self._links].T
         self._lifted = np.array([number in carried for number in self._links.tolist()], bool)
 
@@ -70,9 +67,3 @@ class OwnShapes:
         solids = Solids.placed(self._names, matrices, self._shapes, np.zeros(len(matrices), bool))
         rise = 0.0 if self._lift is None else float(self._lift.rise(joints.get(self._lift.joint, self._lift.lowest)))
         return OwnBody(solids, self._watched, self._lifted, rise, self._lift)
-
-
-def _solid(kind: str, size: tuple[float, float, float]) -> tuple[str, tuple[float, float, float]]:
-    """A primitive that is surely filled: of a mesh the core of the box around it."""
-    x, y, z = size
-    return ("box", (CORE * x, CORE * y, CORE * z)) if kind == "mesh" else (kind, size)

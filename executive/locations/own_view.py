@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.block import Block
-from executive.locations.spheres import CORE
+from executive.locations.spheres import surely_filled
 from executive.motion import Gaze
 from executive.motion.solids import Solids
 from planlang.protocols import Array, Configuration
@@ -110,9 +110,9 @@ def still_pieces(world: PyBulletWorld, neck: Iterable[str]) -> Solids:
     frames = world.solid_frames(Configuration((0.0, 0.0, 0.0), world.configuration().joints))
     pieces, shapes = [], []
     for number, name in enumerate(robot.solid_names):
-        for kind, (x, y, z), pose in () if number in moved else robot.shapes(number):
+        for kind, size, pose in () if number in moved else robot.shapes(number):
             pieces.append((name, frames[number] @ pose.matrix()))
-            shapes.append(("box", (CORE * x, CORE * y, CORE * z)) if kind == "mesh" else (kind, (x, y, z)))
+            shapes.append(surely_filled(kind, size))
     return Solids.placed(
         tuple(name for name, _ in pieces),
         np.array([matrix for _, matrix in pieces]).reshape(-1, 4, 4),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from executive.locations.own_body import OwnBody
 from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Reason, Rejections
-from executive.locations.surroundings import ArmModel, Base, Surroundings
+from executive.locations.surroundings import ArmModel, Surroundings
 from executive.locations.ways import Ways
 from executive.motion.solids import Solids
 from planlang.protocols import Array
@@ -40,11 +40,6 @@ def base_matrices(bases: Array) -> Array:
     matrices[:, 0, 3], matrices[:, 1, 3] = bases[:, 0], bases[:, 1]
     matrices[:, 2, 2] = matrices[:, 3, 3] = 1.0
     return matrices
-
-
-def base_matrix(base: Base) -> Array:
-    """Pose (4, 4) of the base frame in the map."""
-    return np.asarray(base_matrices(np.array([base]))[0])
 
 
 def unblocked(ways: Ways, arm: ArmModel, solids: Solids, rejections: Rejections) -> Ways:

@@ -20,6 +20,12 @@ CORE = 0.5
 """Share of the box around a mesh that is taken as surely filled."""
 
 
+def surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tuple[float, float, float]]:
+    """A primitive, kind and size [m], that is surely filled: of a mesh the core of the box around it."""
+    x, y, z = size
+    return ("box", (CORE * x, CORE * y, CORE * z)) if kind == "mesh" else (kind, size)
+
+
 _Step = tuple[Array, Array, Array, Array, Array, int, float, float]
 """Origin, constant, sine, versine, slide, column, factor and offset of one moving joint."""
 

@@ -57,6 +57,14 @@ def test_a_changed_recipe_shows_what_would_differ(recipe: Path) -> None:
     assert "-    # bring the bottle close to the robot\n+    # hold the bottle close\n" in difference
 
 
+def test_a_changed_recipe_beside_the_plan_counts_and_not_a_bundled_one_of_its_name(recipe: Path) -> None:
+    plan = compiled(recipe.rename(recipe.with_name("serve_a_drink.omn")))
+    assert checked(plan)[1:] == ([], "", 0)
+    change(plan.with_suffix(".omn"), "bring the bottle close to the robot", "hold the bottle close")
+    state, codes, _, code = checked(plan)
+    assert (state, codes, code) == ("out of date", ["C009"], 2)
+
+
 def test_an_edited_plan_of_a_changed_recipe_is_told_as_both(recipe: Path) -> None:
     plan = compiled(recipe)
     change(recipe, "bring the bottle close to the robot", "hold the bottle close")
