@@ -334,7 +334,8 @@ class BelievedSurroundings:
         joints |= gripper.opened if opened and gripper is not None else {}
         joints |= zip(arm.joints, map(float, q), strict=True)
         ignore = [(link, touches) for link in sorted(arm.hand_links)] if touches is not None else []
-        return self.world.contacts(Configuration(base, joints), ignore=ignore, among=among)
+        moving = (*arm.joints, *(gripper.opened if opened and gripper is not None else ()))
+        return self.world.contacts(Configuration(base, joints), moving, ignore=ignore, among=among)
 
     def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
         """Where the robot, as it is, with what it holds, touches itself: wherever it stands."""

@@ -50,6 +50,7 @@ class Robot:
         self.show(Configuration(self.base, {name: min(max(0.0, lo), hi) for name, (lo, hi) in self.limits.items()}))
         self._measure()
         self._moved = {name: self._moved_with(name) for name in self.joints}
+        self._apart: dict[frozenset[str], NDArray[np.bool_]] = {}
         self.grounded = frozenset(range(len(self.solid))).difference(
             *(self._below(index) for index in range(len(self.link_names) - 1) if index not in self.fixed)
         )
@@ -232,6 +233,16 @@ class Robot:
     def moved_by(self, name: str) -> frozenset[int]:
         """Numbers of the solid links that a joint, or "x", "y", "yaw" of the base, moves."""
         return self._moved[name] if name in self._moved else frozenset(range(len(self.solid)))
+
+    def moved_apart(self, names: frozenset[str]) -> NDArray[np.bool_]:
+        """Which pairs of solid links some joints move against each other, (n, n)."""
+        if names not in self._apart:
+            found = np.zeros((len(self.solid), len(self.solid)), bool)
+            for name in names:
+                moved = np.isin(np.arange(len(self.solid)), sorted(self.moved_by(name)))
+                found |= moved[:, None] != moved
+            self._apart[names] = found
+        return self._apart[names]
 
     def carrier(self, link: str) -> frozenset[int]:
         """Numbers of the nearest solid link upwards from a link: it moves when the link does."""

@@ -102,11 +102,10 @@ class BaseJudge:
 
         If it will not do because the arm meets something, the name of that.
         """
-        if not self.stands(base, score, demand, log):
-            return None
-        body = touched_at(solution.joints, solution, base, self.around)
+        # the arm first, where it takes hold: it is what most often meets something
+        body = touched_at(np.roll(solution.joints, -1, axis=0), solution, base, self.around)
         if body is None:
-            if not self.sees(base, score, demand, log, blind):
+            if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, blind):
                 return None
             body = touched_on_the_way(solution, base, self.around)
         if body is not None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.blind import Blind
-from executive.locations.candidates import Candidates, blocks, invert
+from executive.locations.candidates import Candidates, invert
 from executive.locations.effort import Effort
 from executive.locations.hand_ways import ways_of
 from executive.locations.judging import PLACES, BaseJudge, scored
@@ -29,6 +29,8 @@ from planlang.protocols import Array, Solution
 
 ALIKE = 0.06
 """A candidate this near to one that failed exactly, with the hand from the same side, is judged last [m]."""
+AT_ONCE = 2048
+"""Places of which room is looked at in one go, at most."""
 TRAVEL = 8.0
 """Distance over which a place loses most of its worth [m]."""
 
@@ -138,14 +140,23 @@ class ReachingSearch:
                 stopped[key] = hand_is_stopped(*failures[key], around)
             return stopped.get(key, False)
 
-        def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
-            """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
-            for part in blocks(len(found), effort.block):
-                rows = np.arange(part.start, part.stop)
+        def standing() -> Iterator[NDArray[np.intp]]:
+            """Candidates with room for base and arms, block by block; looked at in ever larger parts."""
+            waiting, first, size = np.zeros(0, np.intp), 0, effort.block
+            while first < len(found):
+                rows = np.arange(first, min(first + size, len(found)))
+                first, size = first + size, min(2 * size, AT_ONCE)
                 roomy = floor.holds(bases[rows])
                 log.add("no room for the base", int((~roomy).sum()))
                 rows = rows[roomy]
-                rows = rows[arms_have_room(bases[rows], around, solids, log)]
+                waiting = np.append(waiting, rows[arms_have_room(bases[rows], around, solids, log)])
+                while len(waiting) >= effort.block or (len(waiting) and first >= len(found)):
+                    yield waiting[: effort.block]
+                    waiting = waiting[effort.block :]
+
+        def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
+            """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
+            for rows in standing():
                 rows = rows[[not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]]
                 ways_ok, joints = self._solved(found, rows, bases, hands, solids)
                 for row in rows[ways_ok].tolist():
