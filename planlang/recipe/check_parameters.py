@@ -173,9 +173,7 @@ def _of_unknown_kind(ontology: Ontology, owner: str, filling: Filling, term: str
     return warning("R049", message, filling.span, f"did you mean {meant}? else {advice}" if meant else advice, meant)
 
 
-def _literal(
-    ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span
-) -> Iterator[Diagnostic]:
+def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
     """Judge a value: a number where its type or the property says so, in a unit that fits the property."""
     name, short = unit_of(literal), local_name(shorten(property_name))
     datatype = local_name(literal.datatype or "")

@@ -301,7 +301,9 @@ def test_a_value_with_a_unit_is_a_number_in_si_units(tmp_path: Path) -> None:
     assert Literal("2", "http://qudt.org/vocab/unit#MinuteTime").number() == 2.0
 
 
-@pytest.mark.parametrize(("written", "value"), [('"0.3"', 0.3), ('" 2 "^^xsd:string', 2.0), ("7", 7), ('"0.3"@en', 0.3)])
+@pytest.mark.parametrize(
+    ("written", "value"), [('"0.3"', 0.3), ('" 2 "^^xsd:string', 2.0), ("7", 7), ('"0.3"@en', 0.3)]
+)
 def test_text_in_a_property_of_numbers_is_the_number_that_it_spells(tmp_path: Path, written: str, value: float) -> None:
     text = "\nClass: T\n    SubClassOf: k:Action, k:subAction some E\n\nClass: E\n    SubClassOf: k:Reaching, "
     recipe = read(tmp_path, text + f"k:linearVelocity value {written}\n")
