@@ -28,13 +28,14 @@ def check_designators(ontology: Ontology) -> Iterator[Diagnostic]:
 def unused_designators(ontology: Ontology) -> tuple[list[str], list[str]]:
     """The location designators, and the things, of the main document that nothing refers to, in the order of the file.
 
-    No things if the file is a map as well.
+    No things if the file is a map as well. Supporting planes of an action data table say what chunks act on.
     """
+    planes = {triple.subject for triple in ontology.using("supportedObject")}
     places: list[str] = []
     things: list[str] = []
     is_map = any(True for _ in ontology.triples(p="eventOccursAt"))
     for name in ontology.unused():
-        if ontology.is_class(name):
+        if ontology.is_class(name) or name in planes:
             continue
         if is_place(ontology, name):
             places.append(name)

@@ -361,7 +361,9 @@ def test_a_step_with_a_recipe_that_is_just_some_action_is_told_by_its_own_class(
 
 def test_a_step_with_a_recipe_of_no_class_of_its_own_is_called(compiled: Any) -> None:
     frames = [("T", "k:Action", "part"), ("part", "k:Action", "look")]
-    text = "".join(f"\nIndividual: {name}\n    Types: {cls}\n    Facts: k:subAction {sub}\n" for name, cls, sub in frames)
+    text = "".join(
+        f"\nIndividual: {name}\n    Types: {cls}\n    Facts: k:subAction {sub}\n" for name, cls, sub in frames
+    )
     plan = compiled(text + "\nIndividual: look\n    Types: k:Perceiving\n", task="T")
     assert "await part()" in plan.source
     assert "perform_or" not in plan.source
