@@ -25,7 +25,7 @@ class Solid:
     size: Size
     pose: Pose
     limb: bool
-    """Part of a person's arm, which hands may touch."""
+    """Part of a person's arm that has left its rest, which hands may touch."""
 
 
 def solids(bodies: Bodies, left_out: Iterable[str]) -> Iterator[Solid]:
@@ -36,7 +36,7 @@ def solids(bodies: Bodies, left_out: Iterable[str]) -> Iterator[Solid]:
         x, y, z = piece.part.size
         if piece.part.kind != "box":
             x = y = max(x, y)
-        yield Solid(piece.body, piece.part.kind, (x, y, z), bodies.place_of(piece), piece.part.limb)
+        yield Solid(piece.body, piece.part.kind, (x, y, z), bodies.place_of(piece), piece.yields)
 
 
 def bands(
