@@ -24,7 +24,7 @@ from executive.locations.relations import BaseDemand, block_of
 from executive.locations.solving import OFF_LATTICE, ON_LATTICE, arms_have_room, solve, unblocked
 from executive.locations.surroundings import ArmModel, Base
 from executive.locations.ways import CLASSES, Ways
-from executive.motion.solids import Solids
+from executive.motion import QuickCheck
 from planlang.protocols import Array, Solution
 
 ALIKE = 0.06
@@ -55,7 +55,7 @@ class ReachingSearch:
         hands = []
         for arm in judge.arms_for(first, self.arms):
             ways = ways_of(first, arm, around, log, fine=effort.fine)
-            if ways is not None and len(ways := unblocked(ways, arm, around.solids(), log)):
+            if ways is not None and len(ways := unblocked(ways, arm, around, log)):
                 hands.append((arm, ways))
         if not hands:
             return
@@ -121,7 +121,8 @@ class ReachingSearch:
         order = found.order(np.exp(-np.hypot(found.bases[:, 0] - x, found.bases[:, 1] - y) / TRAVEL))[: effort.most]
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
         bases = bases.round(PLACES)  # as they are told
-        solids = around.solids().near(middle, radius)
+        stance = around.stance_check((middle, radius))
+        checks = [around.arm_check(arm, ways.touches, opened=ways.opened, near=(middle, radius)) for arm, ways in hands]
         floor, judged = around.floor(), 0
         blind = Blind(middle[:2], strict=effort.fine)
         failed = _Failed()
@@ -143,9 +144,9 @@ class ReachingSearch:
                 roomy = floor.at(bases[rows, :2]) > 0.0
                 log.add("no room for the base", int((~roomy).sum()))
                 rows = rows[roomy]
-                rows = rows[arms_have_room(bases[rows], around, solids, log)]
+                rows = rows[arms_have_room(bases[rows], stance, log)]
                 rows = rows[[not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]]
-                ways_ok, joints = self._solved(found, rows, bases, hands, solids)
+                ways_ok, joints = self._solved(found, rows, bases, hands, checks)
                 for row in rows[ways_ok].tolist():
                     arm, ways = hands[int(found.arms[row])]
                     solution = ReachSolution(self.wanted[0], arm, ways.plan(int(found.ways[row])), joints[row])
@@ -182,7 +183,7 @@ class ReachingSearch:
         rows: NDArray[np.intp],
         bases: Array,
         hands: Sequence[tuple[ArmModel, Ways]],
-        solids: Solids,
+        checks: Sequence[QuickCheck],
     ) -> tuple[NDArray[np.bool_], dict[int, Array]]:
         """Which candidates (rows) have joint values as far as spheres tell, and these (k, d) by row."""
         ok = np.zeros(len(rows), bool)
@@ -204,8 +205,7 @@ class ReachingSearch:
                     bases[chosen],
                     arm,
                     seeds[:, None],
-                    solids,
-                    own=self.around.own_body(arm),
+                    checks[number],
                     slack=slack,
                 )
                 self.log.count(solved.reasons)

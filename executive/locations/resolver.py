@@ -132,7 +132,7 @@ class Resolver:
             ways = ways_of(reach, arm, around, counted, fine=fine)
             found = False
             if ways is not None:
-                ways = unblocked(ways, arm, around.solids(), counted)
+                ways = unblocked(ways, arm, around, counted)
                 for way in from_base(reach, base, arm, ways, around, self._inverse, counted, seed=begun, generous=True):
                     found = True
                     yield way
