@@ -13,7 +13,7 @@ from executive.locations import ArmModel, Base, Block, ComfortZone, Door, Held
 from executive.locations.field import Floor
 from executive.locations.own_view import OwnView, still_pieces
 from executive.locations.reachability import GraspClass, ReachabilityMap
-from executive.locations.reachability_building import reachability_maps
+from executive.locations.reachability_building import Progress, keep_maps, reachability_maps
 from executive.motion import Boxes, Gaze, QuickCheck
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room
 from executive.motion.clearance import Band
@@ -144,6 +144,17 @@ class BelievedSurroundings:
         """Work out now what arms need to find their way, once for this robot: later a plan would wait for it."""
         for arm in self.arms:
             self.quick_check(arm, None)
+
+    def map_reach(self, progress: Progress | None = None) -> None:
+        """Build the maps of all arms that are not in the user's cache: later a plan would wait for them.
+
+        ``progress`` is told of those built.
+        """
+        self._maps |= keep_maps(self.arms, self.robot.torso, progress)
+
+    def kinematics(self) -> str:
+        """How kinematics are computed, "compiled" or "interpreted": answers differ in their last digits."""
+        return " and ".join(sorted({arm.solver.chain.backend.kind for arm in self.arms})) or "none"
 
     def quick_check(self, arm: ArmModel, touches: str | None) -> QuickCheck:
         """What tells without PyBullet how an arm may move here; ``touches`` as in :meth:`contacts`."""

@@ -70,6 +70,9 @@ class Checker(Protocol):
 class Backend(Protocol):
     """Computes one chain; the result of a row does not depend on the other rows."""
 
+    kind: str
+    """"compiled" or "interpreted": the two differ in the last digits of what they find."""
+
     def position(self, q: Array) -> tuple[Array, Array]:
         """Configurations (n, d) -> rotations (n, 9) row by row, positions (n, 3) of the tip."""
 

@@ -31,6 +31,8 @@ _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_ssize_t
 class CompiledChain:
     """Forward kinematics and Jacobian; implements ``Backend``."""
 
+    kind = "compiled"
+
     def __init__(self, facts: ChainFacts, code: ctypes.CDLL) -> None:
         self._facts, self._code = facts, code
         self._collision: _CollisionCode | None = None

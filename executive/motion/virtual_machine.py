@@ -72,6 +72,8 @@ class RowFunction:
 class VirtualChain:
     """Forward kinematics and Jacobian; implements ``Backend``."""
 
+    kind = "interpreted"
+
     def __init__(self, facts: ChainFacts) -> None:
         chain = symbolic_chain(facts.joints, facts.variables, facts.dof)
         self._facts = facts
