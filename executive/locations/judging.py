@@ -197,7 +197,7 @@ class BaseJudge:
                 ways = ways_of(reach, arm, self.around, counted, fine=fine)
                 if ways is None:
                     continue
-                ways = unblocked(ways, arm, self.around.solids(), counted)
+                ways = unblocked(ways, arm, self.around, counted)
                 way = next(from_base(reach, base, arm, ways, self.around, self.inverse, counted), None)
                 if way is None:
                     known = self.reached(arm.name, base).get(reach)  # for an arm that can do little else from here

@@ -91,7 +91,7 @@ def clearance_at(points: ArrayLike, boxes: Boxes, silhouette: Sequence[Band]) ->
     The smallest horizontal distance of any band from any box in its heights, less the band's radius; inf without one.
     Inside a box distances count negative, to the nearest side.
     """
-    return clearances_at(points, boxes, (silhouette,))[0]
+    return clearances_at(points, boxes, (silhouette,)).reshape(-1)
 
 
 def clearances_at(points: ArrayLike, boxes: Boxes, silhouettes: Sequence[Sequence[Band]]) -> Array:
@@ -113,8 +113,8 @@ def clearances_at(points: ArrayLike, boxes: Boxes, silhouettes: Sequence[Sequenc
         across = np.abs(cosine * dy - sine * dx) - boxes.half_extents[i, 1]
         outside = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
         outside += np.minimum(np.maximum(along, across), 0.0)
-        for number in np.flatnonzero(np.isfinite(widest[:, i])):
-            np.minimum(rooms[number], outside - widest[number, i], out=rooms[number])
+        for room, radius in zip(rooms, widest[:, i].tolist(), strict=True):
+            np.minimum(room, outside - radius, out=room)
     return rooms
 
 

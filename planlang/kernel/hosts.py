@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 WATCHDOG = 10.0
-"""Seconds of the wall clock after which code that reaches no checkpoint is interrupted."""
+"""Seconds that code may compute, or be blocked, without reaching a checkpoint before it is interrupted."""
 
 
 class Steps(Protocol):
