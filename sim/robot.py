@@ -245,11 +245,11 @@ class Robot:
     def moved_apart(self, names: frozenset[str]) -> NDArray[np.bool_]:
         """Which pairs of solid links some joints move against each other, (n, n)."""
         if names not in self._apart:
-            found = np.zeros((len(self.solid), len(self.solid)), bool)
-            for name in names:
-                moved = np.isin(np.arange(len(self.solid)), sorted(self.moved_by(name)))
-                found |= moved[:, None] != moved
-            self._apart[names] = found
+            moved = np.zeros((len(names), len(self.solid)), bool)
+            for row, name in zip(moved, sorted(names), strict=True):
+                row[list(self.moved_by(name))] = True
+            moved = np.unique(moved, axis=0)
+            self._apart[names] = np.asarray((moved[:, :, None] != moved[:, None]).any(axis=0))
         return self._apart[names]
 
     def carrier(self, link: str) -> frozenset[int]:
