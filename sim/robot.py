@@ -45,13 +45,15 @@ class Robot:
     def __init__(self, client: int, body: RobotBody) -> None:
         self.client, self.body = client, body
         self.description = read_description(body.urdf)
+        self.key = str(body.urdf), self.description.text
+        """What tells its description from others."""
         self.uid = self._load()
         self._read_joints()
         self._read_links()
         self._hulls: dict[int, list[Hulled]] = {}
         while len(_spanning) > MOST_ROBOTS:
             del _spanning[next(iter(_spanning))]
-        self._points = _spanning.setdefault((str(body.urdf), self.description.text), {})
+        self._points = _spanning.setdefault(self.key, {})
         self.shown: dict[str, float] = {}
         self._shapes: dict[int, tuple[Shape, ...]] = {}
         self.base = (0.0, 0.0, 0.0)
