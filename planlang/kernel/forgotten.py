@@ -10,9 +10,10 @@ from collections.abc import Callable
 from types import CoroutineType, FrameType
 from typing import TYPE_CHECKING, Any
 
-from planlang.kernel.errors import PlanStructureError, contrast
+from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.listing import user_frame
 from planlang.kernel.park import running
+from planlang.misuse import contrast
 
 if TYPE_CHECKING:
     from planlang.kernel.task import Task
