@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from planlang.lengths import metres
-from planlang.misuse import Usage, WrongValue, contrast
+from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_amount, written
 
 RELATIONS: dict[str, str] = {
     "in_reach_of": "inReachOf",
@@ -110,7 +110,11 @@ class Relation:
     negated: bool = False
 
     def __post_init__(self) -> None:
-        _RELATION.text("name", self.name)
+        if not isinstance(self.name, str) or self.name not in RELATIONS:
+            raise _RELATION.wrong("name", self.name, f"one of {', '.join(RELATIONS)}", WrongValue)
+        for bound, length in (("within", self.within), ("beyond", self.beyond)):
+            if length is not None and not is_amount(length):
+                raise _RELATION.wrong(bound, length, "a finite length >= 0 [m]", WrongValue)
         _RELATION.instance("reference", self.reference, (Object, Location), "an object or a location")
 
     def __invert__(self) -> Relation:
@@ -152,7 +156,9 @@ class Location:
     def __and__(self, other: Location) -> Location:
         """The poses in both."""
         if not isinstance(other, Location):
-            return NotImplemented
+            code = written(other)
+            message = f"& joins two locations, not a location and {code}"
+            raise WrongType(contrast(message, f"near & {code}", "near & a_location(in_reach_of=bottle)"))
         more = tuple(relation for relation in other.relations if relation not in self.relations)
         device, grasp = self.device or other.device, self.grasp or other.grasp
         return Location(self.relations + more, self.name, device, grasp)
@@ -300,7 +306,8 @@ def a_location(
         conjuncts.extend(Relation(key, reference) for reference in references)
     if within is not None or beyond is not None:
         conjuncts = _bounded(conjuncts, within, beyond)
-    _LOCATION.instance("not_", not_, Iterable | Location, "a location, or a tuple of them")
+    if not isinstance(not_, Location):
+        _LOCATION.iterable("not_", not_, "a location, or a tuple of them")
     for excluded in (not_,) if isinstance(not_, Location) else not_:
         _LOCATION.instance("not_", excluded, Location, "a location, or a tuple of them")
         conjuncts.extend((~excluded).relations)
@@ -318,14 +325,21 @@ def _bounded(relations: list[Relation], within: float | str | None, beyond: floa
             f"within and beyond bound one relation, of {', '.join(MEASURED)}; here there are: {said}. Join bounds of "
             "several with &: a_location(near=bed, within=1.0) & a_location(near=door, within=2.0)"
         )
-    at_most = None if within is None else metres(within)
-    at_least = None if beyond is None else metres(beyond)
+    at_most, at_least = _length("within", within), _length("beyond", beyond)
     if at_most is not None and at_least is not None and at_least > at_most:
         raise ValueError(f"nothing is beyond {at_least} m and within {at_most} m")
     return [
         replace(relation, within=at_most, beyond=at_least) if relation in measured else relation
         for relation in relations
     ]
+
+
+def _length(bound: str, length: float | str | None) -> float | None:
+    try:
+        return None if length is None else metres(length)
+    except ValueError as problem:
+        wrong, right = (f"a_location(near=table, {bound}={code})" for code in (written(length), '"30 cm"'))
+        raise WrongValue(contrast(str(problem), wrong, right)) from None
 
 
 def a_posture(name: str) -> Posture:

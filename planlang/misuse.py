@@ -72,7 +72,11 @@ class Usage:
         """Refuse what is no string with something in it."""
         self.instance(parameter, value, str, "a string")
         if not value:
-            raise self.wrong(parameter, value, "a string with something in it", WrongValue)
+            raise self.empty(parameter)
+
+    def empty(self, parameter: str) -> WrongType | WrongValue:
+        """The error of an empty string."""
+        return self.wrong(parameter, "", "a string with something in it", WrongValue)
 
     def whole(self, parameter: str, value: object, least: int | None, what: str) -> None:
         """Refuse what is no whole number, or less than ``least``."""
@@ -84,7 +88,7 @@ class Usage:
 
     def seconds(self, parameter: str, value: object) -> None:
         """Refuse what is no duration."""
-        if not is_duration(value):
+        if not is_amount(value):
             raise self.not_seconds(parameter, value)
 
     def not_seconds(self, parameter: str, value: object) -> WrongType | WrongValue:
@@ -123,10 +127,18 @@ class Usage:
             result.close()
             raise self.wrong(parameter, function, "a function that gives its result at once, without await")
 
-    def plain(self, parameter: str, value: object, meant: str) -> None:
-        """Refuse what is no function that gives its result at once."""
+    def plain(self, parameter: str, value: object, meant: str, arguments: int | None = None) -> None:
+        """Refuse what is no function that gives its result at once, or one that does not take so many arguments."""
         if not callable(value) or inspect.iscoroutinefunction(value):
             raise self.wrong(parameter, value, meant)
+        if arguments is None:
+            return
+        try:
+            inspect.signature(value).bind(*[None] * arguments)
+        except TypeError:
+            raise self.wrong(parameter, value, meant) from None
+        except ValueError:  # written in C, and does not tell
+            pass
 
     def branch(self, parameter: str, *values: object) -> None:
         """Refuse what is no branch; coroutines are closed, with the right form in the message."""
@@ -160,8 +172,8 @@ def _is_branch(value: object) -> bool:
     return callable(value) and (not isinstance(value, type) or hasattr(value, "__await__"))
 
 
-def is_duration(value: Any) -> bool:
-    """Whether a value is a finite number of seconds, at least 0."""
+def is_amount(value: Any) -> bool:
+    """Whether a value is a finite number, at least 0."""
     try:
         return value.__class__ is not bool and bool(0 <= value < math.inf)
     except (TypeError, ValueError):
@@ -176,13 +188,24 @@ def written(value: object) -> str:
     name = getattr(value, "__name__", None)
     if isinstance(name, str) and callable(value):
         return "lambda: ..." if name == "<lambda>" else name
-    try:
-        text = repr(value)
-    except Exception:
-        text = ""
+    text = _inside(value)
     if not text or "\n" in text or " at 0x" in text:
         return f"{type(value).__name__}(...)"
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def _inside(value: object) -> str:
+    """What ``repr`` gives, but of what is in a container as it may stand in the plan; empty if that raises."""
+    try:
+        if value.__class__ is dict:
+            return f"{{{', '.join(f'{written(key)}: {written(item)}' for key, item in value.items())}}}"
+        if value.__class__ is list:
+            return f"[{', '.join(map(written, value))}]"
+        if value.__class__ is tuple and len(value) > 1:
+            return f"({', '.join(map(written, value))})"
+        return repr(value)
+    except Exception:
+        return ""
 
 
 def discard(values: Iterable[object]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from planlang.misuse import Usage, WrongValue, is_duration
+from planlang.misuse import Usage, WrongValue, is_amount
 
 WATCHDOG = 10.0
 """Seconds of the wall clock after which code that reaches no checkpoint is interrupted."""
@@ -74,7 +74,7 @@ class SimulationHost:
 def checked(function: Usage, rate: int, watchdog: float | None) -> int:
     """The rate, if it and the watchdog's time are what they should be."""
     function.whole("rate", rate, 1, "steps per second")
-    if watchdog is not None and (not is_duration(watchdog) or not watchdog):
+    if watchdog is not None and (not is_amount(watchdog) or not watchdog):
         meant = "None, or a time > 0 [s] for code that does not wait"
         raise function.wrong("watchdog", watchdog, meant, WrongValue)
     return rate

@@ -75,6 +75,8 @@ class Trace:
         gives way; and no older one is lost: the next free of ``NAME.old``, ``NAME.old2``, ... is taken.
         """
         _AT.instance("path", path, (str, os.PathLike), "the path of a file")
+        if path == "":
+            raise _AT.empty("path")
         _check_header(header)
         target = Path(path)
         trace = cls(None, header)

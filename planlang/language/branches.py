@@ -27,6 +27,9 @@ def named_branches(
                     f"await {construct}(the_{reserved}=reach)",
                 )
             )
+    if name == "":
+        discard((*branches, *named.values()))
+        raise Usage(f"await {construct}", {"branch": "reach"}, {"name": '"both"'}).empty("name")
     _usage(construct).branch("branch", *branches, *named.values())
     return [(name_of(branch), branch) for branch in branches] + list(named.items())
 

@@ -107,6 +107,8 @@ def plan(what: Any = None, /) -> Any:
     """Mark a plan function: ``@plan("http://...#ServeADrink")`` or ``@plan``."""
     if callable(what) or not (what is None or isinstance(what, str)):
         return Plan(what, None)
+    if what is not None:
+        _PLAN.text("iri", what)
     return functools.partial(_marked, what)
 
 

@@ -101,7 +101,7 @@ class Recovery:
         if isinstance(otherwise, type) and not issubclass(otherwise, PlanFailure):
             raise _RECOVERY.wrong("otherwise", otherwise, _OTHERWISE)
         if otherwise is not None and not isinstance(otherwise, Return):
-            _RECOVERY.plain("otherwise", otherwise, _OTHERWISE)
+            _RECOVERY.plain("otherwise", otherwise, _OTHERWISE, arguments=0 if isinstance(otherwise, type) else 1)
 
     def _check_alternatives(self) -> None:
         if self.alternatives is None:

@@ -19,7 +19,7 @@ from planlang.language.branches import Branch
 from planlang.language.context import executive_for
 from planlang.language.performing import asked, check_action, perform
 from planlang.language.tags import Handle, join
-from planlang.misuse import Usage
+from planlang.misuse import Usage, WrongType, contrast, written
 
 V = TypeVar("V")
 _WITH_REQUESTS = Usage("await with_requests", {"body": "serve"})
@@ -31,6 +31,9 @@ class Request(Handle):
     """An asynchronous request. As a handle it can be observed, joined, suspended, woken up and evaporated."""
 
     def __init__(self, action: Action, task: Task) -> None:
+        if not isinstance(task, Task):
+            message, code = "a request is made by perform_async()", f"Request({written(action)}, ...)"
+            raise WrongType(contrast(message, code, _PERFORM_ASYNC.shown("action")))
         super().__init__(task.name, task)
         self.action = action
         self.made = task

@@ -32,6 +32,7 @@ RUN = Usage(
         "trace": "Trace()",
         "max_steps": "240_000",
         "on_start": "print",
+        "resumable": "True",
         "resume": "past",
     },
 )
@@ -73,6 +74,7 @@ def run(
         if isinstance(host, type) or not hasattr(host, part):
             raise RUN.wrong("host", host, "a host, such as VirtualHost()")
     _check(executive, seed, schedule, trace, max_steps, on_start)
+    RUN.instance("resumable", resumable, bool, "True or False")
     if resume is not None:
         RUN.instance("resume", resume, Past, "what an earlier run left")
     scheduler = Scheduler(host, seed=seed, schedule=schedule, trace=trace, max_steps=max_steps)
@@ -110,7 +112,7 @@ def _check(
     if max_steps is not None:
         RUN.whole("max_steps", max_steps, 1, "world steps")
     if on_start is not None:
-        RUN.plain("on_start", on_start, "a plain function of a node of the tree")
+        RUN.plain("on_start", on_start, "a plain function of a node of the tree", arguments=1)
     if isinstance(schedule, (str, type, bool)) or not (
         schedule is None or isinstance(schedule, (int, Sequence)) or hasattr(schedule, "choose")
     ):

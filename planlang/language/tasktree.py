@@ -104,6 +104,8 @@ class TaskTree:
         Raises ValueError, with file and line, for what is no trace.
         """
         _READ.instance("path", path, (str, os.PathLike), "the path of a trace file")
+        if path == "":
+            raise _READ.empty("path")
         with Path(path).open(encoding="utf-8") as file:
             return cls(_records(str(path), file))
 
