@@ -18,10 +18,11 @@ from types import CoroutineType, FrameType, FunctionType
 from typing import TYPE_CHECKING, Any
 
 from planlang.failures import dropping
-from planlang.kernel.errors import PlanStructureError, contrast
+from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.listing import is_own, place_in
 from planlang.kernel.park import running
 from planlang.kernel.suspects import Suspect, suspects
+from planlang.misuse import contrast
 
 if TYPE_CHECKING:
     from planlang.kernel.scheduler import Scheduler

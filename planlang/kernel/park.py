@@ -7,7 +7,8 @@ import types
 from collections.abc import Generator
 from typing import TYPE_CHECKING, Any
 
-from planlang.kernel.errors import Evaporated, PlanStructureError, contrast
+from planlang.kernel.errors import Evaporated, PlanStructureError
+from planlang.misuse import contrast
 
 if TYPE_CHECKING:
     from planlang.kernel.scheduler import Scheduler

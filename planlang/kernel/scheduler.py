@@ -31,6 +31,7 @@ from planlang.kernel.threads import Calls
 from planlang.kernel.timers import Timer, TimerQueue
 from planlang.kernel.tree import name_of
 from planlang.kernel.watchdog import Overdue, Watch, watchdog
+from planlang.misuse import Usage
 
 if TYPE_CHECKING:
     from planlang.kernel.answers import Answers
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from planlang.kernel.tree import Node
 
 S = TypeVar("S")
+SLEEP = Usage("await sleep", {"seconds": "2"})
 
 
 class Scheduler:
@@ -115,11 +117,14 @@ class Scheduler:
         """World steps since the start."""
         return self.timers.now
 
-    def steps(self, seconds: float) -> int:
-        """The number of steps that last at least ``seconds``; ValueError if negative or NaN."""
-        if not seconds >= 0:
-            raise ValueError(f"a duration must be a number of seconds >= 0, not {seconds!r}")
-        return math.ceil(seconds * self.rate - 1e-6) if seconds < math.inf else sys.maxsize
+    def steps(self, seconds: float, given_to: Usage = SLEEP, parameter: str = "seconds") -> int:
+        """The number of steps that last at least ``seconds``; WrongValue if negative, infinite or NaN."""
+        try:
+            if 0 <= seconds < math.inf and seconds is not True and seconds is not False:
+                return math.ceil(seconds * self.rate - 1e-6)
+        except (TypeError, ValueError, OverflowError):
+            pass
+        raise given_to.not_seconds(parameter, seconds)
 
     def alarm(self, task: Task, steps: int, fire: Callable[[], object]) -> Timer:
         """Call ``fire`` at the start of the step that is ``steps`` from now."""

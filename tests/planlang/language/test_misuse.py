@@ -17,8 +17,11 @@ from planlang import (
     Policy,
     Recovery,
     VirtualHost,
+    achieve,
     action,
+    an_object,
     checkpoint,
+    holding,
     monitor,
     par,
     par_each,
@@ -38,7 +41,8 @@ from planlang import (
     wait_for,
     with_failure_handling,
 )
-from planlang.kernel.errors import contrast
+from planlang.misuse import contrast
+from planlang.testing import explore, run_plan
 
 
 def go(body: Any, **options: Any) -> Any:
@@ -70,29 +74,36 @@ def test_an_error_shows_wrong_and_right_code_on_lines_of_their_own() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "call"),
+    ("call", "wrong"),
     [
-        ("par", lambda: par(reach, reach())),
-        ("seq", lambda: seq(reach())),
-        ("pursue", lambda: pursue(reach())),
-        ("race", lambda: race(only=reach())),
-        ("try_all", lambda: try_all(reach())),
-        ("try_in_order", lambda: try_in_order(reach())),
-        ("par_each", lambda: par_each([1], reach())),
-        ("partial_order", lambda: partial_order({"a": reach()}, [])),
-        ("timeout", lambda: timeout(1, reach())),
-        ("tag", lambda: tag("a", reach())),
-        ("unwind_protect", lambda: unwind_protect(reach, reach())),
-        ("with_failure_handling", lambda: with_failure_handling(reach())),
+        (lambda: par(reach, reach()), "await par(reach())"),
+        (lambda: seq(reach()), "await seq(reach())"),
+        (lambda: pursue(reach()), "await pursue(reach())"),
+        (lambda: race(only=reach()), "await race(reach())"),
+        (lambda: try_all(reach()), "await try_all(reach())"),
+        (lambda: try_in_order(reach()), "await try_in_order(reach())"),
+        (lambda: par_each([1], reach()), "await par_each(cups, reach())"),
+        (lambda: partial_order({"a": reach()}, []), 'await partial_order({\'a\': reach()}, [("look", "grasp")])'),
+        (lambda: timeout(1, reach()), "await timeout(2, reach())"),
+        (lambda: tag("a", reach()), 'await tag("reach", reach())'),
+        (lambda: unwind_protect(reach, reach()), "await unwind_protect(reach, reach())"),
+        (lambda: with_failure_handling(reach()), "await with_failure_handling(reach(), Recovery(GraspMissed))"),
+        (lambda: achieve(holding(an_object("Cup")), reach()), "await achieve(holding(cup), reach())"),
+        (lambda: run(reach(), host=VirtualHost()), "run(reach(), host=VirtualHost())"),
+        (lambda: run_plan(reach()), "run_plan(reach())"),
+        (lambda: explore(reach()), "explore(reach())"),
+        (lambda: Policy("p", None, reach()), 'Policy("keep away", init=reach())'),
+        (lambda: Recovery(PlanFailure, reach()), "Recovery(GraspMissed, reach())"),
     ],
 )
-def test_a_called_coroutine_is_refused_and_closed(name: str, call: Any) -> None:
-    with pytest.raises(TypeError) as caught:
+def test_a_called_coroutine_is_refused_and_closed_and_shown_in_a_whole_call(call: Any, wrong: str) -> None:
+    with pytest.raises(PlanStructureError) as caught:
         go(call)
+    assert isinstance(caught.value, TypeError)
+    name = wrong.removeprefix("await ").partition("(")[0]
+    right = f"{wrong.replace('reach()', 'reach')}    or    {wrong.replace('reach()', 'partial(reach, ...)')}"
     assert str(caught.value) == (
-        f"you called reach(); pass reach or partial(reach, ...) to {name}\n"
-        f"  wrong: await {name}(reach())\n"
-        f"  right: await {name}(reach)    or    await {name}(partial(reach, ...))"
+        f"you called reach(); pass reach or partial(reach, ...) to {name}\n  wrong: {wrong}\n  right: {right}"
     )
 
 
@@ -111,16 +122,9 @@ def test_a_result_where_a_branch_is_meant_is_refused_with_the_right_form() -> No
         await par(await reach())  # type: ignore[arg-type]
 
     with pytest.raises(
-        TypeError, match=r"par takes branches.*not 'reached'" + shows("await par(await reach(cup))", "")
+        TypeError, match=r"has to be a branch, .*, not 'reached'" + shows("await par('reached')", "await par(reach)")
     ):
         go(body)
-
-
-def test_called_coroutines_in_policies_and_recoveries_are_refused() -> None:
-    with pytest.raises(TypeError, match=r"you called reach\(\).* to policy 'a'"):
-        Policy("a", None, reach())  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match=r"you called reach\(\).* to Recovery"):
-        Recovery(PlanFailure, reach())  # type: ignore[arg-type]
 
 
 def test_a_plain_function_as_branch_is_refused_with_the_right_form() -> None:
@@ -214,5 +218,5 @@ def test_a_future_of_another_loop_is_refused_at_its_line() -> None:
 
 
 def test_monitoring_what_is_no_request_is_refused() -> None:
-    with pytest.raises(TypeError, match="monitor takes a request"):
+    with pytest.raises(TypeError, match="request of monitor has to be a request"):
         go(functools.partial(monitor, "x"))

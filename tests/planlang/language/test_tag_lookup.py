@@ -210,7 +210,9 @@ def test_two_live_tags_of_one_name_are_refused_with_the_right_form() -> None:
 
 
 def test_a_tag_is_named_by_a_string() -> None:
-    with pytest.raises(TypeError, match="named by a string"):
+    with pytest.raises(TypeError, match="name of tag has to be a string"):
+        go(partial(tag, 3, partial(sleep, 1)))
+    with pytest.raises(TypeError, match="body of tag"):
         go(partial(tag, partial(sleep, 1), "name"))
 
 
