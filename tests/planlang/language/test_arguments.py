@@ -398,11 +398,11 @@ async def answers() -> bool:
     [
         (lambda: partial_order({"a": works, "b": works}, ["ab"]), "['ab']"),
         (lambda: partial_order({"a": works}, [("a", "b")]), "[('a', 'b')]"),
-        (lambda: at_once(Recovery, ()), "Recovery(())"),
+        (lambda: at_once(Recovery, ()), "Recovery((), look_again)"),
         (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={1: list})), "{1: list}"),
         (lambda: with_failure_handling(fails, Recovery(GraspMissed, otherwise=lambda failure: 5)), "lambda failure"),
         (lambda: with_failure_handling(fails, Recovery(GraspMissed, lambda failure: 5)), "def reach(): ..."),
-        (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={"grasp": ["top"]})), "{'grasp': ['top']}"),
+        (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={"grasp": ["top"]})), "{'grasp': ['top'"),
         (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={"grasp": lambda: 5})), "lambda: ..."),
         (lambda: achieve(lambda: answers(), works), "lambda: ..."),
         (lambda: with_policies([Policy("a", lambda: answers())], works), "lambda: ..."),
