@@ -402,7 +402,7 @@ async def answers() -> bool:
         (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={1: list})), "{1: list}"),
         (lambda: with_failure_handling(fails, Recovery(GraspMissed, otherwise=lambda failure: 5)), "lambda failure"),
         (lambda: with_failure_handling(fails, Recovery(GraspMissed, lambda failure: 5)), "def reach(): ..."),
-        (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={"grasp": ["top"]})), "{'grasp': ['top'"),
+        (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={"g": ["top"]})), "{'g': ['top']}"),
         (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={"grasp": lambda: 5})), "lambda: ..."),
         (lambda: achieve(lambda: answers(), works), "lambda: ..."),
         (lambda: with_policies([Policy("a", lambda: answers())], works), "lambda: ..."),
