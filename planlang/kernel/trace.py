@@ -183,10 +183,10 @@ class Trace:
             self._around = f', "parent": {above}, "kind": "'
         name = self._names.get(node.base_name)
         if name is None:
-            name = self._names[node.base_name] = _quoted(node.base_name)[:-1]
+            name = self._names[node.base_name] = _quoted(node.base_name)[:-1].encode(*_UTF8).decode()
         ordinal = "" if node.ordinal == 1 else f"#{node.ordinal}"
         told = node.told = f'{number}{self._around}{node.kind}", "name": {name}{ordinal}"'
-        data = f"{self._started}{told}}}\n".encode(*_UTF8)
+        data = f"{self._started}{told}}}\n".encode()
         try:
             taken = self._put(data)
         except _UNWRITABLE as error:
@@ -212,7 +212,7 @@ class Trace:
         if node.told and self._put is not None:
             if step != self._step:
                 self._turn_to(step)
-            data = f'{self._ended}{node.told}, "status": "{word}"}}\n'.encode(*_UTF8)
+            data = f'{self._ended}{node.told}, "status": "{word}"}}\n'.encode()
             try:
                 taken = self._put(data)
             except _UNWRITABLE as error:

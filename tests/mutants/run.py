@@ -105,7 +105,7 @@ MUTANTS = [
     ("two nodes have one number", "kernel/trace.py", "self._nodes = number = node.number = self._nodes + 1", "number = node.number = self._nodes or 1"),
     ("the rest of a line is lost when the disk is full", "kernel/trace.py", "data = data[self._put(data) :]", "data = data[self._put(data) :] and b''"),
     ("an overrun after an overrun cuts the cleanup short", "kernel/evaporation.py", "if isinstance(task.error, CleanupOverrun):", "if False:"),
-    ("a disk that is full does not end the run", "kernel/rounds.py", "if scheduler.untold is not None:", "if False:"),
+    ("a disk that is full does not end the run", "kernel/rounds.py", "if scheduler.spoilt is not None:", "if False:"),
     ("the end of the body beats a violation", "language/policies.py", "        if self.violated:\n            self.lost", "        if self.violated and body is None:\n            self.lost"),
     ("the first policy is cleaned up first", "language/policies.py", "for policy in reversed(begun):", "for policy in begun:"),
     ("the cleanup of a policy is not shielded", "language/policies.py", 'with shield():\n                await _part("clean_up"', 'if True:\n                await _part("clean_up"'),

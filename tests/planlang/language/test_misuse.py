@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import functools
-import gc
-import subprocess
-import sys
 import threading
-import warnings
 from functools import partial
 from typing import Any
 
@@ -27,7 +23,6 @@ from planlang import (
     checkpoint,
     holding,
     monitor,
-    now,
     par,
     par_each,
     partial_order,
@@ -46,7 +41,6 @@ from planlang import (
     wait_for,
     with_failure_handling,
 )
-from planlang.failures import GraspMissed
 from planlang.misuse import contrast
 from planlang.testing import explore, run_plan
 
@@ -74,219 +68,6 @@ def shows(wrong: str, right: str) -> str:
 
 def test_an_error_shows_wrong_and_right_code_on_lines_of_their_own() -> None:
     assert contrast("no", "a()", "await a()") == "no\n  wrong: a()\n  right: await a()"
-
-
-# -- a forgotten await
-
-
-def test_a_forgotten_await_is_an_error_at_the_next_checkpoint_with_its_line() -> None:
-    times: list[float] = []
-
-    async def body() -> None:
-        await sleep(1)
-        sleep(5)  # the mistake
-        times.append(now())
-        await sleep(1)
-        times.append(now())
-
-    with pytest.raises(PlanStructureError, match=r"test_misuse\.py:\d+ calls sleep\(\) without await") as caught:
-        go(body)
-    assert "  wrong: sleep(5)  # the mistake\n  right: await sleep(5)  # the mistake" in str(caught.value)
-    assert times == [1.0]
-
-
-def test_a_forgotten_await_of_a_plan_function_is_named_by_the_plan() -> None:
-    async def body() -> None:
-        serve(cup="b")
-        await sleep(1)
-
-    with pytest.raises(PlanStructureError, match=shows('serve(cup="b")', 'await serve(cup="b")')):
-        go(body)
-
-
-def test_a_forgotten_await_of_a_name_in_a_module_is_shown_as_a_whole() -> None:
-    async def body() -> None:
-        planlang.par(reach, reach)
-        await sleep(1)
-
-    with pytest.raises(
-        PlanStructureError, match=shows("planlang.par(reach, reach)", "await planlang.par(reach, reach)")
-    ):
-        go(body)
-
-
-def test_a_forgotten_await_at_the_end_of_a_branch_is_an_error_too() -> None:
-    async def body() -> None:
-        await sleep(1)
-        sleep(1)
-
-    with pytest.raises(PlanStructureError, match=shows("sleep(1)", "await sleep(1)")):
-        go(partial(par, body, partial(sleep, 9)))
-
-
-def test_a_forgotten_await_before_a_failure_beats_the_failure() -> None:
-    async def body() -> None:
-        reach()
-        raise GraspMissed
-
-    with pytest.raises(PlanStructureError, match="reach"):
-        go(partial(try_all, body, partial(sleep, 9)))
-
-
-def test_a_forgotten_await_in_a_branch_evaporates_the_others() -> None:
-    log: list[str] = []
-
-    async def forgets() -> None:
-        await sleep(1)
-        reach()
-        await checkpoint()
-        log.append("went on")
-
-    async def other() -> None:
-        try:
-            await sleep(9)
-        finally:
-            log.append(f"stopped {now():g}")
-
-    with pytest.raises(PlanStructureError):
-        go(partial(par, forgets, other))
-    assert log == ["stopped 1"]
-
-
-def test_every_checkpoint_raises_what_was_forgotten_before_it() -> None:
-    fluent = planlang.Fluent(True)
-    for waits in (checkpoint, partial(sleep, 0), partial(wait_for, fluent), partial(par, reach), partial(seq)):
-
-        async def body(waits: Any = waits) -> None:
-            reach()
-            await waits()
-            raise AssertionError
-
-        with pytest.raises(PlanStructureError, match=r"without await"):
-            go(body)
-
-
-def test_a_forgotten_await_of_an_evaporated_task_is_left_to_python() -> None:
-    async def body() -> None:
-        try:
-            await sleep(9)
-        finally:
-            reach()
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        go(partial(pursue, body, partial(sleep, 1)))
-    assert [str(one.message) for one in caught] == ["coroutine 'reach' was never awaited"]
-
-
-def test_outside_of_plans_python_warns_as_ever() -> None:
-    go(reach)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        reach()
-        gc.collect()
-    assert [str(one.message) for one in caught] == ["coroutine 'reach' was never awaited"]
-
-
-def test_a_coroutine_that_is_closed_is_not_forgotten() -> None:
-    async def body() -> str:
-        reach().close()
-        await sleep(1)
-        return "done"
-
-    assert go(body) == "done"
-
-
-def test_a_coroutine_kept_and_awaited_later_is_not_forgotten() -> None:
-    async def body() -> str:
-        later = reach()
-        await sleep(1)
-        return await later
-
-    assert go(body) == "reached"
-
-
-def test_a_coroutine_in_a_reference_cycle_is_not_blamed_on_who_runs_when_it_is_collected() -> None:
-    class Cycle:
-        def __init__(self) -> None:
-            self.me = self
-            self.coroutine = reach()
-
-    async def body() -> str:
-        Cycle()
-        gc.collect()  # reach( is not made here
-        await sleep(1)
-        return "done"
-
-    with warnings.catch_warnings(record=True):
-        warnings.simplefilter("always")
-        assert go(body) == "done"
-
-
-def test_without_source_the_name_alone_tells() -> None:
-    space: dict[str, Any] = {"sleep": sleep}
-    exec("async def body():\n    sleep(3)\n    await sleep(1)\n", space)
-    with pytest.raises(PlanStructureError, match=shows("sleep(...)", "await sleep(...)")):
-        go(space["body"])
-
-
-def test_returning_a_call_instead_of_its_result_is_an_error() -> None:
-    async def body() -> Any:
-        return reach()
-
-    with pytest.raises(PlanStructureError, match=shows("return reach(...)", "return await reach(...)")):
-        go(partial(par, body))
-
-
-def test_a_forgotten_await_prints_nothing_and_leaves_nothing_unclosed() -> None:
-    code = (
-        "from planlang import *\n"
-        "async def body():\n    sleep(1)\n    await sleep(1)\n"
-        "try:\n    run(body, host=VirtualHost())\nexcept PlanStructureError as error:\n    print(type(error))\n"
-    )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
-    assert (ended.stdout, ended.stderr) == ("<class 'planlang.misuse.PlanStructureError'>\n", "")
-
-
-def test_a_coroutine_dropped_elsewhere_than_where_it_was_made_is_left_to_python() -> None:
-    async def body() -> str:
-        kept = [reach()]
-        kept.clear()
-        await sleep(1)
-        return "done"
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        assert go(body) == "done"
-    assert len(caught) == 1
-
-
-def test_results_that_are_coroutines_are_left_to_python_where_the_language_drops_them() -> None:
-    async def returns() -> Any:
-        return reach()
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        with pytest.raises(GraspMissed):
-            go(partial(seq, returns, fails))
-        gc.collect()
-    assert len(caught) == 1
-
-
-async def fails() -> None:
-    raise GraspMissed
-
-
-def test_without_the_interpreters_hook_nothing_is_watched(monkeypatch: pytest.MonkeyPatch) -> None:
-    from planlang.kernel import forgotten
-
-    monkeypatch.setattr(forgotten._Watch, "warn", None)
-    monkeypatch.delattr(warnings, "_warn_unawaited_coroutine")
-    forgotten.watch()
-    assert not hasattr(warnings, "_warn_unawaited_coroutine")
-    coroutine = reach()
-    forgotten._dropped(coroutine)
-    coroutine.close()
 
 
 # -- a called coroutine where a callable is meant
