@@ -116,7 +116,7 @@ MUTANTS = [
     ("a policy looks at its first inputs only", "language/policies.py", "            self.follow(reads)", "            self.follow(self.inputs or reads)"),
     ("an inner budget is all that is charged", "language/budgets.py", "        around = around.outer", "        around = None"),
     ("a budget allows one attempt more", "language/budgets.py", "self.left = attempts", "self.left = attempts and attempts + 1"),
-    ("a budget that is used up strikes within the round", "language/budgets.py", "            around.stir()", "            around.expire()"),
+    ("a budget that is used up strikes within the round", "language/budgets.py", "        around.stir()", "        around.expire()"),
     ("a budget does not say where time went", "language/budgets.py", "around.spent[part] = around.spent.get(part, 0) + steps", "pass"),
     ("a state may be visited once more", "language/machine.py", "visits[state] > max_visits:", "visits[state] > max_visits + 1:"),
     ("a failure takes the last case that fits", "language/machine.py", "next((to for case, to in cases.items()", "next((to for case, to in reversed(cases.items())"),

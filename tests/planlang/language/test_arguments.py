@@ -143,7 +143,7 @@ OPTIONAL = {"None"}
 TEXT = {"text"}
 BRANCH = {"async function"}
 ITERABLE = {"list"}
-OUTCOME = {"text", "empty text"}
+WORDS = {"text", "empty text"}
 FILLERS = {"text", "empty text", "number", "negative", "fraction", "bool", "nan", "inf"}
 
 # name, what is called with the wrong argument, which of the wrong ones make sense there after all
@@ -177,7 +177,7 @@ INSIDE: list[Case] = [
     ("state_machine state", lambda x: state_machine({"a": x}, {}, "a", "a"), BRANCH),
     ("state_machine transitions", lambda x: state_machine({"a": works}, x, "a", "a"), set()),
     ("state_machine transition", lambda x: state_machine({"a": works, "b": works}, {hashed(x): "b"}, "a", "b"), set()),
-    ("state_machine case", lambda x: state_machine(dict(a=works, b=works), {("a", hashed(x)): "b"}, "a", "b"), OUTCOME),
+    ("state_machine case", lambda x: state_machine({"a": works, "b": works}, {("a", hashed(x)): "b"}, "a", "b"), WORDS),
     ("state_machine target", lambda x: state_machine({"a": works, "b": works}, {("a", "c"): x}, "a", "b"), set()),
     ("state_machine start", lambda x: state_machine({"a": works}, {}, x, "a"), set()),
     ("state_machine end", lambda x: state_machine({"a": works}, {}, "a", x), set()),
@@ -217,6 +217,7 @@ INSIDE: list[Case] = [
     ("at_location reaching one", lambda x: at_location(NEAR, works, reaching=[x]), set()),
     ("at_location device", lambda x: at_location(NEAR, works, device=x), OPTIONAL),
     ("holds", lambda x: at_once(holds, x), set()),
+    ("holds of", lambda x: at_once(partial(holds, NEAR), x), OPTIONAL),
     ("using", lambda x: entered(using(x)), TEXT),
     ("retry_after_suspension", retry_after_suspension, BRANCH),
     ("tag name", lambda x: tag(x, works), TEXT),
@@ -310,8 +311,8 @@ ANYTHING = {"Return", "given", "retry", "repeat", "ignore", "PlanFailure", "Task
 def test_the_table_has_all_public_names_that_take_arguments() -> None:
     def takes_arguments(name: str) -> bool:
         thing = getattr(planlang, name)
-        if (isinstance(thing, type) and issubclass(thing, BaseException | Enum)) or getattr(
-            thing, "_is_protocol", False
+        if isinstance(thing, type) and (
+            issubclass(thing, BaseException | Enum) or getattr(thing, "_is_protocol", False)
         ):
             return False
         return callable(thing) and bool(inspect.signature(thing).parameters)
@@ -377,3 +378,61 @@ def test_every_parameter_refuses_what_makes_no_sense_with_wrong_and_right_code(
         gc.collect(1)  # errors and their frames refer to each other
     problems += [str(one.message) for one in warned]
     assert not problems, "\n".join(problems)
+
+
+async def wants(cup: str) -> str:
+    return cup
+
+
+@plan
+async def serves(cup: str) -> str:
+    return cup
+
+
+async def answers() -> bool:
+    return True
+
+
+@pytest.mark.parametrize(
+    ("use", "wrong"),
+    [
+        (lambda: partial_order({"a": works, "b": works}, ["ab"]), "['ab']"),
+        (lambda: partial_order({"a": works}, [("a", "b")]), "[('a', 'b')]"),
+        (lambda: at_once(Recovery, ()), "Recovery((), look_again)"),
+        (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={1: list})), "{1: list}"),
+        (lambda: with_failure_handling(fails, Recovery(GraspMissed, otherwise=lambda failure: 5)), "lambda failure"),
+        (lambda: with_failure_handling(fails, Recovery(GraspMissed, lambda failure: 5)), "def reach(): ..."),
+        (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={"g": ["top"]})), "{'g': ['top']}"),
+        (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={"grasp": lambda: 5})), "lambda: ..."),
+        (lambda: achieve(lambda: answers(), works), "lambda: ..."),
+        (lambda: with_policies([Policy("a", lambda: answers())], works), "lambda: ..."),
+        (lambda: par(wants), "wants"),
+        (lambda: seq(wants), "wants"),
+        (lambda: par(serves), "serves"),
+    ],
+)  # fmt: skip
+def test_what_shows_only_when_it_is_called_or_looked_into_is_refused_too(use: Callable[[], Any], wrong: str) -> None:
+    with pytest.raises(PlanStructureError) as caught:
+        run(use, host=VirtualHost())
+    assert wrong.replace("'", '"') in str(caught.value).replace("'", '"')
+    assert "\n  right: " in str(caught.value)
+
+
+def test_a_function_that_is_not_async_is_no_plan() -> None:
+    def serve() -> None:
+        pass
+
+    with pytest.raises(
+        PlanStructureError, match=r"wrong: @plan def serve\(\): (.|\n)*right: @plan async def serve\(\)"
+    ):
+        plan(serve)
+
+
+def test_a_type_error_that_a_branch_raises_itself_stays_as_it_is() -> None:
+    def breaks() -> Any:
+        return len(7)
+
+    for construct in (par, seq):
+        with pytest.raises(TypeError, match="has no len") as caught:
+            run(partial(construct, breaks), host=VirtualHost())
+        assert not isinstance(caught.value, PlanStructureError)
