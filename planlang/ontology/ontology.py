@@ -10,7 +10,7 @@ from typing import Any
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span
 from planlang.ontology.checks import checked
-from planlang.ontology.classes import Restriction, alias_edges, conjuncts, edges, restrictions_of, twin
+from planlang.ontology.classes import Restriction, Words, alias_edges, conjuncts, edges, restrictions_of, twin
 from planlang.ontology.documents import Document, Reading, read_all
 from planlang.ontology.taxonomy import Taxonomy, order_walk
 from planlang.ontology.terms import (
@@ -324,8 +324,12 @@ class Ontology:
             return ()
         found = self._restrictions.get(number)
         if found is None:
-            found = self._restrictions[number] = tuple(restrictions_of(self.store, number))
+            found = self._restrictions[number] = tuple(restrictions_of(self.store, self._class_words, number))
         return found
+
+    @cached_property
+    def _class_words(self) -> Words:
+        return Words.of(self.store)
 
     def members(self, expression: Term) -> tuple[Term, ...]:
         """The members of an intersection, nested ones opened; of anything else the expression itself."""

@@ -43,6 +43,8 @@ _MISPLACED = {"ID", "about", "resource", "datatype", "nodeID", "parseType", "typ
 
 _ONLY_RESOURCE, _ONLY_ABOUT = f"{RDF} resource", f"{RDF} about"
 _DOCUMENT, _RDF, _NODE, _PROPERTY, _COLLECTION, _LITERAL, _SKIPPED = range(7)
+_WITH_TEXT = frozenset((_PROPERTY, _LITERAL, _SKIPPED))
+"""Elements in which text may stand, or is skipped."""
 _NOTHING: dict[str, str] = {}
 
 
@@ -111,6 +113,8 @@ def _parsed(text: str, file: str, base: str, label: str, *, in_pieces: bool) -> 
     except expat.ExpatError as problem:
         open_lines = [frame.line for frame in handler.frames[1:]]
         raise BadInput([explain(problem, text, file, open_lines, handler.entities.names)]) from None
+    if not all(map(str.isspace, handler.gaps)):
+        raise _Stray
     return Parsed(handler.triples, counted(handler.diagnostics, handler.unsaid), handler.prefixes)
 
 
@@ -141,12 +145,16 @@ class _Handler:
         self.complete = _Frame(_PROPERTY, base, None, 1, 1)
         """The element of such a property with rdf:resource: most are this, and none is inside another."""
         self.complete.filled = True
+        self.gaps: set[str] = set()
+        """The texts, each once, that stand where only white space may; not kept if texts come in pieces."""
+        self.between = self.gaps.add if parser.buffer_text else self.characters
+        """What takes such texts: most of a large file, and not worth a call of Python each."""
         self.type, self.first, self.rest = map(self.triples.number, (TYPE, FIRST, REST))
         parser.ordered_attributes = True
         parser.StartElementHandler = self._starting()
         parser.EndElementHandler = self._ending()
         parser.StartNamespaceDeclHandler = self.namespace
-        parser.CharacterDataHandler = self.characters
+        parser.CharacterDataHandler = self.between
         parser.StartDoctypeDeclHandler = self.doctype
         parser.EndDoctypeDeclHandler = self.entities.check
         parser.EntityDeclHandler = self.entity
@@ -207,6 +215,7 @@ class _Handler:
         predicates, objects = triples.predicates.append, triples.objects.append
         lines, columns, state = triples.lines.append, triples.columns.append, triples.subjects.append
         resolved, resolve, start, push = self.resolved, self._resolve, self._start, frames.append
+        between = self.between
         subjects, classes, kind_of, fresh, append = triples.subjects, self.classes, self.type, triples.fresh, self._append
 
         def begin(tag: str, attributes: list[str]) -> None:
@@ -246,6 +255,7 @@ class _Handler:
                         append(parent, frame)
                     return
             start(parent, tag, attributes, line, column)
+            parser.CharacterDataHandler = self.characters if frames[-1].kind in _WITH_TEXT else between
 
         return begin
 
@@ -313,13 +323,20 @@ class _Handler:
 
     def _ending(self) -> Callable[[str], None]:
         """What expat calls where an element ends."""
-        pop, end = self.frames.pop, self._end
+        frames, parser, complete, end = self.frames, self.parser, self.complete, self._end
+        pop, characters, between = frames.pop, self.characters, self.between
 
         def close(tag: str) -> None:
             frame = pop()
+            if frame is complete and not frame.text:
+                return
             kind = frame.kind
             if kind != _NODE and (kind != _PROPERTY or not frame.filled or frame.text):
                 end(frame, tag)
+            if frames[-1].kind in _WITH_TEXT:
+                parser.CharacterDataHandler = characters
+            elif kind in _WITH_TEXT:
+                parser.CharacterDataHandler = between
 
         return close
 

@@ -198,21 +198,22 @@ class Triples(Sequence[Triple]):
 
     # finding
 
-    def about(self, subject: int) -> Iterator[int]:
+    def about(self, subject: int) -> Sequence[int]:
         """The rows with a subject."""
-        first, following = self._by_subject
-        row = first[subject]
-        while row >= 0:
-            yield row
-            row = following[row]
+        return self._chained(*self._by_subject, subject)
 
-    def with_object(self, value: int) -> Iterator[int]:
+    def with_object(self, value: int) -> Sequence[int]:
         """The rows with an object."""
-        first, following = self._by_object
-        row = first[value]
+        return self._chained(*self._by_object, value)
+
+    @staticmethod
+    def _chained(first: array[int], following: array[int], number: int) -> list[int]:
+        row = first[number]
+        found = []
         while row >= 0:
-            yield row
+            found.append(row)
             row = following[row]
+        return found
 
     def first_about(self, subject: int) -> int:
         """The first row with a subject; -1 if there is none."""
