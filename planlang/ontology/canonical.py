@@ -41,7 +41,7 @@ def canonical(iri: str) -> str:
 
 def use_canonical_names(triples: Triples) -> Iterator[Diagnostic]:
     """Give the terms their canonical names; a note for each vocabulary that is renamed, where it is used first."""
-    old = {number: term for number, term in enumerate(triples.terms) if isinstance(term, str) and _is_old(term)}
+    old = {number: term for term, number in triples.numbers.items() if isinstance(term, str) and _is_old(term)}
     if not old:
         return
     notes = list(_notes(triples, old))

@@ -45,6 +45,7 @@ _ONLY_RESOURCE, _ONLY_ABOUT = f"{RDF} resource", f"{RDF} about"
 _DOCUMENT, _RDF, _NODE, _PROPERTY, _COLLECTION, _LITERAL, _SKIPPED = range(7)
 _WITH_TEXT = frozenset((_PROPERTY, _LITERAL, _SKIPPED))
 """Elements in which text may stand, or is skipped."""
+_AROUND_THINGS = frozenset((_RDF, _COLLECTION))
 _NOTHING: dict[str, str] = {}
 
 
@@ -216,7 +217,13 @@ class _Handler:
         lines, columns, state = triples.lines.append, triples.columns.append, triples.subjects.append
         resolved, resolve, start, push = self.resolved, self._resolve, self._start, frames.append
         between = self.between
-        subjects, classes, kind_of, fresh, append = triples.subjects, self.classes, self.type, triples.fresh, self._append
+        subjects, classes, kind_of, fresh, append = (
+            triples.subjects,
+            self.classes,
+            self.type,
+            triples.fresh,
+            self._append,
+        )
 
         def begin(tag: str, attributes: list[str]) -> None:
             parent = frames[-1]
@@ -239,7 +246,7 @@ class _Handler:
                     lines(line)
                     columns(column)
                     return
-            elif kind == _RDF or kind == _COLLECTION:
+            elif kind in _AROUND_THINGS:
                 cls, is_item = classes.get(tag, -1), kind == _COLLECTION
                 if cls >= 0 and (not attributes if is_item else len(attributes) == 2 and attributes[0] == _ONLY_ABOUT):
                     base = parent.base

@@ -47,7 +47,7 @@ def repair(triples: Triples) -> list[Diagnostic]:
     meant = _Meanings()
     wrong = {
         number
-        for number, term in enumerate(triples.terms)
+        for term, number in triples.numbers.items()
         if isinstance(term, str) and term.startswith(_W3C) and _correction(term)
     }
     if wrong:
