@@ -8,7 +8,7 @@ keeps those that help.
 from planlang.recipe.fixes.edits import Fix
 from planlang.recipe.fixes.fixing import Fixed, fix_recipe
 
-ACCEPTABLE = ("R010", "R011", "R020", "R031", "R033", "R038", "R040", "R045", "R046", "R049", "R050")
+ACCEPTABLE = ("R010", "R011", "R020", "R033", "R038", "R040", "R045", "R046", "R049", "R050", "R058")
 """Codes of fixes that may be guesses, which are made only if they are accepted."""
 
 __all__ = ["ACCEPTABLE", "Fix", "Fixed", "fix_recipe"]

@@ -38,7 +38,7 @@ def proposed(
         if found.code == "O012"
     ]
     fixes += _kinds(ontology)
-    fixes += _renames(ontology, diagnostics)
+    fixes += renames(ontology, diagnostics)
     broken = _ORDERS_UNKNOWN & {found.code for found in diagnostics}
     if unrepaired is not None:
         for recipe in unrepaired.recipes.values():
@@ -72,7 +72,7 @@ def _kinds(ontology: Ontology) -> Iterator[Fix]:
             yield Fix(code, message, triples[0].span, _with_kind([triple.span for triple in triples], kind))
 
 
-def _renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
+def renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
     """Names that nothing defines become those that are like them: all their mentions in the main document."""
     for found in diagnostics:
         rename = found.suggestion
