@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_designators import check_designators
+from planlang.recipe.check_losses import check_losses
 from planlang.recipe.check_orderings import check_orderings
 from planlang.recipe.check_parameters import check_fillers, check_ranges
 from planlang.recipe.check_places import check_places
@@ -83,6 +84,7 @@ def _read(
         recipes, notes = repaired(ontology, recipes)
         diagnostics += notes
     diagnostics += check_designators(ontology)
+    diagnostics += check_losses(actions)
     diagnostics += check_requirements(ontology, recipes)
     for recipe in recipes.recipes.values():
         statements = actions.statements(recipes_for(actions, recipe.iri)[0][0])

@@ -16,7 +16,6 @@ SHORTEST = 4
 """Letters that a name needs for one that differs in a single letter to be taken for it."""
 
 _PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
-_DIGITS = re.compile(r"\d+")
 
 
 def guess(written: str, names: Iterable[str], *, least: float = 0.6) -> Rename | None:
@@ -34,7 +33,7 @@ def guess(written: str, names: Iterable[str], *, least: float = 0.6) -> Rename |
     if not similar:
         return None
     near = [name for name in similar if SequenceMatcher(None, name, short).ratio() >= SURE]
-    is_sure = len(near) == 1 and _DIGITS.findall(near[0]) == _DIGITS.findall(short)
+    is_sure = len(near) == 1 and _digits(near[0]) == _digits(short)
     return Rename(written, known[similar[0]], is_sure=is_sure)
 
 
@@ -42,7 +41,7 @@ class Neighbours:
     """Names that differ from others in one letter: one left out, added, another one, or two exchanged.
 
     Names that differ in a digit, or in a part of one letter (``MoveToA``, ``MoveToB``), are names of different things,
-    as are those with another letter in a short part (``TakeCup``, ``TakeCap``) or at their very beginning.
+    as are those with another letter in a short part (``TakeCup``, ``TakeCap``), or with which they begin.
     """
 
     def __init__(self, names: Iterable[str]) -> None:
@@ -63,19 +62,19 @@ def _variants(name: str) -> set[str]:
 
 def _is_slip(written: str, name: str) -> bool:
     """True if one slip of a finger makes one name of the other, and hardly a person's will."""
-    if min(len(written), len(name)) < SHORTEST or written == name:
+    shorter, longer = sorted((written, name), key=len)
+    if len(shorter) < SHORTEST or written == name or _digits(written) != _digits(name):
         return False
-    start = next(
-        (place for place, (a, b) in enumerate(zip(written, name, strict=False)) if a != b),
-        min(len(written), len(name)),
-    )
-    a, b = written[start:], name[start:]
-    longer = max(written, name, key=len)
-    if not all(one.isalpha() or one in "-_" for one in (*a[:1], *b[:1])):
-        return False
-    if len(a) == len(b) and a[:2] == b[1::-1] and a[2:] == b[2:]:
-        return True
+    start = next((place for place, (a, b) in enumerate(zip(shorter, longer, strict=False)) if a != b), len(shorter))
+    a, b = shorter[start:], longer[start:]
     part = next((found[0] for found in _PART.finditer(longer) if found.start() <= start < found.end()), "--")
-    if len(a) == len(b):
-        return a[1:] == b[1:] and start > 0 and len(part) >= SHORTEST
-    return (a[1:] == b or a == b[1:]) and len(part) > 1
+    if len(a) < len(b):
+        return a == b[1:] and len(part) > 1
+    is_exchanged = a[:2] == b[1::-1] and a[2:] == b[2:]
+    if not start and a[0].lower() != b[0].lower():
+        return is_exchanged
+    return is_exchanged or (a[1:] == b[1:] and len(part) >= SHORTEST)
+
+
+def _digits(name: str) -> str:
+    return "".join(filter(str.isdecimal, name))

@@ -14,7 +14,7 @@ from functools import cached_property
 
 from planlang.designators import RELATIONS, local_name
 from planlang.diagnostics import Diagnostic, Rename, Span, error
-from planlang.ontology import Literal, Ontology, shorten
+from planlang.ontology import Ontology, shorten
 from planlang.ontology.terms import (
     EQUIVALENT_CLASS,
     FIRST,
@@ -152,11 +152,21 @@ class _Names:
         return Neighbours(self._known)
 
     def meant(self, written: str) -> list[str]:
-        """The names (IRIs) that are meant by one that nothing defines: the same elsewhere, or nearly the same."""
+        """The names (IRIs) that are meant by one that nothing defines: the same elsewhere, or nearly the same.
+
+        A name of a thing (``cup``) is not meant for that of its class (``Cup``), nor the other way round.
+        """
+        kinds = {self._store.numbers.get(TYPE), self._store.numbers.get(SUBCLASS_OF)}
+        is_kind = self._store.predicates[self.undefined[written]] in kinds
         space, short = _space(written), local_name(written)
         same = [name for name in self._known.get(short, ()) if self._are_mixed(space, _space(name))]
         near = (name for other in self._neighbours.of(short) for name in self._known[other])
-        return same or [name for name in near if _space(name) == space]
+        return same or [
+            name
+            for name in near
+            if _space(name) == space
+            and (local_name(name)[1:] != short[1:] or (is_kind and self._ontology.is_class(name)))
+        ]
 
     def _are_mixed(self, written: str, meant: str) -> bool:
         """True for namespaces that are easily taken for each other: the file's own and those of the vocabulary."""
@@ -250,17 +260,14 @@ def _misspelt(written: str, meant: list[str], span: Span, message: str) -> Diagn
 
 
 def _outcomes(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Outcomes with a word that is nearly one that says how a state ends, and outcomes that are texts."""
+    """Outcomes with a word that is nearly one that says how a state ends."""
     seen: set[object] = set()
     for triple in ontology.using("causedBy"):
         outcome = triple.object
         if triple.span.file != str(ontology.documents[0].path) or outcome in seen:
             continue
         seen.add(outcome)
-        if isinstance(outcome, Literal):
-            message = f"causedBy is the text {outcome.value!r}, but takes an individual: the transition would be lost"
-            yield error("R058", message, triple.span, f"write knowrob:{outcome.value}, without quotation marks")
-        elif isinstance(outcome, str):
+        if isinstance(outcome, str):
             yield from _outcome(outcome, triple.span)
 
 

@@ -49,6 +49,13 @@ WORDS = (
 )
 """Local names of the properties that readers of dialects take up, whatever namespace they stand in."""
 
+NAMING = (
+    "subAction", "subEvents", "orderingConstraints", "occursBeforeInOrdering", "occursAfterInOrdering",
+    "inputOutputConstraints", "createsOutput", "requiresInput", "stateTransition", "fromState", "toState", "causedBy",
+    "taskStartState", "taskEndState", "nextAction", "previousAction", "hasStep", "definesTask",
+)  # fmt: skip
+"""Those whose values are names of actions, constraints, states or outcomes, never texts."""
+
 MEANINGS: dict[Ending, tuple[str, ...]] = {
     Ending.FAILED: (
         "failed", "fail", "fails", "failure", "failures", "failing", "error", "errors", "aborted", "abort", "aborts",
