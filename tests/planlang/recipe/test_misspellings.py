@@ -18,9 +18,9 @@ import pytest
 
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Severity
-from planlang.ontology.terms import is_vocabulary
 from planlang.ontology.writing import Target, convert
 from planlang.recipe.fixes import fix_recipe
+from planlang.recipe.words import WORDS
 
 BUNDLED = Path(__file__).parents[3] / "recipes"
 HEAD = """\
@@ -249,7 +249,7 @@ def test_fixing_a_slip_brings_the_plan_back(tmp_path: Path, syntax: Target) -> N
     chance, path = random.Random(5), tmp_path / "recipe.owl"
     for recipe in ("D1f", "D3", "D5"):
         text = text_of(recipe, syntax)
-        some = [one for one in misspelt(text, syntax, chance) if is_vocabulary(one[0]) and one[1] not in text]
+        some = [one for one in misspelt(text, syntax, chance) if one[0] in WORDS and one[1] not in text]
         _, wrong, changed = chance.choice(some)
         path.write_text(changed, encoding="utf-8")
         found = fix_recipe(path)
