@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, warning
-from planlang.ontology import Literal, Ontology, Restriction, Term, Triple
-from planlang.ontology.terms import EQUIVALENT_CLASS, SUBCLASS_OF
+from planlang.ontology import Literal, Ontology, Restriction, Term, Triple, expand
+from planlang.ontology.terms import EQUIVALENT_CLASS, ON_PROPERTY, OWL, SUBCLASS_OF, THING
 from planlang.recipe.actions import Actions
+from planlang.recipe.fillings import action_properties
 from planlang.recipe.statements import KINDS, is_word
 from planlang.recipe.words import NAMING
 
@@ -20,6 +21,7 @@ _DESCRIBED_BY = {
 """Word by which a task has something -> the words that describe it."""
 
 _STEPS = ("subAction", "subEvents")
+_FILLERS = (OWL + "someValuesFrom", OWL + "hasValue", OWL + "onClass")
 
 
 def check_losses(actions: Actions) -> Iterator[Diagnostic]:
@@ -30,13 +32,14 @@ def check_losses(actions: Actions) -> Iterator[Diagnostic]:
     restrictions = {cls: ontology.restrictions(cls) for cls in own}
     for cls, stated in restrictions.items():
         yield from _of_no_recipe(actions, cls, stated)
-        yield from _permitted(cls, stated)
+        yield from _permitted(ontology, cls, stated)
         yield from _texts(local_name(cls), [(one.property, one.filler, one.span) for one in stated])
     for word in NAMING:
         for one in ontology.using(word):
             if isinstance(one.subject, str) and _is_here(ontology, one):
                 yield from _texts(local_name(one.subject), [(one.predicate, one.object, one.span)])
     every = [one for stated in restrictions.values() for one in stated]
+    yield from _inside_expressions(ontology, {one.span for one in every})
     for holder, words in _DESCRIBED_BY.items():
         held: set[Term] = {one.filler for one in every if is_word(one.property, holder)}
         held |= {one.object for one in ontology.using(holder)}
@@ -59,21 +62,36 @@ def _of_no_recipe(actions: Actions, cls: str, stated: tuple[Restriction, ...]) -
         yield error("R059", message, orders[0].span, advice)
 
 
-def _permitted(cls: str, stated: tuple[Restriction, ...]) -> Iterator[Diagnostic]:
-    """Sub-actions and constraints that may be there (only, max), which nothing says to be there."""
-    there = {(local_name(one.property), one.filler) for one in stated if one.kind in KINDS}
+def _permitted(ontology: Ontology, cls: str, stated: tuple[Restriction, ...]) -> Iterator[Diagnostic]:
+    """What may be there (only, max) of which nothing says that it is there: sub-actions, constraints, parameters."""
+    there = {(one.property, one.filler) for one in stated if one.kind in KINDS}
+    filled = {one.property for one in stated if one.kind in KINDS}
+    parameters = frozenset(action_properties(ontology))
     for one in stated:
-        word = local_name(one.property)
-        if (
-            one.kind not in KINDS
-            and is_word(one.property, *_STEPS, *_DESCRIBED_BY)
-            and isinstance(one.filler, str)
-            and (word, one.filler) not in there
-            and one.cardinality != 0
-        ):
-            name = local_name(one.filler)
+        if one.kind in KINDS or one.cardinality == 0 or not isinstance(one.filler, str) or one.filler == THING:
+            continue
+        is_held = is_word(one.property, *_STEPS, *_DESCRIBED_BY) and (one.property, one.filler) not in there
+        if is_held or (one.property in parameters - filled and ontology.defined(one.filler)):
+            word, name = local_name(one.property), local_name(one.filler)
             message = f"`{word} {one.kind} {name}` of `{local_name(cls)}` says what may be, not what is: it is left out"
-            yield warning("R059", message, one.span, f"write `{word} some {name}` if it is meant to be there")
+            right = f"{word} {'some' if ontology.is_class(one.filler) else 'value'} {name}"
+            yield warning("R059", message, one.span, f"write `{right}` if it is meant to be there")
+
+
+def _inside_expressions(ontology: Ontology, read: set[Span]) -> Iterator[Diagnostic]:
+    """Sub-actions and constraints in alternatives and complements, which say nothing certain."""
+    words = (*_STEPS, *_DESCRIBED_BY)
+    for word in ontology.properties_named(*words) + tuple(map(expand, words)):
+        for one in ontology.triples(p=ON_PROPERTY, o=word):
+            fillers = [other for other in ontology.triples(s=one.subject) if other.predicate in _FILLERS]
+            if (
+                fillers
+                and _is_here(ontology, one)
+                and read.isdisjoint(other.span for other in ontology.triples(s=one.subject))
+            ):
+                message = f"{local_name(word)} stands in an expression that does not say for certain what is done"
+                advice = "write alternatives as recipes of their own: classes below one that is the sub-action"
+                yield error("R059", message, fillers[0].span, advice)
 
 
 def _texts(owner: str, stated: list[tuple[str, object, Span]]) -> Iterator[Diagnostic]:

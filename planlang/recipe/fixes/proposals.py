@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, Order, Rename, Span
+from planlang.diagnostics import Diagnostic, Order, Rename, Severity, Span
 from planlang.ontology import Ontology
 from planlang.ontology.terms import OWL
 from planlang.recipe.actions import Actions
@@ -32,10 +32,13 @@ def proposed(
     ontology = actions.ontology
     fixes = [
         Fix(
-            "O012", found.message.replace(" is read as ", " becomes "), found.span, lambda text: text.with_right_terms()
+            found.code,
+            found.message.replace(" is read as ", " becomes "),
+            found.span,
+            lambda text: text.with_right_terms(),
         )
         for found in diagnostics
-        if found.code == "O012"
+        if found.code == "O012" or (found.code == "O013" and found.severity is Severity.ERROR)
     ]
     fixes += _kinds(ontology)
     fixes += renames(ontology, diagnostics)
