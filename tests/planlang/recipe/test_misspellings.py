@@ -20,6 +20,7 @@ from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Severity
 from planlang.ontology.writing import Target, convert
 from planlang.recipe.fixes import fix_recipe
+from planlang.recipe.guesses import Neighbours
 from planlang.recipe.words import WORDS
 
 BUNDLED = Path(__file__).parents[3] / "recipes"
@@ -254,6 +255,39 @@ def test_fixing_a_slip_brings_the_plan_back(tmp_path: Path, syntax: Target) -> N
         path.write_text(changed, encoding="utf-8")
         found = fix_recipe(path)
         assert plan_of(found.after, path) == right_plan(recipe, syntax), wrong
+
+
+@pytest.mark.parametrize(
+    ("written", "known", "near"),
+    [
+        ("Reachng", ["Reaching", "Grasping"], ["Reaching"]),
+        ("cup2", ["cup1", "cups"], []),
+        ("bottle21", ["bottle12"], []),
+        ("Poin2tD", ["Point2D", "Point3D"], ["Point2D"]),
+        ("MoveToA", ["MoveToB", "MoveTo"], []),
+        ("TakeCap", ["TakeCup"], []),
+        ("TakeCapp", ["TakeCap", "TakeCappy"], ["TakeCap", "TakeCappy"]),
+        ("ReachForBottle", ["ReachToBottle"], []),
+        ("toe", ["to", "tow"], []),
+    ],
+)
+def test_names_are_near_by_one_slip_that_is_nobodys_will(written: str, known: list[str], near: list[str]) -> None:
+    assert Neighbours(known).of(written) == near
+
+
+@pytest.mark.parametrize("term", ["subClasOf", "someValuesFrm", "onPropertty", "Clas"])
+def test_a_misspelt_term_of_owl_is_one_error_and_fixed(tmp_path: Path, term: str) -> None:
+    right = {"subClasOf": "subClassOf", "someValuesFrm": "someValuesFrom", "onPropertty": "onProperty"}.get(
+        term, "Class"
+    )
+    path, text = tmp_path / "recipe.owl", text_of("D1f", Target.RDFXML)
+    path.write_text(re.sub(rf"(</?(?:owl|rdfs):){right}\b", rf"\g<1>{term}", text), encoding="utf-8")
+    with pytest.raises(BadInput) as caught:
+        compile_recipe(path)
+    (found,) = (one for one in caught.value.diagnostics if one.severity is Severity.ERROR)
+    assert found.code == "O013"
+    assert right in (found.help or "")
+    assert plan_of(fix_recipe(path).after, path) == right_plan("D1f", Target.RDFXML)
 
 
 def main() -> None:
