@@ -30,7 +30,7 @@ class ArmBodies:
     watched: list[Watched] = field(default_factory=list)
     """Of movers and obstacles of the robot itself."""
     hands: frozenset[int] = frozenset()
-    """Movers that are links of any hand: people's arms do not mind them."""
+    """Movers that are links of any hand: people's arms, once they reach for something, do not mind them."""
     grounded: frozenset[int] = frozenset()
     """Movers to which the floor is no obstacle."""
     held: Mapping[int, frozenset[str]] = field(default_factory=dict)

@@ -22,6 +22,8 @@ FLOOR = "floor"
 """Name that the ground has in a scene without a room."""
 
 WALL = 0.1
+AT_REST = 1e-3
+"""A limb that is not farther from where it was at first rests there [m]."""
 _AWAY = (0.0, 0.0, -500.0)
 _COLORS: dict[str, tuple[float, float, float, float]] = {
     "box": (0.72, 0.60, 0.45, 1.0),
@@ -41,7 +43,7 @@ class Part:
     offset: Pose
     color: Color | None = None
     limb: bool = False
-    """Part of a person's arm: hands and what they hold may touch it."""
+    """Part of a person's arm: once it leaves its rest, hands and what they hold may touch it."""
     outward: tuple[float, float, float] | None = None
     """A wall's normal away from the room."""
 
@@ -54,6 +56,8 @@ class Piece:
     body: str
     part: Part
     offset: Pose
+    yields: bool = False
+    """Whether hands and what they hold may touch it: a limb that reaches for something, or holds it."""
 
 
 class Bodies:
@@ -118,7 +122,9 @@ class Bodies:
 
     def place_part(self, index: int, offset: Pose) -> None:
         """Move one piece within its body's frame (a person's arm)."""
-        self.pieces[index].offset = offset
+        piece = self.pieces[index]
+        piece.offset = offset
+        piece.yields = piece.part.limb and offset.distance(piece.part.offset) > AT_REST
         self._put(index)
 
     def _put(self, index: int) -> None:

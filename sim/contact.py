@@ -97,7 +97,7 @@ class Contacts:
             return
         for index in () if other is not None else self.bodies.of[body]:
             piece = self.bodies.pieces[index]
-            if piece.part.limb and (number is None or number in self._hands):
+            if piece.yields and (number is None or number in self._hands):
                 continue
             if number is not None:
                 _deepen(found, part, body, self.robot.depth_with(number, piece.uid))
@@ -118,7 +118,7 @@ class Contacts:
                 continue
             if piece.body in query.ignore or (part, piece.body) in query.ignore:
                 continue
-            if piece.part.limb and number in self._hands:
+            if piece.yields and number in self._hands:
                 continue
             if number in self.robot.grounded and self.bodies.upper[index, 2] < GROUND:
                 continue
@@ -148,7 +148,7 @@ class Contacts:
             near = self.bodies.near(self.bodies.lower[mine][None], self.bodies.upper[mine][None])[0]
             for index in np.nonzero(near)[0].tolist():
                 piece = self.bodies.pieces[index]
-                if piece.body == name or piece.part.limb:
+                if piece.body == name or piece.yields:
                     continue
                 if name in query.ignore or piece.body in query.ignore or (name, piece.body) in query.ignore:
                     continue

@@ -31,7 +31,7 @@ class Solids:
     reach: Array
     """Radius of a sphere around each piece (k,)."""
     limbs: NDArray[np.bool_]
-    """Which are parts of a person's arms (k,)."""
+    """Which are parts of persons' arms that have left their rest, (k,)."""
 
     @staticmethod
     def of(pieces: Sequence[Solid]) -> Solids:
@@ -82,7 +82,7 @@ class Solids:
     ) -> tuple[Array, NDArray[np.intp]]:
         """Smallest gap (n,) of n sets of spheres (n, m, 3), negative where one is inside something; and which piece.
 
-        Spheres of the ``hand`` (m,) may be inside the body ``touches`` and inside limbs of people.
+        Spheres of the ``hand`` (m,) may be inside the body ``touches`` and inside limbs of people that left their rest.
         """
         allowed = self.limbs | np.array([body == touches for body in self.bodies], bool)
         return self.closest(points, radii, np.outer(allowed, hand) if allowed.any() and hand.any() else None)
