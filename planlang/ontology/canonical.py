@@ -45,16 +45,7 @@ def use_canonical_names(triples: Triples) -> Iterator[Diagnostic]:
     if not old:
         return
     notes = list(_notes(triples, old))
-    same: dict[int, int] = {}
-    """Number of an old name -> that of the new one, where the file has both."""
-    for number, term in old.items():
-        name = canonical(term)
-        del triples.numbers[term]
-        triples.terms[number] = name
-        if triples.numbers.setdefault(name, number) != number:
-            same[number] = triples.numbers[name]
-    if same:
-        triples.renumber(same)
+    triples.rename({term: canonical(term) for term in old.values()})
     yield from notes
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -56,6 +57,7 @@ class Ontology:
     """
 
     def __init__(self, readings: Sequence[Reading]) -> None:
+        self._readings = tuple(readings)
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
         self.store = Triples.joined([reading.triples for reading in readings])
         self.kept: dict[object, Any] = {}
@@ -76,6 +78,11 @@ class Ontology:
     def iri(self) -> str | None:
         """The name that the main document gives itself."""
         return self.documents[0].iri
+
+    def renamed(self, names: Mapping[str, str]) -> Ontology:
+        """The same with other names (IRIs) in the place of some in the main document."""
+        main, *others = self._readings
+        return Ontology([replace(main, triples=main.triples.renamed(names)), *others])
 
     # triples
 

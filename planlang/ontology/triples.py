@@ -93,6 +93,29 @@ class Triples(Sequence[Triple]):
             if order[row] == before:
                 self.predicates[row], self.objects[row] = predicate, value
 
+    def rename(self, names: Mapping[str, str]) -> None:
+        """Let other names (IRIs) stand in the place of some, those of other triples among them."""
+        same: dict[int, int] = {}
+        for old, new in names.items():
+            number = self.numbers.pop(old, None)
+            if number is not None:
+                self.terms[number] = new
+                if self.numbers.setdefault(new, number) != number:
+                    same[number] = self.numbers[new]
+        if same:
+            self.renumber(same)
+
+    def renamed(self, names: Mapping[str, str]) -> Triples:
+        """A copy in which other names (IRIs) stand in the place of some. The triples are those of one file."""
+        copy = Triples(self._files[0], self.label)
+        copy.terms, copy.numbers = self.terms.copy(), self.numbers.copy()
+        for column, own in zip(copy._terms_of_rows(), self._terms_of_rows(), strict=True):
+            column.extend(own)
+        copy.lines.extend(self.lines)
+        copy.columns.extend(self.columns)
+        copy.rename(names)
+        return copy
+
     def renumber(self, changed: Mapping[int, int]) -> None:
         """Let other terms stand in the place of some."""
         for column in self._terms_of_rows():
