@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from executive.locations.reachability_building import reachability_maps
 from executive.locations.spheres import PlacedSpheres
 from executive.motion import Boxes, Gaze, QuickCheck
 from executive.motion.clearance import Band
+from executive.motion.footprint import outlines
 from executive.motion.solids import Solids
 from planlang.designators import Device, Object
 from planlang.ontology import expand
@@ -54,6 +55,7 @@ class BelievedSurroundings:
         self._shapes = {arm.name: OwnShapes(world, arm.joints, arm.spheres, robot.torso, arm.lift) for arm in self.arms}
         self._placed: tuple[object, PlacedSpheres] | None = None
         self._own: dict[str, tuple[object, OwnBody]] = {}
+        self._touched: tuple[object, tuple[Contact, ...]] | None = None
         self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
         self._arm_bodies: dict[str, tuple[object, ArmBodies]] = {}
 
@@ -118,7 +120,8 @@ class BelievedSurroundings:
         state = (self._state(), joints)
         if self._floor is None or self._floor[0] != state:
             arms = [name for arm in self.robot.arms for name in arm.joints]
-            floor = Floor(self.obstacles(), self.world.silhouette(arms), self.world.scene.bounds)
+            shapes = outlines(self.world.outlines(arms))
+            floor = Floor(self.obstacles(), self.world.silhouette(arms), shapes, self.world.scene.bounds)
             self._floor = state, floor
         return self._floor[1]
 
@@ -322,13 +325,24 @@ class BelievedSurroundings:
 
         ``opened``: with the fingers of the arm open. ``among``: the only pairs that can touch, if that is known.
         """
-        joints = dict(self.world.configuration().joints)
-        if arm is not None and q is not None:
-            gripper = self.robot.arm(arm.name).gripper
-            joints |= gripper.opened if opened and gripper is not None else {}
-            joints |= zip(arm.joints, map(float, q), strict=True)
-        ignore = [(link, touches) for link in sorted(arm.hand_links)] if arm is not None and touches is not None else []
+        now = self.world.configuration().joints
+        if arm is None or q is None:
+            found = self.world.contacts(Configuration(base, now), ("base",), among=among)
+            return found if among is not None else (*found, *self._own_contacts(now))
+        joints = dict(now)
+        gripper = self.robot.arm(arm.name).gripper
+        joints |= gripper.opened if opened and gripper is not None else {}
+        joints |= zip(arm.joints, map(float, q), strict=True)
+        ignore = [(link, touches) for link in sorted(arm.hand_links)] if touches is not None else []
         return self.world.contacts(Configuration(base, joints), ignore=ignore, among=among)
+
+    def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
+        """Where the robot, as it is, with what it holds, touches itself: wherever it stands."""
+        state = tuple(joints.items()), tuple(self.world.attached())
+        if self._touched is None or self._touched[0] != state:
+            found = self.world.contacts(Configuration(self.base(), joints))
+            self._touched = state, tuple(contact for contact in found if contact.body in self._links)
+        return self._touched[1]
 
     def stops_closing(self, base: Base, arm: ArmModel, q: Array, around: str) -> str | None:
         """The body that a finger of an arm at ``q`` would meet, closing from open, before it meets ``around``."""

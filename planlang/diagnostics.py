@@ -255,6 +255,7 @@ CODES: dict[str, str] = {
     "X007": "the robot cannot start where it should",
     "X008": "the robot cannot do one of several alternatives of a plan",
     "X009": "nothing says whether the robot has something that a plan requires",
+    "X010": "the default environment lacks what was named; the only bundled one that has it was taken",
     "X020": "a trace cannot be read: it is none, or damaged",
     "X021": "the run of a trace has ended; nothing is left to resume",
     "X022": "a trace is that of another run: plan, seed, robot, map or parameters differ",

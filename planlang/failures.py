@@ -6,7 +6,7 @@ Process modules raise low-level failures; plans handle them or raise high-level 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Self
 
@@ -30,7 +30,7 @@ class PlanFailure(Exception):
 
     The message is ``message``, or else is built from the fields. ``where`` is filled in by the first construct that
     the failure passes; ``siblings`` are failures of other branches that died at the same decision, by branch name;
-    ``cleanup_failures`` are those of branches that were evaporated because of this one.
+    ``cleanup_failures`` are those of branches that were evaporated because of this one, each told in a note, too.
     """
 
     message: str = ""
@@ -453,6 +453,15 @@ class TransitionMissing(PlanFailure):
     outcome: str | None = field(default=None, kw_only=True)
 
     text: ClassVar[str] = "no transition"
+
+
+def attach_cleanup(error: BaseException, failures: Iterable[PlanFailure]) -> None:
+    """Attach failures of cleanups to what is raised: a note for each, and in a plan failure ``cleanup_failures``."""
+    others = tuple(failure for failure in failures if failure is not error)
+    if isinstance(error, PlanFailure):
+        error.cleanup_failures += others
+    for other in others:
+        error.add_note(f"during cleanup: {type(other).__name__}: {other}{f' in {other.where}' if other.where else ''}")
 
 
 def matches(failure: BaseException, kinds: type[PlanFailure] | tuple[type[PlanFailure], ...]) -> bool:

@@ -1,4 +1,4 @@
-"""How much room things take, for planning the base's way: boxes around bodies, bands around the robot."""
+"""How much room things take, for planning the base's way: boxes around bodies, bands and outlines of the robot."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planlang.protocols import Pose
+from planlang.protocols import Array, Pose
 from sim.bodies import Bodies
 from sim.contact import Held
+from sim.geometry import hull
 from sim.robot import Robot
 
 Size = tuple[float, float, float]
@@ -59,3 +60,17 @@ def bands(
             radius = float(np.hypot(*np.maximum(np.abs(low[:2]), np.abs(high[:2]))))
             found.append((float(low[2]), float(high[2]), radius))
     return tuple(found)
+
+
+def outlines(robot: Robot, without: Collection[str] = ()) -> tuple[tuple[float, float, Array], ...]:
+    """z_low, z_high [m] and convex outline from above (n, 2) of each solid link, as :func:`bands` without what is held.
+
+    An outline holds no more than the link does.
+    """
+    left_out = frozenset[int]().union(*(robot.moved_by(name) for name in without))
+    lower, upper = robot.boxes()
+    return tuple(
+        (float(lower[number, 2]), float(upper[number, 2]), hull(robot.points(number)[:, :2]))
+        for number in range(len(robot.solid))
+        if number not in left_out
+    )

@@ -21,6 +21,10 @@ from sim.urdf import Follower, loadable, read_description
 WITHIN = 0.001
 """Distance up to which links of one body are looked at [m]: asked for 0, PyBullet 3.2.7 tells no point of some that are
 centimetres in each other."""
+MESH_MARGIN = 0.002
+"""How much wider than its vertices PyBullet may take a mesh [m]."""
+_BALL = np.array([[math.cos(k * math.pi / 8), math.sin(k * math.pi / 8), 0.0] for k in range(16)])
+"""Points on a level circle of radius 1."""
 Shape = tuple[str, tuple[float, float, float], Pose]
 """Kind, extents [m] and pose of a primitive."""
 
@@ -244,7 +248,7 @@ class Robot:
         return self._below(index)
 
     def spread(self, number: int) -> float:
-        """How far a solid link reaches from the map's z axis, in its present place [m]; for meshes an upper bound."""
+        """How far a solid link reaches from the map's z axis, in its present place [m]."""
         index = self.solid[number]
         if index == -1:
             place = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client))
@@ -255,10 +259,8 @@ class Robot:
         for shape in bullet.getCollisionShapeData(self.uid, index, physicsClientId=self.client):
             points, radius = _support(shape[2], shape[3])
             if points is None:
-                lower, upper = (corners[number] for corners in self.boxes())
-                points, centre = np.array([np.maximum(np.abs(lower), np.abs(upper))]), Pose((0.0, 0.0, 0.0))
-            else:
-                centre = place @ Pose(shape[5], shape[6])
+                return float(np.hypot(*self.points(number).T[:2]).max()) + MESH_MARGIN
+            centre = place @ Pose(shape[5], shape[6])
             there = points @ rotation(centre).T + np.asarray(centre.position)
             away = max(away, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
         return away
@@ -311,6 +313,16 @@ class Robot:
             place = Pose(state[0], state[1])
         self._hulls[number] = hulls_of(self.client, self.uid, index, frame @ place)
         return self._hulls[number]
+
+    def points(self, number: int) -> Array:
+        """Points (n, 3) in the map that span what a solid link surely fills; round shapes have points all around."""
+        frame = self.link_pose(self.solid_names[number])
+        found = []
+        for one in self.hulls(number):
+            own = one.points if not one.radius else one.points + one.radius * _BALL
+            matrix = (frame @ one.pose).matrix()
+            found.append(own @ matrix[:3, :3].T + matrix[:3, 3])
+        return np.concatenate(found)
 
     def hand_links(self, link: str) -> frozenset[str]:
         """Names of the solid links of the hand at a link."""

@@ -16,7 +16,7 @@ from sim.contact import PARTED, Contacts, Held, Ignored, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
 from sim.geometry import rotations
-from sim.outline import Solid, bands, solids
+from sim.outline import Solid, bands, outlines, solids
 from sim.people import People
 from sim.person import Reach, parts_of
 from sim.playback import BASE, Playback, advance, begin
@@ -181,6 +181,17 @@ class PyBulletWorld:
         """
         self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
         found = bands(self.robot, self._bodies, self._held, without)
+        self._here()
+        return found
+
+    def outlines(self, without: Collection[str] = ()) -> tuple[tuple[float, float, Array], ...]:
+        """The robot from above in its present posture: z_low, z_high [m] and a convex polygon for each solid link.
+
+        Polygons (n, 2) are in the frame of the base, counter-clockwise, and hold no more than the link does; what a
+        joint of ``without`` moves is left out.
+        """
+        self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
+        found = outlines(self.robot, without)
         self._here()
         return found
 

@@ -30,5 +30,5 @@ class Effort:
 
 EFFORTS = (
     Effort(fine=False, least=0.1, rows=400, each=16, most=384, block=48, exact=60),
-    Effort(fine=True, least=0.0, rows=ALL, each=ALL, most=40_000, block=512, exact=500),
+    Effort(fine=True, least=0.0, rows=2000, each=ALL, most=40_000, block=512, exact=500),
 )

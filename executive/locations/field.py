@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.motion import Boxes, clearance_at
 from executive.motion.clearance import Band
+from executive.motion.footprint import Outline, cores, stands_in_none
 from planlang.protocols import Array
 
 CELL = 0.05
@@ -18,7 +20,7 @@ HAIR = 1e-6
 SLACK = 0.03
 """Room that may be missing in the grid, whose cells are 5 cm wide: places are judged exactly later [m]."""
 DOUBTFUL = 0.15
-"""How good a place is where the middle of the cell has no room, but its border may have."""
+"""How good a place is where there may be room: at the border of its cell, or with some headings."""
 ROOMY = 0.3
 """More room than this is not better [m]."""
 
@@ -58,17 +60,26 @@ class Field:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Floor:
-    """What takes room: boxes of the world, the robot's silhouette without its arms, bounds of the map."""
+    """What takes room: boxes of the world, the robot's silhouette and outlines without its arms, bounds of the map."""
 
     boxes: Boxes
     silhouette: tuple[Band, ...]
+    outlines: tuple[Outline, ...]
     bounds: tuple[float, float, float, float]
 
     def at(self, points: Array) -> Array:
-        """Room (m,) [m] at points (m, 2): negative where the robot would stand in something, -inf off the map."""
+        """Room (m,) [m] to turn at points (m, 2): negative where there is too little, -inf off the map."""
         x_min, y_min, x_max, y_max = self.bounds
         inside = (points[:, 0] > x_min) & (points[:, 0] < x_max) & (points[:, 1] > y_min) & (points[:, 1] < y_max)
         return np.where(inside, clearance_at(points, self.boxes, self.silhouette), -np.inf)
+
+    def holds(self, bases: Array) -> NDArray[np.bool_]:
+        """At which bases (m, 3) the robot, as it is turned there, stands in nothing (m,)."""
+        room = self.at(bases[:, :2])
+        free = room > 0.0
+        tight = np.flatnonzero(~free & (room > -np.inf))
+        free[tight] = stands_in_none(bases[tight], self.boxes, self.outlines)
+        return np.asarray(free)
 
     def field(self, centre: tuple[float, float], yaw: float, reach: float) -> Field:
         """The grid around a place that covers a circle of radius ``reach`` [m]."""
@@ -78,6 +89,9 @@ class Floor:
         c, s = math.cos(yaw), math.sin(yaw)
         points = np.stack([centre[0] + c * along - s * across, centre[1] + s * along + c * across], axis=-1)
         room = self.at(points.reshape(-1, 2)).reshape(along.shape).round(9)
-        roomy = np.where(room > 0.0, 0.3 + np.clip(room, 0.0, ROOMY), DOUBTFUL)
-        factors = np.where(room > -SLACK, roomy, 0.0)
+        factors = np.where(room > 0.0, 0.3 + np.clip(room, 0.0, ROOMY), 0.0).ravel()
+        tight = np.flatnonzero((room <= 0.0) & (room > -np.inf))
+        least = clearance_at(points.reshape(-1, 2)[tight], self.boxes, cores(self.outlines)).round(9)
+        factors[tight[least > -SLACK]] = DOUBTFUL
+        factors = factors.reshape(along.shape)
         return Field(centre[0], centre[1], yaw, half, np.pad(factors, 1).ravel())

@@ -97,8 +97,11 @@ class BaseJudge:
         demand: BaseDemand,
         blind: Blind,
         log: Rejections,
-    ) -> Solution | None:
-        """The exact judgement of a place whose first reach is solved as far as spheres tell."""
+    ) -> Solution | str | None:
+        """The exact judgement of a place whose first reach is solved as far as spheres tell.
+
+        If it will not do because the arm meets something, the name of that.
+        """
         if not self.stands(base, score, demand, log):
             return None
         body = touched_at(solution.joints, solution, base, self.around)
@@ -109,7 +112,7 @@ class BaseJudge:
         if body is not None:
             log.collision(body)
             log.judge(base, score, "in collision", body)
-            return None
+            return body
         reached = {wanted[0]: solution}
         for reach in wanted[1:]:
             options = self.arms_for(reach, [solution.arm])

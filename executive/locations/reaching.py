@@ -118,7 +118,8 @@ class ReachingSearch:
     ) -> Iterator[Solution]:
         around, effort, log = self.around, self.effort, self.log
         x, y, _ = around.base()
-        order = found.order(np.exp(-np.hypot(found.bases[:, 0] - x, found.bases[:, 1] - y) / TRAVEL))[: effort.most]
+        order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), effort.most)
+        found = found.chosen(order)
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
         bases = bases.round(PLACES)  # as they are told
         solids = around.solids().near(middle, radius)
@@ -127,6 +128,7 @@ class ReachingSearch:
         failed = _Failed()
         failures: dict[tuple[int, int], tuple[ReachSolution, Base]] = {}
         stopped: dict[tuple[int, int], bool] = {}
+        bodies_around = frozenset(around.names())
         postponed: list[tuple[int, ReachSolution]] = []
 
         def is_stopped(number: int, way: int) -> bool:
@@ -138,9 +140,9 @@ class ReachingSearch:
 
         def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
             """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
-            for part in blocks(len(order), effort.block):
-                rows = order[part]
-                roomy = floor.at(bases[rows, :2]) > 0.0
+            for part in blocks(len(found), effort.block):
+                rows = np.arange(part.start, part.stop)
+                roomy = floor.holds(bases[rows])
                 log.add("no room for the base", int((~roomy).sum()))
                 rows = rows[roomy]
                 rows = rows[arms_have_room(bases[rows], around, solids, log)]
@@ -169,11 +171,12 @@ class ReachingSearch:
                 return
             score = float(found.scores[row])
             answer = self.judge.complete(place, score, solution, self.wanted, self.demand, blind, log)
-            if answer is not None:
+            if isinstance(answer, Solution):
                 yield answer
-            else:
-                judged += 1
-                failed.add(number, base, heading)
+                continue
+            judged += 1
+            failed.add(number, base, heading)
+            if answer in bodies_around:
                 failures.setdefault((number, way), (solution, place))
 
     def _solved(

@@ -18,7 +18,7 @@ from functools import cache
 from typing import Any
 
 from planlang.designators import Action, Condition, Device, Location, Object, Person, Posture, Relation, Situation
-from planlang.failures import PlanFailure, Where
+from planlang.failures import PlanFailure, Where, attach_cleanup
 
 DEEPEST = 50
 """Lists and objects nested deeper do not survive."""
@@ -289,7 +289,7 @@ def _attach(failure: PlanFailure, rest: Mapping[str, Any]) -> None:
             raise ValueError("this is no place of a failure")
     if any(field.name == "failures" for field in fields(failure)):
         vars(failure)["failures"] = tuple(map(_plan_failure, _listed(rest, "members")))
-    failure.cleanup_failures = tuple(map(_plan_failure, _listed(rest, "cleanup")))
+    attach_cleanup(failure, map(_plan_failure, _listed(rest, "cleanup")))
     siblings = []
     for pair in _listed(rest, "siblings"):
         match pair:

@@ -10,7 +10,7 @@ from planlang.kernel.errors import contrast
 from planlang.kernel.park import serving
 
 if TYPE_CHECKING:
-    from planlang.protocols import Executive
+    from planlang.language.executive import Executive
 
 current: ContextVar[Executive | None] = ContextVar("executive", default=None)
 

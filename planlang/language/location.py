@@ -30,7 +30,8 @@ from planlang.language.place import Place, place
 from planlang.language.resources import Lease, using
 
 if TYPE_CHECKING:
-    from planlang.protocols import Executive, Solution
+    from planlang.language.executive import Executive
+    from planlang.protocols import Solution
 
 V = TypeVar("V")
 

@@ -21,7 +21,7 @@ from planlang.language.resources import using
 from planlang.language.restarting import Restarting
 
 if TYPE_CHECKING:
-    from planlang.protocols import Executive, ProcessModule
+    from planlang.language.executive import Executive, ProcessModule
 
 
 def module_for(executive: Executive, action: Action) -> ProcessModule | None:

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from planlang.failures import PlanFailure, PolicyViolated
+from planlang.failures import PlanFailure, PolicyViolated, attach_cleanup
 from planlang.kernel import All, Evaporated, PlanStructureError, Signal, Status, Task, failure_of, shield
 from planlang.kernel.fluent import Source, tracked
 from planlang.kernel.journal import taken_over
@@ -25,7 +25,8 @@ class Policy:
 
     ``check`` is a fluent, or a function that reads fluents: it is called again whenever one of those it has read
     changes, and never otherwise. Without check the policy cannot be violated. ``init`` runs before the body,
-    ``recover`` after a violation of this policy, ``clean_up`` at the end in any case, shielded; all are branches.
+    ``recover`` after a violation of this policy, ``clean_up`` at the end in any case; these two are shielded from
+    evaporation, each for at most 10 s. All three are branches.
     """
 
     name: str
@@ -52,7 +53,8 @@ async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable
     of several the textually first counts, the others are its siblings. The body is evaporated with its cleanup, then
     ``recover`` of that policy runs, then the clean_ups in reverse order, then PolicyViolated is raised. Failures of
     ``recover`` and the clean_ups are attached to what is raised as ``cleanup_failures``; if the body succeeded, the
-    first of them is raised. A clean_up that takes longer than 10 s of plan time is a programming error.
+    first of them is raised. Evaporation from outside waits for ``recover`` and the clean_ups to end; one of them that
+    takes longer than 10 s of plan time is a programming error.
     """
     check("with_policies", (body,))
     names = [policy.name for policy in policies]
@@ -98,9 +100,10 @@ async def _run(policies: Sequence[Policy], body: Branch) -> Any:
     scope.attach(violation)
     record("policy violated", policy=first.name)
     try:
-        await _part("recover", first.recover, first)
+        with shield():
+            await _part("recover", first.recover, first)
     except PlanFailure as failure:
-        violation.cleanup_failures += (failure,)
+        attach_cleanup(violation, (failure,))
     raise violation
 
 
@@ -121,9 +124,8 @@ async def _clean_up(begun: list[Policy], error: BaseException | None) -> None:
                 error = crash
     if failures and (error is None or isinstance(error, Evaporated)):
         error = failures.pop(0)  # in an evaporated task: recorded there
-    if isinstance(error, PlanFailure):
-        error.cleanup_failures += tuple(failures)
     if error is not None:
+        attach_cleanup(error, failures)
         raise error
 
 

@@ -118,7 +118,7 @@ class _Gates:
 
 
 class _Told:
-    """Implements :class:`planlang.protocols.Executive` by what was recorded."""
+    """Implements :class:`planlang.language.executive.Executive` by what was recorded."""
 
     def __init__(self, trace: Compared, order: RecordedOrder) -> None:
         self._trace = trace

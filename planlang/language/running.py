@@ -19,7 +19,7 @@ from planlang.language.resuming import check_repeated, prepare, refuse_other
 
 if TYPE_CHECKING:
     from planlang.kernel.past import Past
-    from planlang.protocols import Executive
+    from planlang.language.executive import Executive
 
 V = TypeVar("V")
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import BNode, Literal, Ontology, shorten
-from planlang.ontology.terms import OWL, TYPE, is_vocabulary
+from planlang.ontology.terms import OWL, TYPE, XSD, is_vocabulary
 from planlang.recipe.actions import Actions
 from planlang.recipe.fillings import action_class, action_properties, fillings, unread_facts
 from planlang.recipe.guesses import SURE, guess
@@ -24,6 +24,7 @@ from planlang.recipe.terms import (
     is_vocabulary_class,
     read_filler,
     read_literal,
+    takes_numbers,
     takes_things,
     unread_references,
 )
@@ -127,7 +128,7 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
     short, term, span = local_name(shorten(filling.property)), filling.term, filling.span
     kinds = ontology.values(filling.property, TYPE)
     if isinstance(term, Literal):
-        yield from _literal(owner, short, term, span)
+        yield from _literal(ontology, owner, filling.property, term, span)
         if OBJECT_PROPERTY in kinds and DATA_PROPERTY not in kinds:
             message = f"{short} of `{local_name(owner)}` is the value {term.value!r}, but takes a thing or a place"
             yield warning("R032", message, span, "name a class or an individual")
@@ -135,6 +136,10 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
     if isinstance(term, BNode):
         message = f"{short} of `{local_name(owner)}` is an anonymous expression, which is left out"
         yield warning("R035", message, span, "name a class or an individual")
+        return
+    if takes_numbers(ontology, filling.property) and not term.startswith(XSD):
+        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but takes a number"
+        yield error("R032", message, span, f"write a number in its place, such as `{short} value 0.5`")
         return
     if DATA_PROPERTY in kinds and OBJECT_PROPERTY not in kinds:
         message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but takes a value"
@@ -168,14 +173,18 @@ def _of_unknown_kind(ontology: Ontology, owner: str, filling: Filling, term: str
     return warning("R049", message, filling.span, f"did you mean {meant}? else {advice}" if meant else advice, meant)
 
 
-def _literal(owner: str, short: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
-    """Judge a value: a number where its type says so, in a unit that fits the property."""
-    name = unit_of(literal)
+def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
+    """Judge a value: a number where its type or the property says so, in a unit that fits the property."""
+    name, short = unit_of(literal), local_name(shorten(property_name))
     datatype = local_name(literal.datatype or "")
-    if (name is not None or datatype in NUMERIC) and isinstance(read_literal(literal), str):
-        message = f"{short} of `{local_name(owner)}` is {literal.value!r}, which is no number"
-        yield error("R037", message, span, f"write a number, such as 0.5, for its type {datatype}")
-        return
+    is_number = takes_numbers(ontology, property_name)
+    if name is not None or datatype in NUMERIC or is_number:
+        value = read_literal(literal, is_number=is_number)
+        if isinstance(value, str | bool):
+            message = f"{short} of `{local_name(owner)}` is {literal.value!r}, which is no number"
+            why = f"for its type {datatype}" if datatype in NUMERIC or name else f"as {short} takes numbers"
+            yield error("R037", message, span, f"write a number, such as 0.5, {why}")
+            return
     if name is None:
         return
     known, wanted = unit(name), dimension_of(short)

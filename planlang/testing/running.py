@@ -20,7 +20,7 @@ from planlang.testing.faults import Fault, Injector
 from planlang.testing.history import History
 
 if TYPE_CHECKING:
-    from planlang.protocols import Executive
+    from planlang.language.executive import Executive
     from planlang.testing.belief import Belief
     from planlang.testing.script import Script
 
