@@ -36,7 +36,7 @@ def solids(bodies: Bodies, left_out: Iterable[str]) -> Iterator[Solid]:
         x, y, z = piece.part.size
         if piece.part.kind != "box":
             x = y = max(x, y)
-        yield Solid(piece.body, piece.part.kind, (x, y, z), bodies.place_of(piece), piece.yields)
+        yield Solid(piece.body, piece.part.kind, (x, y, z), piece.pose, piece.yields)
 
 
 Band = tuple[float, float, float]

@@ -25,7 +25,7 @@ class Boxes:
     @staticmethod
     def around(poses: Iterable[Pose], sizes: ArrayLike) -> Boxes:
         """Boxes with poses and sizes (n, 3); a tilted one is replaced by the smallest upright prism along an edge."""
-        matrices = np.array([pose.matrix() for pose in poses]).reshape(-1, 4, 4)
+        matrices = Pose.matrices(poses)
         half = np.asarray(sizes, float).reshape(-1, 3) / 2
         if len(matrices) != len(half):
             raise ValueError(f"{len(matrices)} poses do not go with {len(half)} sizes")
