@@ -154,14 +154,22 @@ class Location:
             raise _LOCATION.wrong("grasp", self.grasp, f"one of {', '.join(GRASPS)}", WrongValue)
 
     def __and__(self, other: Location) -> Location:
-        """The poses in both."""
+        """The poses in both; raises ValueError for two arms, two grasps, and for a posture."""
         if not isinstance(other, Location):
             code = written(other)
             message = f"& joins two locations, not a location and {code}"
             raise WrongType(contrast(message, f"near & {code}", "near & a_location(in_reach_of=bottle)"))
+        if not (self.relations and other.relations):
+            raise ValueError(f"a posture is no set of poses that can be joined with another: {self} & {other}")
+        if None not in (self.device, other.device) and self.device != other.device:
+            raise ValueError(
+                f"two arms are said of one location: {self.device} and {other.device}. A base from which "
+                "two hands reach is in reach of two locations, each with its arm: a_location(in_reach_of=(one, other))"
+            )
+        if None not in (self.grasp, other.grasp) and self.grasp != other.grasp:
+            raise ValueError(f"two grasps are said of one location: {self.grasp} and {other.grasp}")
         more = tuple(relation for relation in other.relations if relation not in self.relations)
-        device, grasp = self.device or other.device, self.grasp or other.grasp
-        return Location(self.relations + more, self.name, device, grasp)
+        return Location(self.relations + more, self.name, self.device or other.device, self.grasp or other.grasp)
 
     def __invert__(self) -> Location:
         """The poses that are not in it; ValueError unless it is one relation, with any arm and any grasp."""

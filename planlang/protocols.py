@@ -8,7 +8,7 @@ Frames: ``map`` is right-handed with z up and the floor at z = 0. Lengths in met
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -54,6 +54,20 @@ class Pose:
                 [0.0, 0.0, 0.0, 1.0],
             ]
         )
+
+    @staticmethod
+    def matrices(poses: Iterable[Pose]) -> Array:
+        """The matrices (n, 4, 4) of poses, to the last bit those that :meth:`matrix` gives one by one."""
+        numbers = np.array([(*pose.position, *pose.orientation) for pose in poses], float).reshape(-1, 7)
+        x, y, z, w = numbers[:, 3:].T
+        found = np.zeros((len(numbers), 4, 4))
+        found[:, 0, 0], found[:, 1, 1] = 1 - 2 * (y * y + z * z), 1 - 2 * (x * x + z * z)
+        found[:, 2, 2], found[:, 3, 3] = 1 - 2 * (x * x + y * y), 1.0
+        found[:, 0, 1], found[:, 1, 0] = 2 * (x * y - z * w), 2 * (x * y + z * w)
+        found[:, 0, 2], found[:, 2, 0] = 2 * (x * z + y * w), 2 * (x * z - y * w)
+        found[:, 1, 2], found[:, 2, 1] = 2 * (y * z - x * w), 2 * (y * z + x * w)
+        found[:, :3, 3] = numbers[:, :3]
+        return found
 
     def __matmul__(self, other: Pose) -> Pose:
         """Compose: ``map_T_a @ a_T_b`` is ``map_T_b``."""

@@ -56,6 +56,8 @@ class Piece:
     body: str
     part: Part
     offset: Pose
+    pose: Pose
+    """Where it is in the map, with its body."""
     yields: bool = False
     """Whether hands and what they hold may touch it: a limb that reaches for something, or holds it."""
 
@@ -112,7 +114,7 @@ class Bodies:
         )
         self._index[uid] = len(self.pieces)
         self.of[body.name].append(len(self.pieces))
-        self.pieces.append(Piece(uid, body.name, part, part.offset))
+        self.pieces.append(Piece(uid, body.name, part, part.offset, body.pose))
 
     def place(self, name: str, pose: Pose) -> None:
         """Put a body, with all its pieces, somewhere; one that was removed stays away until :meth:`restore`."""
@@ -129,9 +131,10 @@ class Bodies:
 
     def _put(self, index: int) -> None:
         piece = self.pieces[index]
+        body = self.poses[piece.body]
+        piece.pose = pose = body if piece.offset == _HERE else body @ piece.offset
         if piece.body in self.removed:
             return
-        pose = self.place_of(piece)
         bullet.resetBasePositionAndOrientation(piece.uid, pose.position, pose.orientation, physicsClientId=self.client)
         x, y, z = piece.part.size
         if piece.part.kind != "box":
@@ -139,11 +142,6 @@ class Bodies:
         reach = np.abs(rotation(pose)) @ np.array([x / 2, y / 2, z / 2])
         self.lower[index] = np.asarray(pose.position) - reach
         self.upper[index] = np.asarray(pose.position) + reach
-
-    def place_of(self, piece: Piece) -> Pose:
-        """Where a piece is in the map, with its body."""
-        body = self.poses[piece.body]
-        return body if piece.offset == _HERE else body @ piece.offset
 
     def remove(self, name: str) -> None:
         """Take a body out of the world: it touches nothing and is not seen."""

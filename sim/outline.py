@@ -36,7 +36,7 @@ def solids(bodies: Bodies, left_out: Iterable[str]) -> Iterator[Solid]:
         x, y, z = piece.part.size
         if piece.part.kind != "box":
             x = y = max(x, y)
-        yield Solid(piece.body, piece.part.kind, (x, y, z), bodies.place_of(piece), piece.yields)
+        yield Solid(piece.body, piece.part.kind, (x, y, z), piece.pose, piece.yields)
 
 
 def bands(
@@ -69,8 +69,8 @@ def outlines(robot: Robot, without: Collection[str] = ()) -> tuple[tuple[float, 
     """
     left_out = frozenset[int]().union(*(robot.moved_by(name) for name in without))
     lower, upper = robot.boxes()
+    numbers = [number for number in range(len(robot.solid)) if number not in left_out]
     return tuple(
-        (float(lower[number, 2]), float(upper[number, 2]), hull(robot.points(number)[:, :2]))
-        for number in range(len(robot.solid))
-        if number not in left_out
+        (float(lower[number, 2]), float(upper[number, 2]), hull(points[:, :2]))
+        for number, points in zip(numbers, robot.points(numbers), strict=True)
     )

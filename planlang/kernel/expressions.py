@@ -198,8 +198,11 @@ class Expression(Signal[Any]):
                 one.consume()
 
     def __str__(self) -> str:
+        if self.name is not None:
+            return self.name
         if len(self._operands) == 1:
-            return f"{self._symbol}({self._operands[0]})"
+            operand = self._operands[0]
+            return f"{self._symbol}({operand})" if self._symbol.isalpha() else f"{self._symbol}{operand}"
         return f"({self._operands[0]} {self._symbol} {self._operands[1]})"
 
 

@@ -7,7 +7,7 @@ from typing import Protocol
 from planlang.misuse import Usage, WrongValue, is_amount
 
 WATCHDOG = 10.0
-"""Seconds of the wall clock after which code that reaches no checkpoint is interrupted."""
+"""Seconds that code may compute, or be blocked, without reaching a checkpoint before it is interrupted."""
 
 
 VIRTUAL_HOST = Usage("VirtualHost", {"rate": "240"}, {"watchdog": "10.0"})

@@ -94,8 +94,9 @@ def listing(title: str, tasks: Iterable[Task]) -> str:
         if len(lines) > SHOWN:
             more += 1
             continue
-        state = "is suspended, waiting for" if task.holds else "waits for"
-        what = f" {state} {task.wait}" if task.wait is not None else ""
+        what = " is suspended" if task.holds else ""
+        if task.wait is not None:
+            what = f"{what}, waiting for {task.wait}" if what else f" waits for {task.wait}"
         lines.append(f"  {task.path}{what}{place_of(task)}")
     if more:
         lines.append(f"  and {more} more")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.designators import Device, Location, Object, a_location
@@ -60,7 +61,8 @@ async def at_location(
 ) -> V:
     """Go to a place of ``location`` from which everything in ``reaching`` can be reached, and run the body there.
 
-    ``device`` is what reaches; without it the executive decides.
+    ``device`` is what reaches; without it the executive decides. If it is another than that of ``location``, it is said
+    of each location in ``reaching``; for an object that raises ValueError, as two arms of one location do.
 
     When the body fails in a way that another place can cure, the next place is tried, at most ``attempts`` in all.
     Places within 5 cm of one that failed at the same revision of the belief are skipped. The base is held: side by
@@ -84,7 +86,7 @@ async def at_location(
         return await before  # type: ignore[no-any-return]
     executive = executive_for("at_location")
     if reaching:
-        location = location & a_location(in_reach_of=reaching, using=device)
+        location = location & _in_reach(reaching, device, location.device)
     outer = place.get()
     with inside("at_location", "at_location", location=location, attempts=attempts) as node:
         async with using("base") as lease:
@@ -98,6 +100,14 @@ async def at_location(
         if outer is not None and outer.displaced:
             await outer.establish()
     return node.result  # type: ignore[no-any-return]
+
+
+def _in_reach(wanted: tuple[Object | Location, ...], device: Device | None, other: Device | None) -> Location:
+    """Where all that is wanted is in reach of a device, to be joined with a location that names another, or none."""
+    if None in (device, other) or device == other or not all(isinstance(one, Location) for one in wanted):
+        return a_location(in_reach_of=wanted, using=device)
+    each = [replace(one, device=one.device or device) for one in wanted if isinstance(one, Location)]
+    return a_location(in_reach_of=each)
 
 
 class _Visit:

@@ -197,7 +197,8 @@ def task(name: str) -> Handle:
 async def join(handle: Handle) -> Any:
     """Wait until the task has ended; returns its result, or raises its failure."""
     _check_handle("await join", handle)
-    over: Signal[bool] = Expression(lambda status: status.final, "the end of", handle.status)
+    over: Signal[bool] = Expression(lambda status: status.final, "final", handle.status)
+    over.name = f"the end of task {handle.name!r}"
     await wait_for(over)
     if handle.status.value is Status.SUCCEEDED:
         return handle.result

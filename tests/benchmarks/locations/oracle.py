@@ -17,6 +17,7 @@ import pybullet
 from executive.capabilities import Robot
 from planlang.protocols import Array, Pose
 from sim import Body
+from sim.engine import quiet
 from sim.person import parts_of
 from tests.benchmarks.locations.rooms import Room
 
@@ -61,7 +62,8 @@ class Oracle:
         self.room, self.robot = room, robot
         self.client = pybullet.connect(pybullet.DIRECT)
         flags = pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_IGNORE_VISUAL_SHAPES
-        self.uid = pybullet.loadURDF(str(robot.urdf), useFixedBase=True, flags=flags, physicsClientId=self.client)
+        with quiet():
+            self.uid = pybullet.loadURDF(str(robot.urdf), useFixedBase=True, flags=flags, physicsClientId=self.client)
         self.joints: dict[str, int] = {}
         self.links = {robot.base_link: -1}
         self.parents: dict[int, int] = {}
