@@ -19,7 +19,7 @@ from itertools import compress
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.backends import SURE
+from executive.motion.backends import ALSO_SURE, SURE
 from executive.motion.kinematics import Chain
 from executive.motion.solids import Solids
 from planlang.protocols import Array
@@ -249,11 +249,14 @@ class QuickCheck:
         count = len(bases)
         if not count or not len(self._bodies.pair_piece):
             return [None] * count
-        places = np.concatenate([bases[:, :3, :3].reshape(-1, 9), bases[:, :3, 3]], axis=1)
-        found = self._checker.hits(np.zeros((count, self._dof)) if q is None else q, places, deeper)
+        found = self._checker.hits(np.zeros((count, self._dof)) if q is None else q, _rows(bases), deeper)
         groups = np.searchsorted(self._bodies.group_pair, found, side="right") - 1
         names, of_group = self._obstacles.names, self._groups.obstacles
         return [None if pair < 0 else names[of_group[g]] for pair, g in zip(found.tolist(), groups, strict=True)]
+
+    def clear(self, bases: Array, q: Array) -> NDArray[np.bool_]:
+        """From which base poses (n, 4, 4) configurations (n, d) hit nothing for sure, as far as that is told."""
+        return np.asarray(self._checker.hits(q, _rows(bases), ALSO_SURE) == SURE)
 
     def judge(self, q: Array) -> NDArray[np.int32]:
         """For each configuration (n, d) SURE, UNSURE, or the number of a pair that is hit."""
@@ -299,6 +302,11 @@ class QuickCheck:
         rows_hit = np.array(rows, np.intp)[nearest]
         self._bodies.limit[rows_hit] = np.maximum(self._bodies.limit[rows_hit], raised[nearest])
         self._bodies.widen()
+
+
+def _rows(bases: Array) -> Array:
+    """Poses (n, 4, 4) as checkers take them (n, 12)."""
+    return np.concatenate([bases[:, :3, :3].reshape(-1, 9), bases[:, :3, 3]], axis=1)
 
 
 def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, groups: Watched, whole: bool) -> Bodies:
