@@ -9,7 +9,6 @@ import numpy as np
 from executive.capabilities import Arm, Robot
 from executive.locations import ArmModel, HandFrame
 from executive.locations.reachability_building import lift_of
-from executive.locations.spheres import arm_spheres
 from executive.motion import Chain, Gaze, InverseKinematics
 from executive.motion.urdf import Joint, displacement, joints_between, read_joints
 from planlang.protocols import Array, Configuration
@@ -75,9 +74,6 @@ def _model(robot: Robot, arm: Arm, world: PyBulletWorld) -> ArmModel:
         shoulder_high=high,
         reach=1.02 * float(np.linalg.norm(tips - shoulders, axis=1).max()),
         seeds=_distinct(seeds),
-        spheres=arm_spheres(
-            chain, arm.tip, robot.base_link, robot.torso, world, arm.gripper.opened if arm.gripper is not None else {}
-        ),
         lift=lift_of(chain, robot.torso),
     )
 

@@ -13,7 +13,6 @@ from executive.arms import arm_models, gaze_of
 from executive.capabilities import Robot
 from executive.knowledge import Belief, SemanticMap, default_start
 from executive.locations import Base, Resolver
-from executive.locations.reachability_building import keep_maps
 from executive.platform import Platform
 from executive.surroundings import BelievedSurroundings
 from planlang.diagnostics import BadInput, error
@@ -62,7 +61,7 @@ def platform_of(
     belief = Belief(semantic_map, believed)
     belief.sync(believed, truth.configuration())
     around = BelievedSurroundings(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
-    keep_maps(around.arms, robot.torso, partial(mapped, say))
+    around.map_reach(partial(mapped, say))
     ontology = semantic_map.ontology
 
     @cache

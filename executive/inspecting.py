@@ -54,8 +54,12 @@ def _inspected(options: InspectOptions, bare: Robot, robot: Robot, world: PyBull
     for file in (options.picture, options.record):
         if file is not None and not models:
             raise BadInput([error("C004", f"{file}: {robot.name} has no arm whose reach could be drawn")])
-    keep_maps(models, robot.torso, lambda *done: mapped(options.progress, *done))
-    maps = {model.name: reachability_maps(model, robot.torso) for model in models}
+    built = keep_maps(models, robot.torso, lambda *done: mapped(options.progress, *done))
+    maps: dict[str, dict[GraspClass, ReachabilityMap]] = {}
+    for model in models:
+        kept = [grasp for grasp in GraspClass if (model.name, grasp) not in built]
+        found = {**reachability_maps(model, robot.torso, kept)}
+        maps[model.name] = {grasp: found.get(grasp) or built[model.name, grasp] for grasp in GraspClass}
     if options.record is not None:
         from executive.report.reach_recording import save_reach_recording
         from executive.report.shapes import drawn_in

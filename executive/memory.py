@@ -13,6 +13,8 @@ from executive.locations import ArmModel, Base, Reach, ReachSolution
 from executive.locations.hand import HandTerm
 from executive.locations.ways import HandPlan
 from executive.platform import Platform
+from planlang.designators import Location
+from planlang.kernel.exact import dump, load
 from planlang.protocols import Array
 
 
@@ -48,6 +50,7 @@ def snapshot(platform: Platform) -> dict[str, Any]:
         [arm, list(base), [_way_json(way) for way in ways.values()]]
         for (arm, base), ways in platform.resolver.reached_from(platform.base()).items()
     ]
+    state["viewers"] = [[dump(location), list(place)] for location, place in platform.resolver.viewers()]
     return state
 
 
@@ -67,6 +70,7 @@ def restore(platform: Platform, state: Mapping[str, Any], *, world: bool) -> Non
         platform.resolver.remember(
             {(arms[arm].name, _base(base)): list(_ways(ways, arms)) for arm, base, ways in state["reached"]}
         )
+        platform.resolver.remember_viewers([_viewer(*viewer) for viewer in state["viewers"]])
     except (KeyError, TypeError, AttributeError) as problem:
         raise ValueError(f"the state of the robot is damaged: {problem!r}") from None
 
@@ -105,6 +109,13 @@ def _term(name: str, body: str, within: float | None, beyond: float | None, nega
 def _ways(states: Any, arms: Mapping[str, ArmModel]) -> Iterator[ReachSolution]:
     for state in states:
         yield _way(state, arms)
+
+
+def _viewer(what: Any, place: Any) -> tuple[Location, tuple[float, float]]:
+    location, (x, y) = load(what), place
+    if not isinstance(location, Location):
+        raise TypeError(f"{location!r} is no location")
+    return location, (float(x), float(y))
 
 
 def _array(state: Any, shape: tuple[int, ...]) -> Array:

@@ -134,6 +134,7 @@ def run_plan_file(options: RunOptions) -> RunResult:
         if options.resume is not None and not options.bindings:
             bound = told_parameters(options.resume, bound)
         header = _header(path, semantic_map, robot, options, scene.start, bound)
+        header["versions"] = {**_versions(), "kinematics": executive.platform.around.kinematics()}
         if able.infeasible:
             header["infeasible"] = [alternative.name for alternative, _ in able.infeasible]
         if past is not None:
@@ -277,7 +278,6 @@ def _header(
 ) -> dict[str, object]:
     """What a trace must have in common with another to be equal to it, beside seed and schedule."""
     return {
-        "versions": _versions(),
         "plan_sha256": sha256(plan),
         "parameters": {name: dump(what) for name, what in bound.items()},
         "start": [float(number) for number in start],

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 
-from executive.arm_bodies import ArmBodies, arm_bodies
 from executive.capabilities import Robot
 from executive.knowledge import Belief
 from executive.locations import ArmModel, Base, Block, ComfortZone, Door, Held
 from executive.locations.field import Floor
-from executive.locations.own_body import OwnBody, OwnShapes
 from executive.locations.own_view import OwnView, still_pieces
 from executive.locations.reachability import GraspClass, ReachabilityMap
-from executive.locations.reachability_building import reachability_maps
-from executive.locations.spheres import PlacedSpheres
+from executive.locations.reachability_building import Progress, keep_maps, reachability_maps
 from executive.motion import Boxes, Gaze, QuickCheck
+from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room
 from executive.motion.clearance import Band
 from executive.motion.footprint import outlines
+from executive.motion.link_shapes import links_of
 from executive.motion.solids import Solids
 from planlang.designators import Device, Object
 from planlang.ontology import expand
@@ -52,12 +51,16 @@ class BelievedSurroundings:
         self._bodies: tuple[object, Boxes, Solids] | None = None
         self._floor: tuple[object, Floor] | None = None
         self._links = frozenset(world.robot.solid_names)
-        self._shapes = {arm.name: OwnShapes(world, arm.joints, arm.spheres, robot.torso, arm.lift) for arm in self.arms}
-        self._placed: tuple[object, PlacedSpheres] | None = None
-        self._own: dict[str, tuple[object, OwnBody]] = {}
+        links = links_of(world)
+        self._chains = {
+            arm.name: ArmShapes(world, links, arm.solver.chain, robot.base_link, robot.arm(arm.name).tip)
+            for arm in arms
+        }
+        self._checks: tuple[object, dict[object, QuickCheck]] = (None, {})
+        self._obstacles: tuple[Solids, Room] | None = None
         self._touched: tuple[object, tuple[Contact, ...]] | None = None
         self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
-        self._arm_bodies: dict[str, tuple[object, ArmBodies]] = {}
+        self._arm_bodies: dict[tuple[str, bool], tuple[object, ArmBodies]] = {}
 
     def arms_of(self, device: Device) -> Sequence[ArmModel]:
         """Arms that a device designator may mean: by the robot's part, else by type and side."""
@@ -140,40 +143,90 @@ class BelievedSurroundings:
             self._maps[key] = reachability_maps(arm, self.robot.torso, (grasp,))[grasp]
         return self._maps[key]
 
-    def arms_as_they_are(self) -> PlacedSpheres:
-        """Spheres inside all arms in their present posture, as they stick out from the base wherever it goes."""
-        joints = self.world.configuration().joints
-        state = tuple(joints.items())
-        if self._placed is None or self._placed[0] != state:
-            postures = [(arm.spheres, np.array([joints[name] for name in arm.joints])) for arm in self.arms]
-            self._placed = state, PlacedSpheres.of(postures)
-        return self._placed[1]
-
-    def own_body(self, arm: ArmModel) -> OwnBody:
-        """The rest of the robot in its present posture, as an arm meets it."""
-        state = tuple(self.world.configuration().joints.items())
-        known = self._own.get(arm.name)
-        if known is None or known[0] != state:
-            known = self._own[arm.name] = state, self._shapes[arm.name].now(self.world)
-        return known[1]
-
     def prepare(self) -> None:
         """Work out now what arms need to find their way, once for this robot: later a plan would wait for it."""
         for arm in self.arms:
             self.quick_check(arm, None)
 
+    def map_reach(self, progress: Progress | None = None) -> None:
+        """Build the maps of all arms that are not in the user's cache: later a plan would wait for them.
+
+        ``progress`` is told of those built.
+        """
+        self._maps |= keep_maps(self.arms, self.robot.torso, progress)
+
+    def kinematics(self) -> str:
+        """How kinematics are computed, "compiled" or "interpreted": answers differ in their last digits."""
+        return " and ".join(sorted({arm.solver.chain.backend.kind for arm in self.arms})) or "none"
+
     def quick_check(self, arm: ArmModel, touches: str | None) -> QuickCheck:
         """What tells without PyBullet how an arm may move here; ``touches`` as in :meth:`contacts`."""
+        bodies = self._bodies_of(arm, opened=False)
+        base = self.world.link_pose(self.robot.base_link).matrix()
+        middle = base[:3, :3] @ bodies.centre + base[:3, 3]
+        return bodies.against(base, self._room().near(middle, bodies.reach), (arm.hand_links, touches))
+
+    def arm_check(
+        self, arm: ArmModel, touches: str | None, *, opened: bool, near: tuple[Array, float] | None = None
+    ) -> QuickCheck:
+        """What rules out postures of an arm from any base."""
+        key, ignored = ("arm", arm.name, touches, opened), (arm.hand_links, touches)
+        return self._check(key, near, lambda: self._bodies_of(arm, opened=opened), ignored)
+
+    def hand_check(self, arm: ArmModel, touches: str | None, *, opened: bool) -> QuickCheck:
+        """What rules out poses of the tip, wherever the base stands."""
+        key, ignored = ("hand", arm.name, touches, opened), (arm.hand_links, touches)
+        tip = self._chains[arm.name].tip
+        return self._check(key, None, lambda: self._bodies_of(arm, opened=opened).hand(*tip), ignored)
+
+    def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
+        """What rules out bases from which an arm, in its present posture, would stick into something."""
+        joints = self.world.configuration().joints
+
+        def still() -> ArmBodies:
+            postures = [(arm, np.array([joints[name] for name in arm.joints])) for arm in self.arms]
+            first, *others = [self._bodies_of(arm, opened=False).still(q) for arm, q in postures]
+            return first.together_with(others)
+
+        return self._check("stance", near, still, (frozenset(), None))
+
+    def _check(
+        self, key: object, near: tuple[Array, float] | None, bodies: Callable[[], ArmBodies], ignored: Ignored
+    ) -> QuickCheck:
+        """The check of some bodies against the room, kept as long as nothing moves."""
+        state = self._state(), tuple(self.world.configuration().joints.items()), tuple(self.belief.held.values())
+        if self._checks[0] != state:
+            self._checks = state, {}
+        whole = key, None if near is None else (near[0].tobytes(), near[1])
+        found = self._checks[1].get(whole)
+        if found is None:
+            room = self._room() if near is None else self._room().near(*near)
+            found = self._checks[1][whole] = bodies().against(np.eye(4), room, ignored)
+        return found
+
+    def _room(self) -> Room:
+        """All bodies as obstacles."""
+        solids = self.solids()
+        if self._obstacles is None or self._obstacles[0] is not solids:
+            floor = next((body.name for body in self.world.scene.bodies if body.shape == "room"), FLOOR)
+            self._obstacles = solids, Room.of(solids, floor)
+        return self._obstacles[1]
+
+    def _bodies_of(self, arm: ArmModel, *, opened: bool) -> ArmBodies:
+        """An arm with all that its joints move and may meet of the robot; its own joints may be anywhere."""
         joints = self.world.configuration().joints
         rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
         state = rest, self._state(), tuple(self.belief.held.values())
-        known = self._arm_bodies.get(arm.name)
+        known = self._arm_bodies.get((arm.name, opened))
         if known is None or known[0] != state:
-            known = state, arm_bodies(self.world, arm.solver.chain, self.robot.base_link)
-            self._arm_bodies[arm.name] = known
-        base = self.world.link_pose(self.robot.base_link).matrix()
-        floor = next((body.name for body in self.world.scene.bodies if body.shape == "room"), FLOOR)
-        return known[1].against(base, self.solids(), floor, (arm.hand_links, touches))
+            found = self._chains[arm.name].now(self.world, self._fingers(arm) if opened else None)
+            known = self._arm_bodies[arm.name, opened] = state, found
+        return known[1]
+
+    def _fingers(self, arm: ArmModel) -> Mapping[str, float]:
+        """The joints of an arm's fingers where they are open."""
+        gripper = self.robot.arm(arm.name).gripper
+        return gripper.opened if gripper is not None else {}
 
     def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
         """Positions of the torso at which the rest of the robot, in its present posture, does not touch itself."""
@@ -334,7 +387,8 @@ class BelievedSurroundings:
         joints |= gripper.opened if opened and gripper is not None else {}
         joints |= zip(arm.joints, map(float, q), strict=True)
         ignore = [(link, touches) for link in sorted(arm.hand_links)] if touches is not None else []
-        return self.world.contacts(Configuration(base, joints), ignore=ignore, among=among)
+        moving = (*arm.joints, *(gripper.opened if opened and gripper is not None else ()))
+        return self.world.contacts(Configuration(base, joints), moving, ignore=ignore, among=among)
 
     def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
         """Where the robot, as it is, with what it holds, touches itself: wherever it stands."""

@@ -204,6 +204,8 @@ CODES: dict[str, str] = {
     "R055": "a state may end in a way that no transition covers, or a transition is never taken",
     "R056": "no state has a transition for its failure",
     "R057": "ordering constraints of a recipe of states count for nothing",
+    "R058": "a name is misspelt: nothing knows it, and it is nearly a word, a class or an individual that is known",
+    "R059": "a statement about steps or their order reaches no recipe, or says more than was probably meant",
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",

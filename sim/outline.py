@@ -69,8 +69,8 @@ def outlines(robot: Robot, without: Collection[str] = ()) -> tuple[tuple[float, 
     """
     left_out = frozenset[int]().union(*(robot.moved_by(name) for name in without))
     lower, upper = robot.boxes()
+    numbers = [number for number in range(len(robot.solid)) if number not in left_out]
     return tuple(
-        (float(lower[number, 2]), float(upper[number, 2]), hull(robot.points(number)[:, :2]))
-        for number in range(len(robot.solid))
-        if number not in left_out
+        (float(lower[number, 2]), float(upper[number, 2]), hull(points[:, :2]))
+        for number, points in zip(numbers, robot.points(numbers), strict=True)
     )

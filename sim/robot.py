@@ -28,6 +28,11 @@ _BALL = np.array([[math.cos(k * math.pi / 8), math.sin(k * math.pi / 8), 0.0] fo
 Shape = tuple[str, tuple[float, float, float], Pose]
 """Kind, extents [m] and pose of a primitive."""
 
+MOST_ROBOTS = 8
+"""Descriptions of which points of links are kept."""
+_spanning: dict[tuple[str, str], dict[int, Array]] = {}
+"""By URDF and number the points (n, 3) that span solid links, in their frames: read once in a process."""
+
 
 class Robot:
     """A URDF in a client, its base frame placed in the plane.
@@ -44,12 +49,16 @@ class Robot:
         self._read_joints()
         self._read_links()
         self._hulls: dict[int, list[Hulled]] = {}
+        while len(_spanning) > MOST_ROBOTS:
+            del _spanning[next(iter(_spanning))]
+        self._points = _spanning.setdefault((str(body.urdf), self.description.text), {})
         self.shown: dict[str, float] = {}
         self._shapes: dict[int, tuple[Shape, ...]] = {}
         self.base = (0.0, 0.0, 0.0)
         self.show(Configuration(self.base, {name: min(max(0.0, lo), hi) for name, (lo, hi) in self.limits.items()}))
         self._measure()
         self._moved = {name: self._moved_with(name) for name in self.joints}
+        self._apart: dict[frozenset[str], NDArray[np.bool_]] = {}
         self.grounded = frozenset(range(len(self.solid))).difference(
             *(self._below(index) for index in range(len(self.link_names) - 1) if index not in self.fixed)
         )
@@ -233,6 +242,16 @@ class Robot:
         """Numbers of the solid links that a joint, or "x", "y", "yaw" of the base, moves."""
         return self._moved[name] if name in self._moved else frozenset(range(len(self.solid)))
 
+    def moved_apart(self, names: frozenset[str]) -> NDArray[np.bool_]:
+        """Which pairs of solid links some joints move against each other, (n, n)."""
+        if names not in self._apart:
+            found = np.zeros((len(self.solid), len(self.solid)), bool)
+            for name in names:
+                moved = np.isin(np.arange(len(self.solid)), sorted(self.moved_by(name)))
+                found |= moved[:, None] != moved
+            self._apart[names] = found
+        return self._apart[names]
+
     def carrier(self, link: str) -> frozenset[int]:
         """Numbers of the nearest solid link upwards from a link: it moves when the link does."""
         index = self.links[link]
@@ -259,7 +278,7 @@ class Robot:
         for shape in bullet.getCollisionShapeData(self.uid, index, physicsClientId=self.client):
             points, radius = _support(shape[2], shape[3])
             if points is None:
-                return float(np.hypot(*self.points(number).T[:2]).max()) + MESH_MARGIN
+                return float(np.hypot(*self.points([number])[0].T[:2]).max()) + MESH_MARGIN
             centre = place @ Pose(shape[5], shape[6])
             there = points @ rotation(centre).T + np.asarray(centre.position)
             away = max(away, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
@@ -314,15 +333,22 @@ class Robot:
         self._hulls[number] = hulls_of(self.client, self.uid, index, frame @ place)
         return self._hulls[number]
 
-    def points(self, number: int) -> Array:
-        """Points (n, 3) in the map that span what a solid link surely fills; round shapes have points all around."""
-        frame = self.link_pose(self.solid_names[number])
-        found = []
-        for one in self.hulls(number):
-            own = one.points if not one.radius else one.points + one.radius * _BALL
-            matrix = (frame @ one.pose).matrix()
-            found.append(own @ matrix[:3, :3].T + matrix[:3, 3])
-        return np.concatenate(found)
+    def points(self, numbers: Sequence[int]) -> list[Array]:
+        """Points (n, 3) in the map that span what solid links surely fill; round shapes have points all around."""
+        frames = self.frames()[list(numbers)]
+        turns = rotations(frames[:, 3:])
+        return [self._spanning(k) @ turn.T + at[:3] for k, turn, at in zip(numbers, turns, frames, strict=True)]
+
+    def _spanning(self, number: int) -> Array:
+        """The points of one link in its own frame."""
+        if number not in self._points:
+            found = []
+            for one in self.hulls(number):
+                own = one.points if not one.radius else one.points + one.radius * _BALL
+                matrix = one.pose.matrix()
+                found.append(own @ matrix[:3, :3].T + matrix[:3, 3])
+            self._points[number] = np.concatenate(found).round(9)  # whatever posture they were read in
+        return self._points[number]
 
     def hand_links(self, link: str) -> frozenset[str]:
         """Names of the solid links of the hand at a link."""

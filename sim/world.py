@@ -148,7 +148,8 @@ class PyBulletWorld:
     ) -> tuple[Contact, ...]:
         """Penetrations of the robot and of what it holds, now or at another configuration; joints not named stay.
 
-        ``moving``: joint names, "x", "y", "yaw" or "base": look only at links that these move. ``ignore``: names of
+        ``moving``: joint names, "x", "y", "yaw" or "base": look only at links that these move, and in self-collision
+        only at pairs that they move against each other. ``ignore``: names of
         bodies or links, or (part, body) pairs, that may touch. In self-collision the body is a link's name as well.
         ``among``: the only pairs that can touch at all, where somebody knows; they are looked at, nothing else.
         Left out: penetrations up to 0.5 mm; a hand and what it holds; hands, or held objects, and a person's arms; up
@@ -156,11 +157,12 @@ class PyBulletWorld:
         """
         if self._robot is None:
             return ()
-        links, itself = None, True
+        links, itself, apart = None, True, None
         if moving is not None:
             links = frozenset[int]().union(*(self._robot.moved_by(name) for name in moving))
             itself = not set(moving) <= {*BASE, "base"}
-        return self._find(configuration or self._now, Query(links, ignore, itself=itself, among=among))
+            apart = self._robot.moved_apart(frozenset(moving)) if itself else None
+        return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
 
     def passed(self, start: Configuration, steps: Sequence[Mapping[str, float]]) -> frozenset[str]:
         """Bodies that the links which some joints move may meet on a way; no others can be touched there.

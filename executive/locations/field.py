@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion import Boxes, clearance_at
-from executive.motion.clearance import Band
+from executive.motion.clearance import Band, clearances_at
 from executive.motion.footprint import Outline, cores, stands_in_none
 from planlang.protocols import Array
 
@@ -69,9 +69,12 @@ class Floor:
 
     def at(self, points: Array) -> Array:
         """Room (m,) [m] to turn at points (m, 2): negative where there is too little, -inf off the map."""
+        return np.where(self._on_map(points), clearance_at(points, self.boxes, self.silhouette), -np.inf)
+
+    def _on_map(self, points: Array) -> NDArray[np.bool_]:
         x_min, y_min, x_max, y_max = self.bounds
-        inside = (points[:, 0] > x_min) & (points[:, 0] < x_max) & (points[:, 1] > y_min) & (points[:, 1] < y_max)
-        return np.where(inside, clearance_at(points, self.boxes, self.silhouette), -np.inf)
+        x, y = points[:, 0], points[:, 1]
+        return np.asarray((x > x_min) & (x < x_max) & (y > y_min) & (y < y_max))
 
     def holds(self, bases: Array) -> NDArray[np.bool_]:
         """At which bases (m, 3) the robot, as it is turned there, stands in nothing (m,)."""
@@ -88,10 +91,8 @@ class Floor:
         across, along = np.meshgrid(steps, steps)
         c, s = math.cos(yaw), math.sin(yaw)
         points = np.stack([centre[0] + c * along - s * across, centre[1] + s * along + c * across], axis=-1)
-        room = self.at(points.reshape(-1, 2)).reshape(along.shape).round(9)
-        factors = np.where(room > 0.0, 0.3 + np.clip(room, 0.0, ROOMY), 0.0).ravel()
-        tight = np.flatnonzero((room <= 0.0) & (room > -np.inf))
-        least = clearance_at(points.reshape(-1, 2)[tight], self.boxes, cores(self.outlines)).round(9)
-        factors[tight[least > -SLACK]] = DOUBTFUL
-        factors = factors.reshape(along.shape)
+        flat = points.reshape(-1, 2)
+        room, least = clearances_at(flat, self.boxes, (self.silhouette, cores(self.outlines))).round(9)
+        factors = np.where(room > 0.0, 0.3 + np.clip(room, 0.0, ROOMY), np.where(least > -SLACK, DOUBTFUL, 0.0))
+        factors = np.where(self._on_map(flat), factors, 0.0).reshape(along.shape)
         return Field(centre[0], centre[1], yaw, half, np.pad(factors, 1).ravel())

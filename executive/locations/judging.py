@@ -102,11 +102,10 @@ class BaseJudge:
 
         If it will not do because the arm meets something, the name of that.
         """
-        if not self.stands(base, score, demand, log):
-            return None
-        body = touched_at(solution.joints, solution, base, self.around)
+        # the arm first, where it takes hold: it is what most often meets something
+        body = touched_at(np.roll(solution.joints, -1, axis=0), solution, base, self.around)
         if body is None:
-            if not self.sees(base, score, demand, log, blind):
+            if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, blind):
                 return None
             body = touched_on_the_way(solution, base, self.around)
         if body is not None:
@@ -198,7 +197,7 @@ class BaseJudge:
                 ways = ways_of(reach, arm, self.around, counted, fine=fine)
                 if ways is None:
                     continue
-                ways = unblocked(ways, arm, self.around.solids(), counted)
+                ways = unblocked(ways, arm, self.around, counted)
                 way = next(from_base(reach, base, arm, ways, self.around, self.inverse, counted), None)
                 if way is None:
                     known = self.reached(arm.name, base).get(reach)  # for an arm that can do little else from here

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.block import Block
-from executive.locations.spheres import surely_filled
 from executive.motion import Gaze
 from executive.motion.solids import Solids
 from planlang.protocols import Array, Configuration
@@ -25,6 +24,8 @@ HALF = 1 << 20
 """More cells than a thing is away in any direction."""
 AWAY = 0.02
 """What is nearer to the camera than this hides nothing [m]."""
+CORE = 0.5
+"""Share of the box around a mesh that is taken as surely filled."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,10 +113,16 @@ def still_pieces(world: PyBulletWorld, neck: Iterable[str]) -> Solids:
     for number, name in enumerate(robot.solid_names):
         for kind, size, pose in () if number in moved else robot.shapes(number):
             pieces.append((name, frames[number] @ pose.matrix()))
-            shapes.append(surely_filled(kind, size))
+            shapes.append(_surely_filled(kind, size))
     return Solids.placed(
         tuple(name for name, _ in pieces),
         np.array([matrix for _, matrix in pieces]).reshape(-1, 4, 4),
         shapes,
         np.zeros(len(pieces), bool),
     )
+
+
+def _surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tuple[float, float, float]]:
+    """A primitive, kind and size [m], that is surely filled: of a mesh the core of the box around it."""
+    x, y, z = size
+    return ("box", (CORE * x, CORE * y, CORE * z)) if kind == "mesh" else (kind, size)

@@ -119,8 +119,7 @@ def from_base(
     """
     there = np.array(base)
     placed = base_matrices(there[None])[0]
-    shoulder = placed @ np.append((arm.shoulder_low + arm.shoulder_high) / 2, 1.0)
-    solids, own = around.solids().near(shoulder[:3], arm.reach + 0.5), around.own_body(arm)
+    check = around.arm_check(arm, ways.touches, opened=ways.opened)
     index, scores, seeds = _looked_up(ways, there, arm, inverse)
     order = np.argsort(-(scores * ways.weights[index]).round(6), kind="stable")
     index, seeds = index[order], seeds[order]
@@ -144,7 +143,7 @@ def from_base(
         for part in blocks(len(chosen), CHUNK):
             rows = [row for row in range(part.start, part.stop) if int(chosen[row]) not in done]
             mine = chosen[rows]
-            solved = solve(ways, mine, np.repeat(there[None], len(mine), 0), arm, begun[rows], solids, own=own)
+            solved = solve(ways, mine, np.repeat(there[None], len(mine), 0), arm, begun[rows], check)
             for number, joints, reason in zip(mine.tolist(), solved.joints, solved.reasons, strict=True):
                 if number in done:
                     continue

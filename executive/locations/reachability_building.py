@@ -76,13 +76,13 @@ def reachability_maps(
     return {grasp: found for grasp in wanted if (found := maps[grasp]) is not None}
 
 
-def keep_maps(arms: Iterable[ArmModel], torso: str | None = None, progress: Progress | None = None) -> None:
-    """Build all maps of arms that are not in the user's cache yet, in parallel; none where there is no cache."""
-    if cache_folder("reachability") is None:
-        return
+def keep_maps(
+    arms: Iterable[ArmModel], torso: str | None = None, progress: Progress | None = None
+) -> dict[tuple[str, GraspClass], ReachabilityMap]:
+    """Build all maps of arms that are not in the user's cache yet, in parallel: these, by arm and class."""
     every = [(arm, lift_of(arm.solver.chain, torso), grasp) for arm in arms for grasp in GraspClass]
-    for arm, lift, grasp, rows in _built([job for job in every if _fetch(*job) is None], progress):
-        _kept(arm, lift, grasp, rows)
+    built = _built([job for job in every if _fetch(*job) is None], progress)
+    return {(arm.name, grasp): _kept(arm, lift, grasp, rows) for arm, lift, grasp, rows in built}
 
 
 _Job = tuple[ArmModel, Lift | None, GraspClass]
@@ -91,6 +91,11 @@ _Job = tuple[ArmModel, Lift | None, GraspClass]
 def _built(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[tuple[ArmModel, Lift | None, GraspClass, Rows]]:
     """The rows of maps, as they get ready."""
     if not jobs:
+        return
+    if len(jobs) == 1:  # in this thread: who waits for it is seen to compute
+        yield *jobs[0], _build_rows(*jobs[0])
+        if progress is not None:
+            progress(1, 1, f"{jobs[0][0].name}, {jobs[0][2].value}")
         return
     pool = ThreadPoolExecutor(max_workers=min(len(jobs), os.cpu_count() or 1))
     try:

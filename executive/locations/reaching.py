@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.blind import Blind
-from executive.locations.candidates import Candidates, blocks, invert
+from executive.locations.candidates import Candidates, invert
 from executive.locations.effort import Effort
 from executive.locations.hand_ways import ways_of
 from executive.locations.judging import PLACES, BaseJudge, scored
@@ -24,11 +24,13 @@ from executive.locations.relations import BaseDemand, block_of
 from executive.locations.solving import OFF_LATTICE, ON_LATTICE, arms_have_room, solve, unblocked
 from executive.locations.surroundings import ArmModel, Base
 from executive.locations.ways import CLASSES, Ways
-from executive.motion.solids import Solids
+from executive.motion import QuickCheck
 from planlang.protocols import Array, Solution
 
 ALIKE = 0.06
 """A candidate this near to one that failed exactly, with the hand from the same side, is judged last [m]."""
+AT_ONCE = 2048
+"""Places of which room is looked at in one go, at most."""
 TRAVEL = 8.0
 """Distance over which a place loses most of its worth [m]."""
 
@@ -55,7 +57,7 @@ class ReachingSearch:
         hands = []
         for arm in judge.arms_for(first, self.arms):
             ways = ways_of(first, arm, around, log, fine=effort.fine)
-            if ways is not None and len(ways := unblocked(ways, arm, around.solids(), log)):
+            if ways is not None and len(ways := unblocked(ways, arm, around, log)):
                 hands.append((arm, ways))
         if not hands:
             return
@@ -122,7 +124,8 @@ class ReachingSearch:
         found = found.chosen(order)
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
         bases = bases.round(PLACES)  # as they are told
-        solids = around.solids().near(middle, radius)
+        stance = around.stance_check((middle, radius))
+        checks = [around.arm_check(arm, ways.touches, opened=ways.opened, near=(middle, radius)) for arm, ways in hands]
         floor, judged = around.floor(), 0
         blind = Blind(middle[:2], strict=effort.fine)
         failed = _Failed()
@@ -138,16 +141,25 @@ class ReachingSearch:
                 stopped[key] = hand_is_stopped(*failures[key], around)
             return stopped.get(key, False)
 
-        def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
-            """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
-            for part in blocks(len(found), effort.block):
-                rows = np.arange(part.start, part.stop)
+        def standing() -> Iterator[NDArray[np.intp]]:
+            """Candidates with room for base and arms, block by block; looked at in ever larger parts."""
+            waiting, first, size = np.zeros(0, np.intp), 0, effort.block
+            while first < len(found):
+                rows = np.arange(first, min(first + size, len(found)))
+                first, size = first + size, min(2 * size, AT_ONCE)
                 roomy = floor.holds(bases[rows])
                 log.add("no room for the base", int((~roomy).sum()))
                 rows = rows[roomy]
-                rows = rows[arms_have_room(bases[rows], around, solids, log)]
+                waiting = np.append(waiting, rows[arms_have_room(bases[rows], stance, log)])
+                while len(waiting) >= effort.block or (len(waiting) and first >= len(found)):
+                    yield waiting[: effort.block]
+                    waiting = waiting[effort.block :]
+
+        def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
+            """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
+            for rows in standing():
                 rows = rows[[not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]]
-                ways_ok, joints = self._solved(found, rows, bases, hands, solids)
+                ways_ok, joints = self._solved(found, rows, bases, hands, checks)
                 for row in rows[ways_ok].tolist():
                     arm, ways = hands[int(found.arms[row])]
                     solution = ReachSolution(self.wanted[0], arm, ways.plan(int(found.ways[row])), joints[row])
@@ -185,7 +197,7 @@ class ReachingSearch:
         rows: NDArray[np.intp],
         bases: Array,
         hands: Sequence[tuple[ArmModel, Ways]],
-        solids: Solids,
+        checks: Sequence[QuickCheck],
     ) -> tuple[NDArray[np.bool_], dict[int, Array]]:
         """Which candidates (rows) have joint values as far as spheres tell, and these (k, d) by row."""
         ok = np.zeros(len(rows), bool)
@@ -207,8 +219,7 @@ class ReachingSearch:
                     bases[chosen],
                     arm,
                     seeds[:, None],
-                    solids,
-                    own=self.around.own_body(arm),
+                    checks[number],
                     slack=slack,
                 )
                 self.log.count(solved.reasons)

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 from executive.locations.answers import Answers
+from executive.locations.areas import SIDES
 from executive.locations.effort import EFFORTS
 from executive.locations.hand_terms import hand_holds
 from executive.locations.hand_ways import ways_of
@@ -104,6 +105,14 @@ class Resolver:
         """The inverse of :meth:`reached_from`."""
         self._judge.remember(reached)
 
+    def viewers(self) -> list[tuple[Location, tuple[float, float]]]:
+        """From where locations that name a side were looked for last, in that order."""
+        return [(location, place) for location, place in self._viewers.items() if _names_a_side(location)]
+
+    def remember_viewers(self, viewers: Iterable[tuple[Location, tuple[float, float]]]) -> None:
+        """The inverse of :meth:`viewers`; nothing else is remembered then."""
+        self._viewers = dict(viewers)
+
     # Ways of a hand
 
     def hands(self, location: Location, arm: ArmModel, seed: Array) -> Iterator[ReachSolution]:
@@ -132,7 +141,7 @@ class Resolver:
             ways = ways_of(reach, arm, around, counted, fine=fine)
             found = False
             if ways is not None:
-                ways = unblocked(ways, arm, around.solids(), counted)
+                ways = unblocked(ways, arm, around, counted)
                 for way in from_base(reach, base, arm, ways, around, self._inverse, counted, seed=begun, generous=True):
                     found = True
                     yield way
@@ -192,3 +201,9 @@ class Resolver:
         """From where a location was looked for last; places there, and at them, are judged as seen from there."""
         x, y, _ = self.around.base()
         return self._viewers.get(location, (x, y))
+
+
+def _names_a_side(location: Location) -> bool:
+    """Whether it may matter from where a location is seen."""
+    inner = (relation.reference for relation in location.relations if isinstance(relation.reference, Location))
+    return any(relation.name in SIDES for relation in location.relations) or any(map(_names_a_side, inner))

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.own_body import OwnBody
 from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Reason, Rejections
 from executive.locations.surroundings import ArmModel, Surroundings
 from executive.locations.ways import Ways
-from executive.motion.solids import Solids
+from executive.motion import QuickCheck
 from planlang.protocols import Array
 
 FARTHEST = 1.2
 """Largest move of a joint between neighbouring poses of a way [rad, m]."""
-INSIDE = 0.001
-"""How far a sphere of the arm must be inside something to count [m]."""
-ON_LATTICE, OFF_LATTICE = 0.005, 0.04
-"""The same for a posture of a map whose height is that of the target, or is not [m]."""
+ON_LATTICE, OFF_LATTICE = 0.004, 0.039
+"""How much deeper inside something than elsewhere spheres of the arm must be to count, for a posture of a map whose
+height is that of the target, or is not [m].
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,33 +41,23 @@ def base_matrices(bases: Array) -> Array:
     return matrices
 
 
-def unblocked(ways: Ways, arm: ArmModel, solids: Solids, rejections: Rejections) -> Ways:
+def unblocked(ways: Ways, arm: ArmModel, around: Surroundings, rejections: Rejections) -> Ways:
     """Ways in which the hand itself, wherever the base stands, would be inside nothing; others are counted."""
-    if not len(ways) or not len(arm.spheres.in_tip):
+    if not len(ways):
         return ways
     poses = ways.poses(np.arange(len(ways)))
-    points = poses[..., :3, :3].reshape(-1, 3, 3) @ arm.spheres.in_tip.T + poses[..., :3, 3].reshape(-1, 3, 1)
-    points = points.transpose(0, 2, 1)
-    lower, upper = points.min(axis=(0, 1)), points.max(axis=(0, 1))
-    near = solids.near((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2 + 0.1)
-    radii = arm.spheres.radii[arm.spheres.hand]
-    found = near.hits(points, radii, np.ones(len(radii), bool), ways.touches)
-    bodies = _met(*found, near, len(ways), INSIDE)
+    check = around.hand_check(arm, ways.touches, opened=ways.opened)
+    bodies = _met(check.hit(poses.reshape(-1, 4, 4)), len(ways))
     rejections.count(_in_the_way(bodies))
     return ways.chosen([body is None for body in bodies])
 
 
-def arms_have_room(bases: Array, around: Surroundings, solids: Solids, rejections: Rejections) -> NDArray[np.bool_]:
+def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> NDArray[np.bool_]:
     """At which bases (n, 3) no arm, in its present posture, is inside something as far as spheres tell.
 
     Others are counted.
     """
-    arms = around.arms_as_they_are()
-    if not len(bases) or not len(arms.radii):
-        return np.ones(len(bases), bool)
-    matrices = base_matrices(bases)
-    points = arms.centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
-    bodies = _met(*solids.hits(points, arms.radii, arms.hand, None), solids, len(bases), INSIDE)
+    bodies = check.hit(base_matrices(bases))
     rejections.count(None if body is None else Reason(NO_ROOM, body) for body in bodies)
     return np.array([body is None for body in bodies], bool)
 
@@ -79,15 +68,14 @@ def solve(
     bases: Array,
     arm: ArmModel,
     seeds: Array,
-    solids: Solids,
+    check: QuickCheck,
     *,
-    own: OwnBody,
     slack: float | None = None,
 ) -> Solved:
     """Joint values of ways (m,) from bases (m, 3), begun at seeds (m, s, d); spheres inside something rule out.
 
-    With ``slack`` the first seeds are within so many metres of solutions: where they are deeper inside something than
-    that, nothing is solved.
+    With ``slack`` the first seeds are within so many metres of solutions: where they are so much deeper in something
+    than solutions may be, nothing is solved.
     """
     count, steps = len(index), ways.offsets.shape[1]
     joints = np.zeros((count, steps, seeds.shape[2]))
@@ -103,7 +91,7 @@ def solve(
     targets = to_base[:, None] @ ways.poses(index)
     alive = np.arange(count)
     if slack is not None:
-        alive = left(alive, _in_the_way(_blocked(seeds[:, :1], bases, arm, solids, ways.touches, slack, own)))
+        alive = left(alive, _in_the_way(_blocked(seeds[:, :1], bases, check, slack)))
     q, solved = arm.solver.solve(targets[alive, ways.key], seeds[alive])
     joints[alive, ways.key] = q
     alive = left(alive, (None if good else OUT_OF_REACH for good in solved.tolist()))
@@ -117,39 +105,20 @@ def solve(
         whole = good.reshape(len(alive), len(others)).all(axis=1)
         alive = left(alive, (None if good else OUT_OF_REACH for good in np.asarray(whole).tolist()))
     postures = joints[alive][:, [ways.key, *others]]
-    left(alive, _in_the_way(_blocked(postures, bases[alive], arm, solids, ways.touches, INSIDE, own)))
+    left(alive, _in_the_way(_blocked(postures, bases[alive], check)))
     return Solved(joints, reasons)
 
 
-def _blocked(
-    q: Array, bases: Array, arm: ArmModel, solids: Solids, touches: str | None, slack: float, own: OwnBody
-) -> list[str | None]:
-    """For each base (n, 3) what a sphere of the arm is inside of by more than ``slack`` [m] at some of q (n, s, d)."""
+def _blocked(q: Array, bases: Array, check: QuickCheck, deeper: float = 0.0) -> list[str | None]:
+    """For each base (n, 3) what a sphere of the arm is inside of, by so much more, at some of q (n, s, d)."""
     count, steps, size = q.shape
-    if not count or not len(arm.spheres.radii):
-        return [None] * count
-    flat, matrices = q.reshape(-1, size), np.repeat(base_matrices(bases), steps, axis=0)
-    centres = arm.spheres.centres(flat)
-    points = centres @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
-    bodies = _met(*solids.hits(points, arm.spheres.radii, arm.spheres.hand, touches), solids, count, slack)
-    free = np.array([body is None for body in bodies], bool)
-    rest = np.repeat(free, steps)
-    found = own.hits(centres[rest], arm.spheres.radii, flat[rest])
-    for row, body in zip(np.flatnonzero(free).tolist(), _met(*found, own.solids, int(free.sum()), slack), strict=True):
-        bodies[row] = body
-    return bodies
+    return _met(check.hit(np.repeat(base_matrices(bases), steps, axis=0), q.reshape(-1, size), deeper=deeper), count)
 
 
-def _met(gap: Array, piece: NDArray[np.intp], solids: Solids, count: int, slack: float) -> list[str | None]:
+def _met(bodies: Sequence[str | None], count: int) -> list[str | None]:
     """For each of ``count`` places the first body that is met in one of its postures, None where none is."""
-    bodies: list[str | None] = [None] * count
-    if count:
-        inside = (gap <= -slack).reshape(count, -1)
-        blocked = np.flatnonzero(inside.any(axis=1))
-        first = np.argmax(inside[blocked], axis=1)
-        for row, number in zip(blocked.tolist(), piece.reshape(inside.shape)[blocked, first].tolist(), strict=True):
-            bodies[row] = solids.bodies[number]
-    return bodies
+    steps = len(bodies) // max(count, 1)
+    return [next(filter(None, bodies[k * steps : (k + 1) * steps]), None) for k in range(count)]
 
 
 def _in_the_way(bodies: Iterable[str | None]) -> list[Reason | None]:

@@ -11,11 +11,9 @@ import numpy as np
 from executive.locations.block import Block
 from executive.locations.field import Floor
 from executive.locations.hand import ComfortZone, HandFrame, Held
-from executive.locations.own_body import OwnBody
 from executive.locations.own_view import OwnView
 from executive.locations.reachability import GraspClass, Lift, ReachabilityMap
-from executive.locations.spheres import NO_SPHERES, ArmSpheres, PlacedSpheres
-from executive.motion import Boxes, InverseKinematics
+from executive.motion import Boxes, InverseKinematics, QuickCheck
 from executive.motion.solids import Solids
 from planlang.designators import Device, Object
 from planlang.protocols import Array, Contact, Pose
@@ -48,7 +46,6 @@ class ArmModel:
     """Longest distance from shoulder to tip [m]."""
     seeds: Array
     """Postures to start inverse kinematics from, (s, d)."""
-    spheres: ArmSpheres = NO_SPHERES
     lift: Lift | None = None
     """The torso that lifts it straight up."""
     hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
@@ -129,11 +126,19 @@ class Surroundings(Protocol):
     def reachability(self, arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
         """The map of an arm and class of grasp."""
 
-    def arms_as_they_are(self) -> PlacedSpheres:
-        """Spheres inside all arms in their present posture, as they stick out from the base wherever it goes."""
+    def arm_check(
+        self, arm: ArmModel, touches: str | None, *, opened: bool, near: tuple[Array, float] | None = None
+    ) -> QuickCheck:
+        """What rules out postures of an arm from any base: it would be in the room, or the robot in itself.
 
-    def own_body(self, arm: ArmModel) -> OwnBody:
-        """The rest of the robot in its present posture, as an arm meets it."""
+        ``touches`` and ``opened`` as in :meth:`contacts`; ``near``: middle (3,) and radius [m] of all that matters.
+        """
+
+    def hand_check(self, arm: ArmModel, touches: str | None, *, opened: bool) -> QuickCheck:
+        """What rules out poses of the tip, wherever the base stands: the hand itself, or what it holds, would hit."""
+
+    def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
+        """What rules out bases from which an arm, in its present posture, would stick into something."""
 
     def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
         """Positions of the torso at which the rest of the robot, in its present posture, does not touch itself."""

@@ -51,6 +51,12 @@ class Checker(Protocol):
     def judge(self, q: Array) -> NDArray[np.int32]:
         """For each configuration (n, d) SURE, UNSURE, or the number of a pair that is hit."""
 
+    def hits(self, q: Array, bases: Array, deeper: float) -> NDArray[np.int32]:
+        """For each (n, d) the first pair that is hit by ``deeper`` [m] or more, else negative.
+
+        ``bases`` (n, 12): rotation row by row, and position, of the base of the chain in the map.
+        """
+
     def judge_edge(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
         """The first hit at points ``order`` of 0 .. pieces of the line between configurations (d,), else the worst."""
 
@@ -63,6 +69,9 @@ class Checker(Protocol):
 
 class Backend(Protocol):
     """Computes one chain; the result of a row does not depend on the other rows."""
+
+    kind: str
+    """"compiled" or "interpreted": the two differ in the last digits of what they find."""
 
     def position(self, q: Array) -> tuple[Array, Array]:
         """Configurations (n, d) -> rotations (n, 9) row by row, positions (n, 3) of the tip."""

@@ -9,6 +9,7 @@
 #define AT_LEAST_ONE(n) ((n) > 0 ? (n) : 1)
 #define SURE (-2)
 #define UNSURE (-1)
+#define ALSO_SURE (-1.0)  /* as the depth that is asked for: what is sure is asked for too */
 
 /* Clusters, of all parts of a frame and an obstacle, have groups, of one part, which have pairs, with one piece each. */
 struct bodies {
@@ -59,10 +60,9 @@ void frames_rows(const double *q, ptrdiff_t rows, double *found)
     }
 }
 
-static void place(const double *q, const struct bodies *all, double frames[FRAMES][12])
+static void place(const double *q, const double *base, double frames[FRAMES][12])
 {
     double found[FRAMES * 12];
-    const double *base = all->base;
     frames_rows(q, 1, found);
     for (int i = 0; i < 12; ++i) {
         frames[0][i] = i == 0 || i == 4 || i == 8;
@@ -133,12 +133,15 @@ static double gap(const double (*points)[3], const double *spheres, int count, c
     return least;
 }
 
-/* The first hit, else SURE or UNSURE; with `gaps` all of them are told, with `doubtful` the pairs that are not sure. */
-static int judged(const double *q, const struct bodies *all, double *gaps, int *doubtful)
+/* The first hit, else SURE or UNSURE; with `gaps` all of them are told, with `doubtful` the pairs that are not sure.
+ * Where spheres have to be `deeper` inside than the limits say, nothing is said to be sure. */
+static int judged(const double *q, const double *base, const struct bodies *all, double deeper, double *gaps,
+                  int *doubtful)
 {
     double frames[FRAMES][12], balls[FRAMES][3], points[SPHERES][3], around[3], middle[3], centre[3], local[3];
-    int state = SURE, found = 0;
-    place(q, all, frames);
+    int state = deeper >= 0.0 ? UNSURE : SURE, found = 0;
+    double less = fmax(deeper, 0.0);
+    place(q, base, frames);
     for (int f = 1; f < FRAMES; ++f)
         to_map(frames[f], all->frame_ball + 4 * f, balls[f]);
     for (ptrdiff_t c = 0; c < all->clusters; ++c) {
@@ -157,7 +160,7 @@ static int judged(const double *q, const struct bodies *all, double *gaps, int *
             for (int p = all->group_pair[g]; p < all->group_pair[g + 1]; ++p) {
                 int number = all->pair_piece[p];
                 const double *piece = all->piece + 16 * number;
-                double limit = all->limit[p], far = state == SURE || doubtful ? fmax(limit, all->sure[p]) : limit;
+                double limit = all->limit[p] - less, far = state == SURE || doubtful ? fmax(limit, all->sure[p]) : limit;
                 to_map(other, piece, centre);
                 if (!gaps && apart(middle, centre, part_ball[3] + piece[15] + far))
                     continue;
@@ -190,10 +193,17 @@ static int judged(const double *q, const struct bodies *all, double *gaps, int *
 void judge_rows(const double *q, ptrdiff_t rows, const struct bodies *all, int *found)
 {
     for (ptrdiff_t i = 0; i < rows; ++i)
-        found[i] = judged(q + i * JOINTS, all, NULL, NULL);
+        found[i] = judged(q + i * JOINTS, all->base, all, ALSO_SURE, NULL, NULL);
 }
 
-/* The same for the points order[0 .. inner) of an edge in `pieces` pieces, up to the first hit, which is returned. */
+/* For each row of q (rows, JOINTS) and of bases (rows, 12) the first pair that is hit by so much more, else UNSURE. */
+void hit_rows(const double *q, const double *bases, ptrdiff_t rows, double deeper, const struct bodies *all, int *found)
+{
+    for (ptrdiff_t i = 0; i < rows; ++i)
+        found[i] = judged(q + i * JOINTS, bases + i * 12, all, deeper, NULL, NULL);
+}
+
+/* Judges points order[0 .. inner) of an edge in `pieces` pieces, up to the first hit, which is returned. */
 int judge_edge(const double *from, const double *to, ptrdiff_t pieces, const int *order, ptrdiff_t inner,
                const struct bodies *all)
 {
@@ -203,7 +213,7 @@ int judge_edge(const double *from, const double *to, ptrdiff_t pieces, const int
         double share = (double)order[i] / (double)pieces;
         for (int j = 0; j < JOINTS; ++j)
             q[j] = from[j] + (to[j] - from[j]) * share;
-        int one = judged(q, all, NULL, NULL);
+        int one = judged(q, all->base, all, ALSO_SURE, NULL, NULL);
         if (one >= 0)
             return one;
         state = one > state ? one : state;
@@ -214,11 +224,11 @@ int judge_edge(const double *from, const double *to, ptrdiff_t pieces, const int
 /* The smallest gap of every pair. */
 void gaps_at(const double *q, const struct bodies *all, double *gaps)
 {
-    judged(q, all, gaps, NULL);
+    judged(q, all->base, all, ALSO_SURE, gaps, NULL);
 }
 
 /* Numbers of the pairs that are hit or not free for sure; how many they are. */
 int doubtful_at(const double *q, const struct bodies *all, int *pairs)
 {
-    return judged(q, all, NULL, pairs);
+    return judged(q, all->base, all, ALSO_SURE, NULL, pairs);
 }

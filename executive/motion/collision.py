@@ -4,17 +4,20 @@ Frames are numbered: 0 is the map, 1 the base of the chain, then come the childr
 is inside a piece means a hit. Where all gaps are wider than what shapes stick out of their spheres, nothing is hit for
 sure. What is in between an exact query has to decide; where it finds a hit, :meth:`QuickCheck.learn` keeps the two
 bodies farther apart from then on.
+
+Searches for places of the base ask about many bases at once by :meth:`QuickCheck.hit`, searches for ways of an arm
+about edges from one base.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import cache
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from executive.motion.backends import SURE
 from executive.motion.kinematics import Chain
@@ -34,32 +37,131 @@ APART = 0.001
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mover:
-    """A link, or a held object: spheres (k, 4), centre and radius, in the frame that it moves with [m]."""
+class Movers:
+    """m links or held objects, or convex shapes of them, as spheres in the frames that they move with."""
 
-    name: str
-    frame: int
+    names: tuple[str, ...]
+    frames: NDArray[np.int32]
+    """(m,)."""
+    first: NDArray[np.int32]
+    """Whose the spheres are: mover i has those from [i] to [i + 1] - 1, (m + 1,)."""
     spheres: Array
-    slack: float
+    """Centres and radii (s, 4) [m]."""
+    slack: Array
+    """How far each sticks out of its spheres (m,) [m]."""
+
+    @staticmethod
+    def of(rows: Sequence[tuple[str, int, Array, float]]) -> Movers:
+        """From name, frame, spheres (k, 4) and slack of each."""
+        return Movers(
+            tuple(name for name, *_ in rows),
+            np.array([frame for _, frame, *_ in rows], np.int32),
+            np.cumsum([0, *(len(spheres) for *_, spheres, _ in rows)]).astype(np.int32),
+            np.concatenate([np.zeros((0, 4)), *(spheres for *_, spheres, _ in rows)]),
+            np.array([slack for *_, slack in rows], float),
+        )
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def only(self, kept: NDArray[np.bool_]) -> Movers:
+        """Those of a mask (m,)."""
+        sizes = np.diff(self.first)
+        return Movers(
+            tuple(compress(self.names, kept.tolist())),
+            self.frames[kept],
+            np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
+            self.spheres[np.repeat(kept, sizes)],
+            self.slack[kept],
+        )
+
+    def going_with(self, frame: int) -> Movers:
+        """The same spheres in another frame than was said."""
+        return replace(self, frames=np.full(len(self), frame, np.int32))
+
+    @staticmethod
+    def joined(several: Sequence[Movers]) -> Movers:
+        """All of several, one after another."""
+        sizes = np.concatenate([np.diff(movers.first) for movers in several])
+        return Movers(
+            tuple(name for movers in several for name in movers.names),
+            np.concatenate([movers.frames for movers in several]),
+            np.append(0, np.cumsum(sizes)).astype(np.int32),
+            np.concatenate([movers.spheres for movers in several]),
+            np.concatenate([movers.slack for movers in several]),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Obstacle:
-    """Convex pieces in the frame that they move with; ``slack`` if what is meant is larger than them [m]."""
+class Obstacles:
+    """o bodies as convex pieces in the frames that they move with."""
 
-    name: str
-    frame: int
+    names: tuple[str, ...]
+    frames: NDArray[np.int32]
+    """(o,)."""
+    first: NDArray[np.int32]
+    """Whose the pieces are: obstacle i has those from [i] to [i + 1] - 1, (o + 1,)."""
     solids: Solids
-    slack: float = 0.0
+    slack: Array
+    """How much larger than its pieces what is meant is (o,) [m]."""
+
+    @staticmethod
+    def of(rows: Sequence[tuple[str, int, Solids, float]]) -> Obstacles:
+        """From name, frame, pieces and slack of each."""
+        return Obstacles(
+            tuple(name for name, *_ in rows),
+            np.array([frame for _, frame, *_ in rows], np.int32),
+            np.cumsum([0, *(len(solids) for *_, solids, _ in rows)]).astype(np.int32),
+            Solids.joined([solids for *_, solids, _ in rows]),
+            np.array([slack for *_, slack in rows], float),
+        )
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def only(self, kept: NDArray[np.bool_]) -> Obstacles:
+        """Those of a mask (o,)."""
+        sizes = np.diff(self.first)
+        return Obstacles(
+            tuple(compress(self.names, kept.tolist())),
+            self.frames[kept],
+            np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
+            self.solids.only(np.repeat(kept, sizes)),
+            self.slack[kept],
+        )
+
+    def followed_by(self, other: Obstacles) -> Obstacles:
+        """These, then others."""
+        return Obstacles(
+            self.names + other.names,
+            np.concatenate([self.frames, other.frames]),
+            np.concatenate([self.first, self.first[-1] + other.first[1:]]),
+            Solids.joined([self.solids, other.solids]),
+            np.concatenate([self.slack, other.slack]),
+        )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Watched:
-    """Mover and obstacle, by number, that must not be deeper in each other than ``allowed`` [m]."""
+    """w pairs of a mover and an obstacle, by number, that must not be deeper in each other than ``allowed`` [m]."""
 
-    mover: int
-    obstacle: int
-    allowed: float = 0.0
+    movers: NDArray[np.intp]
+    obstacles: NDArray[np.intp]
+    allowed: Array
+
+    @staticmethod
+    def of(pairs: Sequence[tuple[int, int]]) -> Watched:
+        """Pairs that must not touch at all."""
+        rows = np.array(pairs, np.intp).reshape(-1, 2)
+        return Watched(rows[:, 0], rows[:, 1], np.zeros(len(rows)))
+
+    def followed_by(self, other: Watched) -> Watched:
+        """These, then others."""
+        return Watched(
+            np.concatenate([self.movers, other.movers]),
+            np.concatenate([self.obstacles, other.obstacles]),
+            np.concatenate([self.allowed, other.allowed]),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,37 +201,59 @@ class Bodies:
 
 
 class QuickCheck:
-    """Judges configurations of a chain."""
+    """Judges configurations of a chain; pairs are numbered by obstacle, then by the frame of the mover."""
 
     def __init__(
         self,
         chain: Chain,
         base: Array,
-        movers: Sequence[Mover],
-        obstacles: Sequence[Obstacle],
-        watched: Iterable[Watched],
+        movers: Movers,
+        obstacles: Obstacles,
+        watched: Watched,
         *,
         whole: bool = True,
     ) -> None:
         """``base`` (4, 4) in the map. Not ``whole``: there is more than is told here, and nothing is ever sure."""
-        too_many = [mover.name for mover in movers if len(mover.spheres) > SPHERES]
+        too_many = [movers.names[k] for k in np.flatnonzero(np.diff(movers.first) > SPHERES).tolist()]
         if too_many:
             raise ValueError(f"at most {SPHERES} spheres for one mover, more have {', '.join(too_many)}")
-        groups = sorted(
-            (pair for pair in watched if len(obstacles[pair.obstacle].solids)),
-            key=lambda pair: (movers[pair.mover].frame, pair.obstacle, pair.mover),
-        )
-        self._bodies = _arrays(base, movers, obstacles, groups, whole=whole)
-        self.names = tuple(
-            (movers[group.mover].name, obstacles[group.obstacle].name)
-            for group in groups
-            for _ in range(len(obstacles[group.obstacle].solids))
-        )
-        """Who the two of each pair are (p,)."""
+        sizes = np.diff(obstacles.first)[watched.obstacles]
+        order = np.lexsort((watched.movers, movers.frames[watched.movers], watched.obstacles))
+        order = order[sizes[order] > 0]
+        groups = Watched(watched.movers[order], watched.obstacles[order], watched.allowed[order])
+        self._movers, self._obstacles, self._groups = movers, obstacles, groups
+        self._bodies = _arrays(chain, base, movers, obstacles, groups, whole)
         self._least = self._bodies.limit.copy()
-        self._most = np.full(len(self.names), np.inf)
+        self._most = np.full(len(self._least), np.inf)
         self.whole = whole
+        self._dof = chain.dof
         self._checker = chain.backend.checker(self._bodies)
+
+    @cached_property
+    def names(self) -> tuple[tuple[str, str], ...]:
+        """Who the two of each pair are (p,)."""
+        sizes = np.diff(self._bodies.group_pair).tolist()
+        pairs = zip(self._groups.movers.tolist(), self._groups.obstacles.tolist(), sizes, strict=True)
+        return tuple(
+            (self._movers.names[mover], self._obstacles.names[obstacle])
+            for mover, obstacle, size in pairs
+            for _ in range(size)
+        )
+
+    def hit(self, bases: Array, q: Array | None = None, *, deeper: float = 0.0) -> list[str | None]:
+        """The first obstacle that is hit from each base pose (n, 4, 4) in the map at configurations (n, d); None: none.
+
+        ``deeper``: how much deeper in something than elsewhere spheres have to be [m]. Without configurations only
+        what moves with the base may be among the movers.
+        """
+        count = len(bases)
+        if not count or not len(self._bodies.pair_piece):
+            return [None] * count
+        places = np.concatenate([bases[:, :3, :3].reshape(-1, 9), bases[:, :3, 3]], axis=1)
+        found = self._checker.hits(np.zeros((count, self._dof)) if q is None else q, places, deeper)
+        groups = np.searchsorted(self._bodies.group_pair, found, side="right") - 1
+        names, of_group = self._obstacles.names, self._groups.obstacles
+        return [None if pair < 0 else names[of_group[g]] for pair, g in zip(found.tolist(), groups, strict=True)]
 
     def judge(self, q: Array) -> NDArray[np.int32]:
         """For each configuration (n, d) SURE, UNSURE, or the number of a pair that is hit."""
@@ -177,58 +301,59 @@ class QuickCheck:
         self._bodies.widen()
 
 
-def _arrays(
-    base: Array, movers: Sequence[Mover], obstacles: Sequence[Obstacle], groups: Sequence[Watched], *, whole: bool
-) -> Bodies:
-    solids = Solids.joined([obstacle.solids for obstacle in obstacles])
-    first = np.cumsum([0, *(len(obstacle.solids) for obstacle in obstacles)])
-    sizes = [len(obstacles[group.obstacle].solids) for group in groups]
-    keys = [(movers[group.mover].frame, group.obstacle) for group in groups]
-    begins = [k for k, key in enumerate(keys) if k == 0 or key != keys[k - 1]]
-    frames = np.array([mover.frame for mover in movers], np.int32)
-    part_ball = np.array([_ball(mover.spheres) for mover in movers]).reshape(-1, 4)
-    frame_ball = np.array([_ball(part_ball[frames == k]) for k in range(int(frames.max(initial=1)) + 1)])
+def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, groups: Watched, whole: bool) -> Bodies:
+    solids, first = obstacles.solids, obstacles.first
+    sizes = np.diff(first)[groups.obstacles]
+    keys = np.stack([movers.frames[groups.movers], groups.obstacles], axis=1)
+    begins = np.flatnonzero(np.append(True, (keys[1:] != keys[:-1]).any(axis=1))[: len(keys)])
+    group_pair = np.concatenate([[0], np.cumsum(sizes)])
+    part_ball = _balls(movers.spheres, movers.first)
+    by_frame = np.argsort(movers.frames, kind="stable")
+    frames = FIRST_JOINT + len(chain.carriers)
+    of_frames = np.searchsorted(movers.frames[by_frame], np.arange(frames + 1))
     pieces = np.column_stack([solids.centres, solids.reach])
-    allowed, slack = (
-        np.repeat(np.array(values, float), sizes)
-        for values in (
-            [group.allowed for group in groups],
-            [movers[group.mover].slack + obstacles[group.obstacle].slack for group in groups],
-        )
-    )
+    slack = np.repeat(movers.slack[groups.movers] + obstacles.slack[groups.obstacles], sizes)
+    steps = np.arange(group_pair[-1]) - np.repeat(group_pair[:-1], sizes)
     found = Bodies(
         base=np.concatenate([base[:3, :3].ravel(), base[:3, 3]]),
-        cluster=np.array([keys[k] for k in begins], np.int32).reshape(-1, 2),
-        cluster_group=np.array([*begins, len(groups)], np.int32),
-        frame_ball=frame_ball,
-        obstacle_frame=np.array([obstacle.frame for obstacle in obstacles], np.int32),
-        obstacle_ball=np.array([_ball(pieces[a:b]) for a, b in pairwise(first)]).reshape(-1, 4),
-        group_part=np.array([group.mover for group in groups], np.int32),
-        group_pair=np.cumsum([0, *sizes]).astype(np.int32),
-        group_width=np.zeros((len(groups), 2)),
+        cluster=keys[begins].astype(np.int32),
+        cluster_group=np.append(begins, len(keys)).astype(np.int32),
+        frame_ball=_balls(part_ball[by_frame], of_frames),
+        obstacle_frame=obstacles.frames,
+        obstacle_ball=_balls(pieces, first),
+        group_part=groups.movers.astype(np.int32),
+        group_pair=group_pair.astype(np.int32),
+        group_width=np.zeros((len(keys), 2)),
         part_ball=part_ball,
-        part_sphere=np.cumsum([0, *(len(mover.spheres) for mover in movers)]).astype(np.int32),
-        spheres=np.concatenate([np.zeros((0, 4)), *(mover.spheres for mover in movers)]),
-        pair_piece=np.array([k for g in groups for k in range(first[g.obstacle], first[g.obstacle + 1])], np.int32),
-        limit=-allowed - TOUCHING,
+        part_sphere=movers.first,
+        spheres=movers.spheres,
+        pair_piece=(np.repeat(first[groups.obstacles], sizes) + steps).astype(np.int32),
+        limit=-np.repeat(groups.allowed, sizes) - TOUCHING,
         sure=slack + BEYOND if whole else np.full(len(slack), np.inf),
         piece_kind=solids.kinds.astype(np.int32),
         piece=np.concatenate([solids.centres, solids.axes.reshape(-1, 9), solids.half, solids.reach[:, None]], axis=1),
         solids=solids,
-        part_frame=frames,
-        pair_part=np.repeat([group.mover for group in groups], sizes).astype(np.int32),
-        piece_frame=np.repeat([o.frame for o in obstacles], [len(o.solids) for o in obstacles]).astype(np.int32),
+        part_frame=movers.frames,
+        pair_part=np.repeat(groups.movers, sizes).astype(np.int32),
+        piece_frame=np.repeat(obstacles.frames, np.diff(first)),
     )
     found.widen()
     return found
 
 
-def _ball(spheres: Array) -> Array:
-    """Centre and radius (4,) of a sphere around spheres (k, 4)."""
-    if not len(spheres):
-        return np.zeros(4)
-    centre = ((spheres[:, :3] - spheres[:, 3:]).min(axis=0) + (spheres[:, :3] + spheres[:, 3:]).max(axis=0)) / 2
-    return np.append(centre, (np.linalg.norm(spheres[:, :3] - centre, axis=1) + spheres[:, 3]).max())
+def _balls(spheres: Array, first: ArrayLike) -> Array:
+    """Centres and radii (m, 4) of spheres around groups of spheres (s, 4); group i: those from [i] to [i + 1] - 1."""
+    bounds = np.asarray(first, np.intp)
+    full = np.flatnonzero(np.diff(bounds))
+    balls = np.zeros((len(bounds) - 1, 4))
+    if len(full):
+        begins, group = bounds[full], np.repeat(np.arange(len(full)), np.diff(bounds)[full])
+        low = np.minimum.reduceat(spheres[:, :3] - spheres[:, 3:], begins)
+        high = np.maximum.reduceat(spheres[:, :3] + spheres[:, 3:], begins)
+        centres = (low + high) / 2
+        away = np.sqrt(((spheres[:, :3] - centres[group]) ** 2).sum(axis=1)) + spheres[:, 3]
+        balls[full] = np.column_stack([centres, np.maximum.reduceat(away, begins)])
+    return balls
 
 
 @cache

@@ -31,9 +31,11 @@ _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_ssize_t
 class CompiledChain:
     """Forward kinematics and Jacobian; implements ``Backend``."""
 
+    kind = "compiled"
+
     def __init__(self, facts: ChainFacts, code: ctypes.CDLL) -> None:
         self._facts, self._code = facts, code
-        self._collision: ctypes.CDLL | None = None
+        self._collision: _CollisionCode | None = None
         self._joints = sum(variable.index is not None for variable in facts.variables)
         self._position_rows = _function(code, "position_rows", [_POINTER, _SIZE, _POINTER, _POINTER])
         self._pose_rows = _function(code, "pose_rows", [_POINTER, _SIZE, _POINTER, _POINTER, _POINTER])
@@ -74,20 +76,20 @@ class CompiledChain:
         """As ``Backend`` says."""
         q = np.ascontiguousarray(q)
         rows = np.empty((len(q), self._joints, 12))
-        place = _function(self._collisions(), "frames_rows", [_POINTER, _SIZE, _POINTER])
-        place(q.ctypes.data, len(q), rows.ctypes.data)
+        self._collisions().frames(q.ctypes.data, len(q), rows.ctypes.data)
         return np.concatenate([rows[..., :9].reshape(*rows.shape[:2], 3, 3), rows[..., 9:, None]], axis=3)
 
     def checker(self, bodies: Bodies) -> CompiledChecker:
         """As ``Backend`` says."""
         return CompiledChecker(self._collisions(), bodies)
 
-    def _collisions(self) -> ctypes.CDLL:
+    def _collisions(self) -> _CollisionCode:
         if self._collision is None:
             key = ("collision", self._facts.digest)
-            self._collision = library(key, lambda: _collision_source(self._facts))
-        if self._collision is None:
-            raise RuntimeError("the compiler that made this chain's code is gone")
+            code = library(key, lambda: _collision_source(self._facts))
+            if code is None:
+                raise RuntimeError("the compiler that made this chain's code is gone")
+            self._collision = _CollisionCode(code)
         return self._collision
 
 
@@ -128,43 +130,61 @@ class _Arrays(ctypes.Structure):
     )
 
 
+_POINTERS = tuple(field[0] for field in _Arrays._fields_ if field[0] != "clusters")
+
+
+class _CollisionCode:
+    """What ``collision.c`` offers."""
+
+    def __init__(self, code: ctypes.CDLL) -> None:
+        self.frames = _function(code, "frames_rows", [_POINTER, _SIZE, _POINTER])
+        self.judge = _function(code, "judge_rows", [_POINTER, _SIZE, _POINTER, _POINTER])
+        self.hits = _function(code, "hit_rows", [_POINTER, _POINTER, _SIZE, ctypes.c_double, _POINTER, _POINTER])
+        self.edge = _function(code, "judge_edge", [_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER])
+        self.doubtful = _function(code, "doubtful_at", [_POINTER, _POINTER, _POINTER])
+        self.edge.restype = self.doubtful.restype = ctypes.c_int
+        self.gaps = _function(code, "gaps_at", [_POINTER, _POINTER, _POINTER])
+
+
 class CompiledChecker:
     """Implements ``Checker``; the bodies' arrays are read where they are."""
 
-    def __init__(self, code: ctypes.CDLL, bodies: Bodies) -> None:
-        self._bodies = bodies
-        names = [field[0] for field in _Arrays._fields_ if field[0] != "clusters"]
-        pointers = {name: getattr(bodies, name).ctypes.data for name in names}
+    def __init__(self, code: _CollisionCode, bodies: Bodies) -> None:
+        self._code, self._bodies = code, bodies
+        pointers = {name: getattr(bodies, name).ctypes.data for name in _POINTERS}
         self._arrays = _Arrays(clusters=len(bodies.cluster), **pointers)
         self._all = ctypes.addressof(self._arrays)
-        self._judge = _function(code, "judge_rows", [_POINTER, _SIZE, _POINTER, _POINTER])
-        self._edge = _function(code, "judge_edge", [_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER])
-        self._edge.restype = ctypes.c_int
-        self._doubtful = _function(code, "doubtful_at", [_POINTER, _POINTER, _POINTER])
-        self._doubtful.restype = ctypes.c_int
-        self._gaps = _function(code, "gaps_at", [_POINTER, _POINTER, _POINTER])
 
     def judge(self, q: Array) -> NDArray[np.int32]:
         """As ``Checker`` says."""
         q = np.ascontiguousarray(q)
         found = np.empty(len(q), np.int32)
-        self._judge(q.ctypes.data, len(q), self._all, found.ctypes.data)
+        self._code.judge(q.ctypes.data, len(q), self._all, found.ctypes.data)
+        return found
+
+    def hits(self, q: Array, bases: Array, deeper: float) -> NDArray[np.int32]:
+        """As ``Checker`` says."""
+        q, bases = np.ascontiguousarray(q), np.ascontiguousarray(bases)
+        found = np.empty(len(q), np.int32)
+        self._code.hits(q.ctypes.data, bases.ctypes.data, len(q), deeper, self._all, found.ctypes.data)
         return found
 
     def judge_edge(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
         """As ``Checker`` says."""
         start, end = np.ascontiguousarray(start), np.ascontiguousarray(end)
-        return int(self._edge(start.ctypes.data, end.ctypes.data, pieces, order.ctypes.data, len(order), self._all))
+        return int(
+            self._code.edge(start.ctypes.data, end.ctypes.data, pieces, order.ctypes.data, len(order), self._all)
+        )
 
     def doubtful(self, q: Array) -> NDArray[np.int32]:
         """As ``Checker`` says."""
         q, found = np.ascontiguousarray(q), np.empty(len(self._bodies.pair_piece), np.int32)
-        return found[: int(self._doubtful(q.ctypes.data, self._all, found.ctypes.data))]
+        return found[: int(self._code.doubtful(q.ctypes.data, self._all, found.ctypes.data))]
 
     def gaps(self, q: Array) -> Array:
         """As ``Checker`` says."""
         q, found = np.ascontiguousarray(q), np.empty(len(self._bodies.pair_piece))
-        self._gaps(q.ctypes.data, self._all, found.ctypes.data)
+        self._code.gaps(q.ctypes.data, self._all, found.ctypes.data)
         return found
 
 

@@ -1,4 +1,4 @@
-"""Distances of spheres from the convex pieces of a room: what rules out most postures before PyBullet is asked."""
+"""Convex pieces, of a room or of a robot: distances from them, and which lines they cut."""
 
 from __future__ import annotations
 
@@ -71,54 +71,18 @@ class Solids:
         """Those that a sphere meets."""
         return self.only(np.linalg.norm(self.centres - centre, axis=1) <= radius + self.reach)
 
-    def only(self, kept: NDArray[np.bool_]) -> Solids:
-        """Those of a mask (k,)."""
-        names = tuple(body for body, keep in zip(self.bodies, kept, strict=True) if keep)
+    def only(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Solids:
+        """Those of a mask (k,), or of some numbers, in their order."""
+        rows = np.flatnonzero(kept) if kept.dtype == bool else kept
+        names = tuple(self.bodies[row] for row in rows.tolist())
         arrays = (self.centres, self.axes, self.half, self.kinds, self.reach, self.limbs)
-        return Solids(names, *(array[kept] for array in arrays))  # type: ignore[arg-type]
+        return Solids(names, *(array[rows] for array in arrays))  # type: ignore[arg-type]
 
-    def hits(
-        self, points: Array, radii: Array, hand: NDArray[np.bool_], touches: str | None
-    ) -> tuple[Array, NDArray[np.intp]]:
-        """Smallest gap (n,) of n sets of spheres (n, m, 3), negative where one is inside something; and which piece.
-
-        Spheres of the ``hand`` (m,) may be inside the body ``touches`` and inside limbs of people that left their rest.
-        """
-        allowed = self.limbs | np.array([body == touches for body in self.bodies], bool)
-        return self.closest(points, radii, np.outer(allowed, hand) if allowed.any() and hand.any() else None)
-
-    def closest(
-        self, points: Array, radii: Array, apart: NDArray[np.bool_] | None = None, raised: Array | None = None
-    ) -> tuple[Array, NDArray[np.intp]]:
-        """Smallest gap (n,) of n sets of spheres (n, m, 3) and which piece that is to; inf where none is near.
-
-        ``apart`` (k, m): what is not compared. ``raised`` (n, k): how much higher each piece is for each set [m].
-        """
-        gap, piece = np.full(len(points), np.inf), np.zeros(len(points), np.intp)
-        if not len(self) or not points.size:
-            return gap, piece
-        # a sphere around each set tells which pieces it has to be compared with
-        lower, upper = (points - radii[:, None]).min(axis=1), (points + radii[:, None]).max(axis=1)
-        around = np.linalg.norm(upper - lower, axis=1) / 2
-        compared = self.gaps((lower + upper) / 2, raised) < around[:, None]
-        if apart is not None:
-            compared &= ~apart.all(axis=1)
-        rows, columns = np.nonzero(compared)
-        if not len(rows):
-            return gap, piece
-        offsets = points[rows] - self.centres[columns][:, None]
-        if raised is not None:
-            offsets[..., 2] -= raised[rows, columns][:, None]
-        local = offsets @ self.axes[columns]
-        gaps = _outside(local, self.half[columns][:, None], self.kinds[columns][:, None]) - radii
-        if apart is not None:
-            gaps[apart[columns]] = np.inf
-        least = gaps.min(axis=1)
-        # of each set the pair with the smallest gap, the first piece among equals
-        order = np.lexsort((columns, least, rows))
-        first = order[np.unique(rows[order], return_index=True)[1]]
-        gap[rows[first]], piece[rows[first]] = least[first], columns[first]
-        return gap, piece
+    def moved(self, places: Array) -> Solids:
+        """Each from the frame in which it is told to one that sees that frame at a place (k, 4, 4)."""
+        turns = places[:, :3, :3]
+        centres = np.einsum("kij,kj->ki", turns, self.centres) + places[:, :3, 3]
+        return Solids(self.bodies, centres, turns @ self.axes, self.half, self.kinds, self.reach, self.limbs)
 
     def crossed(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
         """Which segments (n, 3) enter a piece, of a round one the box inside it, (n,); one begun inside does not."""
@@ -133,18 +97,13 @@ class Solids:
         first, last = np.minimum(one, other).max(axis=2), np.maximum(one, other).min(axis=2)
         return np.asarray(((first <= last) & (first > 0.0) & (first <= 1.0)).any(axis=1))
 
-    def gaps(self, points: Array, raised: Array | None = None) -> Array:
-        """Distances (..., k) of points (..., 3) from the surfaces of all pieces, negative inside [m].
-
-        ``raised`` (..., k): how much higher each piece is for each point [m].
-        """
+    def gaps(self, points: Array) -> Array:
+        """Distances (..., k) of points (..., 3) from the surfaces of all pieces, negative inside [m]."""
         count = len(self)
         # (p - c) R, all pieces at once
         turned = self.axes.transpose(1, 0, 2).reshape(3, 3 * count)
         local = points @ turned - np.einsum("ki,kij->kj", self.centres, self.axes).reshape(3 * count)
         local = local.reshape(*points.shape[:-1], count, 3)
-        if raised is not None:
-            local -= raised[..., None] * self.axes[:, 2]
         return _outside(local, self.half, self.kinds)
 
 

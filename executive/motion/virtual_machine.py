@@ -15,6 +15,7 @@ from planlang.protocols import Array
 
 if TYPE_CHECKING:
     from executive.motion.collision import Bodies
+    from executive.motion.solids import Solids
 
 BLOCKS = (256, 32, 4, 1)
 """Rows per call of casadi's virtual machine; a call costs about 3 us beside the work of its rows."""
@@ -70,6 +71,8 @@ class RowFunction:
 
 class VirtualChain:
     """Forward kinematics and Jacobian; implements ``Backend``."""
+
+    kind = "interpreted"
 
     def __init__(self, facts: ChainFacts) -> None:
         chain = symbolic_chain(facts.joints, facts.variables, facts.dof)
@@ -164,7 +167,7 @@ class VirtualChecker:
         self._chain, self._bodies = chain, bodies
         part_of, frame_of = bodies.pair_part, bodies.piece_frame[bodies.pair_piece]
         keys = sorted({(int(part), int(frame)) for part, frame in zip(part_of, frame_of, strict=True)})
-        self._groups = []
+        self._groups: list[tuple[int, int, NDArray[np.intp], Solids]] = []
         for part, frame in keys:
             pairs = np.flatnonzero((part_of == part) & (frame_of == frame))
             pieces = bodies.solids.only(np.isin(np.arange(len(bodies.solids)), bodies.pair_piece[pairs]))
@@ -177,6 +180,26 @@ class VirtualChecker:
         sure = (gaps > self._bodies.sure).all(axis=1)
         found = np.where(hit.any(axis=1), hit.argmax(axis=1), np.where(sure, SURE, UNSURE))
         return found.astype(np.int32)
+
+    def hits(self, q: Array, bases: Array, deeper: float) -> NDArray[np.int32]:
+        """As ``Checker`` says; only pieces near to a part are compared with it."""
+        all_, frames = self._bodies, self._frames(q, bases)
+        never = len(all_.pair_piece)
+        first = np.full(len(q), never)
+        for part, frame, pairs, pieces in self._groups:
+            spheres, ball = all_.spheres[all_.part_sphere[part] : all_.part_sphere[part + 1]], all_.part_ball[part]
+            points = self._seen_from(frames, part, frame, np.vstack([ball, spheres]))
+            near = pieces.gaps(points[:, 0]) < ball[3] + all_.limit[pairs]
+            rows = np.flatnonzero(near.any(axis=1))
+            if not len(rows):
+                continue
+            columns = np.flatnonzero(near.any(axis=0))
+            compared = pieces.only(near.any(axis=0))
+            gaps = (compared.gaps(points[rows, 1:]) - spheres[:, 3, None]).min(axis=1)
+            hit = gaps < all_.limit[pairs[columns]] - deeper
+            lowest = np.where(hit, pairs[columns], never).min(axis=1)
+            first[rows] = np.minimum(first[rows], lowest)
+        return np.where(first < never, first, UNSURE).astype(np.int32)
 
     def judge_edge(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
         """As ``Checker`` says."""
@@ -197,17 +220,26 @@ class VirtualChecker:
 
     def _gaps(self, q: Array) -> Array:
         """(n, p)."""
-        all_, count = self._bodies, len(q)
-        base = np.concatenate([all_.base[:9].reshape(3, 3), all_.base[9:, None]], axis=1)
-        moving = self._chain.frames(q)
-        turned = np.concatenate([base[:, :3] @ moving[..., :3], base[:, :3] @ moving[..., 3:] + base[:, 3:]], axis=3)
-        still = np.stack([np.eye(3, 4), base])
-        frames = np.concatenate([np.broadcast_to(still, (count, 2, 3, 4)), turned], axis=1)
-        found = np.empty((count, len(all_.pair_piece)))
+        all_ = self._bodies
+        frames = self._frames(q, np.broadcast_to(all_.base, (len(q), 12)))
+        found = np.empty((len(q), len(all_.pair_piece)))
         for part, frame, pairs, pieces in self._groups:
             spheres = all_.spheres[all_.part_sphere[part] : all_.part_sphere[part + 1]]
-            mine, other = frames[:, all_.part_frame[part]], frames[:, frame]
-            points = np.einsum("nij,kj->nki", mine[..., :3], spheres[:, :3]) + mine[:, None, :, 3]
-            local = np.einsum("nji,nkj->nki", other[..., :3], points - other[:, None, :, 3])
+            local = self._seen_from(frames, part, frame, spheres)
             found[:, pairs] = (pieces.gaps(local) - spheres[:, 3, None]).min(axis=1)
         return found
+
+    def _frames(self, q: Array, bases: Array) -> Array:
+        """All frames (n, f, 3, 4) in the map, with the base of the chain at (n, 12)."""
+        base = np.concatenate([bases[:, :9].reshape(-1, 3, 3), bases[:, 9:, None]], axis=2)
+        turn, place = base[:, None, :, :3], base[:, None, :, 3:]
+        moving = self._chain.frames(q)
+        turned = np.concatenate([turn @ moving[..., :3], turn @ moving[..., 3:] + place], axis=3)
+        still = np.broadcast_to(np.eye(3, 4), base.shape)
+        return np.concatenate([np.stack([still, base], axis=1), turned], axis=1)
+
+    def _seen_from(self, frames: Array, part: int, frame: int, spheres: Array) -> Array:
+        """Centres (n, k, 3) of spheres (k, 4) of a part in a frame."""
+        mine, other = frames[:, self._bodies.part_frame[part]], frames[:, frame]
+        points = np.einsum("nij,kj->nki", mine[..., :3], spheres[:, :3]) + mine[:, None, :, 3]
+        return np.asarray(np.einsum("nji,nkj->nki", other[..., :3], points - other[:, None, :, 3]))

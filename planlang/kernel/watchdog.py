@@ -1,8 +1,9 @@
-"""The watchdog: interrupts code of a plan that reaches no checkpoint, by the wall clock.
+"""The watchdog: interrupts code of a plan that reaches no checkpoint.
 
-It looks from a thread of its own, shared by all runs of the process, and interferes only when nothing has moved for as
-long as the host allows, or when Ctrl-C was pressed twice and the plan's code does not come back to the scheduler.
-Nothing of it is told in a trace.
+It looks from a thread of its own, shared by all runs of the process, and interferes only when code has computed for as
+long as the host allows, or has waited for that long without computing, or when Ctrl-C was pressed twice and the plan's
+code does not come back to the scheduler. Computing is measured in the run's own processor time, so that a machine that
+is busy with other things does not decide how a plan ends. Nothing of it is told in a trace.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ GRACE = 0.1
 """Seconds in which a plan has to come back to the scheduler after the second Ctrl-C."""
 INSIST = 0.02
 """Seconds between attempts to interrupt: code of the scheduler itself is let through first."""
+WAITS = 0.01
+"""Code that gets less than this share of a processor waits for something."""
 _IDLE_LOOKS = 5
 _DEBUGGERS = ("bdb", "pdb", "pydevd", "_pydevd_bundle", "debugpy")
 
@@ -44,19 +47,27 @@ class Watch:
         self._by_signal = by_signal and hasattr(signal, "pthread_kill")
         self._thread = threading.get_ident()
         self._mark: tuple[int, ...] = ()
-        self._since = 0.0
+        self._computed = 0.0
+        """Processor time of the run when it last moved [s]."""
+        self._waiting = 0.0, 0.0
+        """Since when it has computed next to nothing, and its processor time then [s]."""
         self._pressed: float | None = None
         self._summons: tuple[type[BaseException], tuple[int, ...]] | None = None
 
     def look(self, now: float) -> float:
         """Look at the run at ``now`` [s], interrupt it if need be, and say how long to wait until the next look [s]."""
         scheduler, period = self.scheduler, self.period
-        mark = scheduler.progress()
+        mark, computed = scheduler.progress(), self._processor_time()
         if mark != self._mark or scheduler.idle:
-            self._mark, self._since = mark, now
-        elif period is not None and now - self._since >= period:
-            self._summon(Overdue)
-            return INSIST
+            self._mark, self._computed = mark, computed
+            self._waiting = now, computed
+        elif period is not None:
+            since, before = self._waiting
+            if computed - before >= WAITS * period:
+                self._waiting = since, _ = now, computed
+            if max(computed - self._computed, now - since) >= period:
+                self._summon(Overdue)
+                return INSIST
         if scheduler.interrupts > 1 and scheduler.interrupted:
             if self._pressed is None:
                 self._pressed = now
@@ -65,6 +76,12 @@ class Watch:
             return INSIST
         self._pressed = None
         return 1.0 if period is None else min(1.0, period / 10)
+
+    def _processor_time(self) -> float:
+        """Of the thread that the run is in [s]; 0 where it cannot be told: then only time that passes counts."""
+        if not hasattr(time, "pthread_getcpuclockid"):
+            return 0.0
+        return time.clock_gettime(time.pthread_getcpuclockid(self._thread))  # it lives as long as it is watched
 
     def _summon(self, kind: type[BaseException]) -> None:
         frame = sys._current_frames().get(self._thread)

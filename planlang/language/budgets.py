@@ -11,14 +11,16 @@ from planlang.kernel import Task, checkpoint
 from planlang.kernel.journal import note
 from planlang.kernel.park import deliver, here, park
 from planlang.language.bounds import Limited
-from planlang.language.branches import Branch, check
+from planlang.language.branches import Branch
+from planlang.misuse import Usage
 
 V = TypeVar("V")
+_BUDGET = Usage("await budget", {"body": "reach"}, {"seconds": "30", "attempts": "3"})
 
 
 class _Budget(Limited):
     def __init__(self, seconds: float | None, attempts: int | None, body: Branch) -> None:
-        super().__init__("budget", None if seconds is None else here()[0].steps(seconds), body)
+        super().__init__("budget", None if seconds is None else here()[0].steps(seconds, _BUDGET), body)
         self.seconds = seconds
         self.attempts = attempts
         self.left = attempts
@@ -52,9 +54,9 @@ async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None,
     When one is used up its body is evaporated and BudgetExceeded raised, which says where the time went, by action,
     and where the attempts went, by construct.
     """
-    check("budget", (body,))
-    if attempts is not None and attempts < 0:
-        raise ValueError(f"attempts is a number of times, at least 0, not {attempts}")
+    _BUDGET.branch("body", body)
+    if attempts is not None:
+        _BUDGET.whole("attempts", attempts, 0, "times")
     scope = _Budget(seconds, attempts, body)
     token = _budget.set(scope)
     try:

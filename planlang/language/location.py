@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.designators import Device, Location, Object, a_location
@@ -22,18 +23,25 @@ from planlang.kernel import Scope, Status, Task, WorldFluent, failure_of, wait_f
 from planlang.kernel.journal import taken_over
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.tree import name_of
-from planlang.language.branches import Branch, check
+from planlang.language.branches import Branch
 from planlang.language.budgets import take_attempt
 from planlang.language.context import executive_for
 from planlang.language.performing import perform
 from planlang.language.place import Place, place
 from planlang.language.resources import Lease, using
+from planlang.misuse import Usage
 
 if TYPE_CHECKING:
     from planlang.language.executive import Executive
     from planlang.protocols import Solution
 
 V = TypeVar("V")
+
+_AT_LOCATION = Usage(
+    "await at_location",
+    {"location": "a_location(in_reach_of=cup)", "body": "grasp"},
+    {"attempts": "3", "reaching": "(cup,)", "device": "RIGHT_GRIPPER"},
+)
 
 CURABLE = (NavigationFailure, ManipulationPoseUnreachable, ManipulationGoalInCollision, LookingGoalUnreachable)
 """Failures that another place for the base can cure."""
@@ -53,7 +61,8 @@ async def at_location(
 ) -> V:
     """Go to a place of ``location`` from which everything in ``reaching`` can be reached, and run the body there.
 
-    ``device`` is what reaches; without it the executive decides.
+    ``device`` is what reaches; without it the executive decides. If it is another than that of ``location``, it is said
+    of each location in ``reaching``; for an object that raises ValueError, as two arms of one location do.
 
     When the body fails in a way that another place can cure, the next place is tried, at most ``attempts`` in all.
     Places within 5 cm of one that failed at the same revision of the belief are skipped. The base is held: side by
@@ -63,13 +72,21 @@ async def at_location(
     Raises ObjectUnreachable, or ObjectUndeliverable when something is held, from the last failure, or from
     LocationUnresolvable when no place was found at all.
     """
-    check("at_location", (body,))
+    _AT_LOCATION.branch("body", body)
+    _AT_LOCATION.instance("location", location, Location, "a location")
+    _AT_LOCATION.whole("attempts", attempts, 1, "places")
+    _AT_LOCATION.iterable("reaching", reaching, "objects and locations")
+    reaching = tuple(reaching)
+    for one in reaching:
+        if not isinstance(one, (Object, Location)):
+            raise _AT_LOCATION.wrong("reaching", [one], "objects and locations")
+    if device is not None:
+        _AT_LOCATION.instance("device", device, Device, "a device")
     if (before := taken_over("at_location", "at_location")) is not None:
         return await before  # type: ignore[no-any-return]
     executive = executive_for("at_location")
-    wanted = tuple(reaching)
-    if wanted:
-        location = location & a_location(in_reach_of=wanted, using=device)
+    if reaching:
+        location = location & _in_reach(reaching, device, location.device)
     outer = place.get()
     with inside("at_location", "at_location", location=location, attempts=attempts) as node:
         async with using("base") as lease:
@@ -83,6 +100,14 @@ async def at_location(
         if outer is not None and outer.displaced:
             await outer.establish()
     return node.result  # type: ignore[no-any-return]
+
+
+def _in_reach(wanted: tuple[Object | Location, ...], device: Device | None, other: Device | None) -> Location:
+    """Where all that is wanted is in reach of a device, to be joined with a location that names another, or none."""
+    if None in (device, other) or device == other or not all(isinstance(one, Location) for one in wanted):
+        return a_location(in_reach_of=wanted, using=device)
+    each = [replace(one, device=one.device or device) for one in wanted if isinstance(one, Location)]
+    return a_location(in_reach_of=each)
 
 
 class _Visit:
@@ -134,8 +159,7 @@ class _Visit:
                 record("place failed", attempt=attempt, base=solution.base, failure=failure)
                 if attempt < attempts:
                     await take_attempt("at_location")
-        if last is None:
-            raise ValueError(f"attempts is a number of places, at least 1, not {attempts}")
+        assert last is not None  # there is at least one attempt
         raise self._escalated(last) from last
 
     def _next(self) -> Solution:

@@ -8,15 +8,23 @@ from typing import Any, TypeVar
 
 from planlang.failures import PlanFailure, PolicyViolated, attach_cleanup
 from planlang.kernel import All, Evaporated, PlanStructureError, Signal, Status, Task, failure_of, shield
+from planlang.kernel.calling import called
 from planlang.kernel.fluent import Source, tracked
 from planlang.kernel.journal import taken_over
 from planlang.kernel.park import park
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.suspension import Recheck
 from planlang.kernel.tree import name_of
-from planlang.language.branches import Branch, check
+from planlang.language.branches import Branch
+from planlang.misuse import Usage, WrongType, contrast, written
 
 V = TypeVar("V")
+_POLICY = Usage(
+    "Policy",
+    {"name": '"keep away"'},
+    {"check": "distance < 0.1", "init": "look", "recover": "retract", "clean_up": "stop"},
+)
+_WITH_POLICIES = Usage("await with_policies", {"policies": '[Policy("keep away", distance < 0.1)]', "body": "reach"})
 
 
 @dataclass(frozen=True)
@@ -36,13 +44,16 @@ class Policy:
     clean_up: Branch | None = None
 
     def __post_init__(self) -> None:
-        check(f"policy {self.name!r}", [one for one in (self.init, self.recover, self.clean_up) if one is not None])
+        parts = {"init": self.init, "recover": self.recover, "clean_up": self.clean_up}
+        _POLICY.branches(**{part: branch for part, branch in parts.items() if branch is not None})
+        _POLICY.text("name", self.name)
         if not (self.check is None or isinstance(self.check, Signal) or callable(self.check)):
-            raise TypeError(
-                f"the check of policy {self.name!r} is {self.check!r}, which does not change\n"
-                f"  wrong: Policy({self.name!r}, distance.value < 0.1)\n"
-                f"  right: Policy({self.name!r}, distance < 0.1), or lambda: distance.value < 0.1"
-            )
+            code = written(self.check)
+            message = f"the check of policy {self.name!r} is {code}, which does not change"
+            wrong, right = (f"Policy({self.name!r}, distance{value} < 0.1)" for value in (".value", ""))
+            raise WrongType(contrast(message, wrong, f"{right}, or lambda: distance.value < 0.1"))
+        if self.check is not None and not isinstance(self.check, Signal):
+            _POLICY.plain("check", self.check, "a fluent, or a function that reads fluents")
 
 
 async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable[V]]) -> V:
@@ -56,7 +67,12 @@ async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable
     first of them is raised. Evaporation from outside waits for ``recover`` and the clean_ups to end; one of them that
     takes longer than 10 s of plan time is a programming error.
     """
-    check("with_policies", (body,))
+    _WITH_POLICIES.branch("body", body)
+    _WITH_POLICIES.iterable("policies", policies, "a list of policies")
+    policies = tuple(policies)
+    for policy in policies:
+        if not isinstance(policy, Policy):
+            raise _WITH_POLICIES.wrong("policies", [policy], "a list of policies")
     names = [policy.name for policy in policies]
     for name in names:
         if names.count(name) > 1:
@@ -84,7 +100,7 @@ async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable
 async def _part(kind: str, branch: Branch | None, policy: Policy) -> None:
     if branch is not None:
         with inside(kind, f"{kind} {policy.name}"):
-            await branch()
+            await called(branch)
 
 
 async def _run(policies: Sequence[Policy], body: Branch) -> Any:
@@ -211,7 +227,9 @@ class _Watch(Recheck):
                 found = bool(self.condition.value)
                 reads.update(self.condition.sources())
             else:
-                found = bool(self.condition())
+                told = self.condition()
+                _POLICY.at_once("check", self.condition, told)
+                found = bool(told)
         finally:
             tracked.reads = before
             self.follow(reads)

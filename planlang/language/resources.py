@@ -13,6 +13,7 @@ from planlang.kernel import Scheduler, Task
 from planlang.kernel.park import deliver, here, park
 from planlang.kernel.primitives import record
 from planlang.kernel.suspension import Recheck
+from planlang.misuse import Usage
 
 
 class _Lock:
@@ -107,6 +108,9 @@ class Arbiter:
 _lease: ContextVar[Lease | None] = ContextVar("lease", default=None)
 
 
+_USING = Usage("async with using", {"name": '"left_arm"'})
+
+
 class using:  # noqa: N801 - used like a function: async with using("left_arm", "base")
     """``async with using("left_arm", "base") as lease:`` holds resources until the block ends, evaporation included.
 
@@ -116,6 +120,8 @@ class using:  # noqa: N801 - used like a function: async with using("left_arm", 
     """
 
     def __init__(self, *names: str) -> None:
+        for name in names:
+            _USING.text("name", name)
         self.names = names
 
     async def __aenter__(self) -> Lease:

@@ -9,7 +9,7 @@ from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warn
 from planlang.ontology import BNode, Literal, Ontology, shorten
 from planlang.ontology.terms import OWL, TYPE, XSD, is_vocabulary
 from planlang.recipe.actions import Actions
-from planlang.recipe.fillings import action_class, action_properties, fillings, unread_facts
+from planlang.recipe.fillings import action_class, fillings, unread_facts
 from planlang.recipe.guesses import SURE, guess
 from planlang.recipe.model import Name, Place, Recipe, Step, Thing
 from planlang.recipe.readers.data_flow import OUTPUTS, made
@@ -96,32 +96,20 @@ def _left_out(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
         message = f"{local_name(name)} of `{local_name(owner)}`{others} is left out: it is no property of actions"
         cls = action_class(ontology, owner)
         listed = ontology.valid_properties(cls) if cls is not None else ()
-        meant = guess(name, listed, least=0.8) or guess(name, action_properties(ontology), least=SURE)
-        advice = f"did you mean {meant}?" if meant else "say it by such a property if a plan should know it"
-        if listed and not meant:
+        advice = "say it by such a property if a plan should know it"
+        if listed:
             advice += f": {', '.join(sorted(map(local_name, listed)))}"
-        yield warning("R038", message, span, advice, meant)
+        yield warning("R038", message, span, advice)
 
 
 def _property(ontology: Ontology, owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:
     if not listed or filling.property in listed or is_word(filling.property, *OUTPUTS):  # any action may make something
         return
-    names = sorted(local_name(name) for name in listed)
     short = local_name(filling.property)
-    advice = f"listed are {', '.join(names)}"
     message = f"{short} is not listed for actions such as `{local_name(owner)}`: it is kept as it is"
-    if not is_vocabulary(short):
-        is_declared = ontology.is_property(filling.property)
-        meant = guess(filling.property, sorted(listed), least=SURE)
-        if meant is None and not is_declared:
-            meant = guess(filling.property, action_properties(ontology), least=SURE)
-        if meant:
-            message = f"`{local_name(owner)}` has no property {short}"
-            yield error("R031", message, filling.span, f"did you mean {meant}?", meant)
-            return
-        if not is_declared:
-            message = f"nothing declares the property {short} of `{local_name(owner)}`: it is kept as it is"
-    yield warning("R031", message, filling.span, advice)
+    if not is_vocabulary(short) and not ontology.is_property(filling.property):
+        message = f"nothing declares the property {short} of `{local_name(owner)}`: it is kept as it is"
+    yield warning("R031", message, filling.span, f"listed are {', '.join(sorted(map(local_name, listed)))}")
 
 
 def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagnostic]:

@@ -131,6 +131,19 @@ def test_a_conjunction_keeps_the_device_that_was_named() -> None:
     assert (plain & with_gripper).device == (with_gripper & plain).device == GRIPPER
 
 
+def test_a_conjunction_of_two_arms_two_grasps_or_a_posture_is_refused() -> None:
+    right, left = a_location(in_reach_of=BOTTLE, using=GRIPPER), a_location(in_reach_of=BED, using=a_device("LeftArm"))
+    with pytest.raises(ValueError, match=r"two arms are said of one location: rightGripper and LeftArm\. A base from"):
+        right & left
+    with pytest.raises(ValueError, match="two grasps are said of one location: top and side"):
+        a_location(in_reach_of=BOTTLE, grasp="top") & a_location(in_reach_of=BED, grasp="side")
+    for pair in ((a_posture("carrying"), right), (right, a_posture("carrying"))):
+        with pytest.raises(ValueError, match="a posture is no set of poses"):
+            pair[0] & pair[1]
+    both = a_location(in_reach_of=(a_location(above=BED, using=GRIPPER), a_location(on=BED, using=a_device("LeftArm"))))
+    assert both.device is None
+
+
 def test_actions_with_the_same_properties_are_equal_in_whatever_order_they_were_written() -> None:
     one = action("Reaching", to_location=a_location(above=BED), device_used=GRIPPER)
     other = action("Reaching", device_used=GRIPPER, to_location=a_location(above=BED), name="ReachOver")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-SAFE = ("O012", "O042", "O043", "R010", "R011", "R013", "R014", "R020", "R024", "R030", "R031", "R033", "R038", "R042",
-        "R046", "R049", "R050", "R051", "R057")  # fmt: skip
+SAFE = ("O012", "O013", "O042", "O043", "R010", "R011", "R013", "R014", "R020", "R024", "R030", "R033", "R038", "R042",
+        "R046", "R049", "R050", "R051", "R057", "R058")  # fmt: skip
 """Codes of fixes that are made unasked: the recipe means the same after them, or nothing else can be meant."""
 
-ACCEPTABLE = ("R010", "R011", "R020", "R031", "R033", "R034", "R038", "R039", "R040", "R045", "R046", "R049", "R050")
+ACCEPTABLE = ("R010", "R011", "R020", "R033", "R034", "R038", "R039", "R040", "R045", "R046", "R049", "R050", "R058")
 """Codes of fixes that may be guesses, which are made only if they are accepted."""
 
 WITHOUT = {
@@ -20,6 +20,7 @@ WITHOUT = {
     "R021": "how the action is performed is not in the file",
     "R022": "which step should not be there is not in the file",
     "R023": "which recipe should be flatter is not in the file",
+    "R031": "which property was meant is not in the file, or it is another program's",
     "R032": "the property, its filler and the class of the filler could each be the wrong one",
     "R035": "an expression has no name that could be written in its place",
     "R036": "where the place is, is not in the file",
@@ -34,5 +35,6 @@ WITHOUT = {
     "R054": "the transition that is missing, or that the state is too many, could each be meant",
     "R055": "what comes next is not in the file",
     "R056": "what should be done after a failure is not in the file",
+    "R059": "whether the statement belongs to another task, or should go, is not in the file",
 }
 """Code -> why there is no fix: there is more than one right text, or none follows from the file."""

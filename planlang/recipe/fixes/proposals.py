@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, Order, Rename, Span
+from planlang.diagnostics import Diagnostic, Order, Rename, Severity, Span
 from planlang.ontology import Ontology
 from planlang.ontology.terms import OWL
 from planlang.recipe.actions import Actions
@@ -37,13 +37,16 @@ def proposed(
     ontology = actions.ontology
     fixes = [
         Fix(
-            "O012", found.message.replace(" is read as ", " becomes "), found.span, lambda text: text.with_right_terms()
+            found.code,
+            found.message.replace(" is read as ", " becomes "),
+            found.span,
+            lambda text: text.with_right_terms(),
         )
         for found in diagnostics
-        if found.code == "O012"
+        if found.code == "O012" or (found.code == "O013" and found.severity is Severity.ERROR)
     ]
     fixes += _kinds(ontology)
-    fixes += _renames(ontology, diagnostics)
+    fixes += renames(ontology, diagnostics)
     fixes += _unused(ontology)
     broken = _ORDERS_UNKNOWN & {found.code for found in diagnostics}
     if unrepaired is not None:
@@ -81,7 +84,7 @@ def _kinds(ontology: Ontology) -> Iterator[Fix]:
             yield Fix(code, message, triples[0].span, _with_kind([triple.span for triple in triples], kind))
 
 
-def _renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
+def renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
     """Names that nothing defines become those that are like them: all their mentions in the main document."""
     for found in diagnostics:
         rename = found.suggestion

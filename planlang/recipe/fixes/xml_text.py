@@ -133,13 +133,13 @@ class XmlText:
         return [self._restriction(restriction, around, property_name, _KINDS[kind], self._reference(step))]
 
     def with_right_terms(self) -> list[Edit]:
-        """Put the names of elements that are in the wrong namespace of RDFS and OWL into the right one."""
+        """Write the terms of RDFS and OWL that elements mean: in the namespace that has them, and spelt as there."""
         edits = []
         for element in self._at.values():
             right = meant_term(element.name)
-            local = element.tag.rpartition(":")[2]
-            if right == element.name or not right.endswith(local):
+            if right == element.name:
                 continue
+            local = local_name(right)
             edits += self._tagged(element, _prefix(element, right.removesuffix(local)) + local)
         return edits
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from itertools import islice
 
 import pytest
 
+from executive import memory
 from planlang.designators import Location, a_location, a_person, an_object, located
 from planlang.failures import LocationUnresolvable
 from planlang.protocols import Configuration, Pose
@@ -45,6 +47,22 @@ def test_left_is_that_of_the_thing_if_it_has_a_front_else_the_viewers(ward: Stag
     for x, y, _ in bases(ward, a_location(left_of=THE_BOTTLE), 3):
         assert y > 0.0
         assert abs(x - 1.5) <= y
+
+
+def test_whose_left_is_meant_survives_the_state_of_a_run_that_is_resumed(ward: Stage) -> None:
+    left = a_location(left_of=THE_BOTTLE)
+    stand(ward, (0.3, 0.0, 0.0))
+    place = bases(ward, left, 1)[0]
+    stand(ward, place)
+    state = json.loads(json.dumps(memory.snapshot(ward.platform)))
+    ward.resolver.remember_viewers([])
+    assert ward.resolver.satisfies(left, place) is None, "from there it is before the bottle"
+    memory.restore(ward.platform, state, world=False)
+    assert ward.resolver.satisfies(left, place) is not None
+    assert json.loads(json.dumps(memory.snapshot(ward.platform)))["viewers"] == state["viewers"]
+    state["viewers"] = [[{"a": 1}, [0.0, 0.0]]]
+    with pytest.raises(ValueError, match="damaged"):
+        memory.restore(ward.platform, state, world=False)
 
 
 def test_what_faces_a_thing_has_it_ahead(ward: Stage) -> None:

@@ -186,6 +186,40 @@ def test_it_barks_when_nothing_moved_for_the_whole_period(watched: Any) -> None:
     assert summoned == [dog.Overdue]
 
 
+def test_code_that_computes_is_given_processor_time_and_not_the_wall_clocks(
+    watched: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, watch, summoned = watched
+    one.mark, computed = (1, 0, 0), 50.0
+    monkeypatch.setattr(watch, "_processor_time", lambda: computed)
+    watch.look(0.0)
+    for second in range(1, 240):  # on a machine so busy that a processor is had for a twenty-fifth of the time
+        computed += 0.04
+        watch.look(float(second))
+    assert summoned == []
+    for second in range(240, 252):
+        computed += 0.04
+        watch.look(float(second))
+    assert summoned
+
+
+def test_code_that_has_computed_and_is_blocked_then_is_interrupted_after_a_period_of_waiting(
+    watched: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, watch, summoned = watched
+    one.mark, computed = (1, 0, 0), 0.0
+    monkeypatch.setattr(watch, "_processor_time", lambda: computed)
+    watch.look(0.0)
+    for second in range(1, 6):
+        computed += 1.0
+        watch.look(float(second))
+    for second in range(6, 15):
+        watch.look(float(second))
+    assert summoned == []
+    watch.look(15.0)
+    assert summoned == [dog.Overdue]
+
+
 def test_every_movement_and_every_wait_of_the_host_begins_the_period_anew(watched: Any) -> None:
     one, watch, summoned = watched
     for second in range(0, 100, 9):

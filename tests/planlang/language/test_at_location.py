@@ -10,6 +10,7 @@ import pytest
 from planlang import (
     Trace,
     VirtualHost,
+    a_device,
     a_location,
     action,
     an_object,
@@ -53,6 +54,19 @@ def test_what_shall_be_reached_joins_the_location(executive: Any) -> None:
 
     go(partial(at_location, NEAR_CUP, body, reaching=(grasp,)), executive)
     assert executive.asked == [NEAR_CUP & a_location(in_reach_of=grasp)]
+
+
+def test_another_arm_than_that_of_the_place_is_said_of_what_it_shall_reach(executive: Any) -> None:
+    right, left = a_device("RightArm"), a_device("LeftArm")
+    grasp = a_location(in_center_of=CUP)
+
+    async def body() -> None: ...
+
+    place = NEAR_CUP & a_location(near=BED, using=right)
+    go(partial(at_location, place, body, reaching=(grasp,), device=left), executive)
+    assert executive.asked == [place & a_location(in_reach_of=a_location(in_center_of=CUP, using=left))]
+    with pytest.raises(ValueError, match="two arms are said of one location"):
+        go(partial(at_location, place, body, reaching=(CUP,), device=left), executive)
 
 
 def test_a_failure_that_another_place_cures_tries_the_next_place(executive: Any) -> None:

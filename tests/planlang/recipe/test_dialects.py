@@ -25,8 +25,8 @@ from planlang.recipe import (
 )
 from planlang.recipe.intervals import Intervals, implied_by_overlaps
 from planlang.recipe.model import Reason
-from planlang.recipe.readers.finite_state import ending_of
 from planlang.recipe.units import si_unit, unit
+from planlang.recipe.words import ending_of
 
 HEAD = """\
 Prefix: : <http://planlang.org/test#>

@@ -174,7 +174,7 @@ STEPS = "knowrob:subAction some Give, knowrob:subAction some {step}, knowrob:ord
 
 
 def test_a_misspelt_step_in_an_ordering_is_corrected_when_only_one_can_be_meant(folder: Path) -> None:
-    text = MANCHESTER.format(items=STEPS.format(step="Take"), frames=MISSPELT.format(before="Takee"))
+    text = MANCHESTER.format(items=STEPS.format(step="Take"), frames=MISSPELT.format(before="Takeee"))
     found = fixed(folder, text, name="r.omn")
     assert codes(found) == ["R010"]
     assert compiled(folder, found)[1] == []
@@ -266,9 +266,9 @@ OTHERWISE = {"R036_hand_without_place": "R038"}
 """Files of which something else is fixed than what they are named for."""
 
 IN_XML = ("R034_only_individual", "R039_unused", "R051_unlisted_state",
-          "R013_repeated_ordering", "R024_repeated_step", "R031_unknown_property", "R033_undefined_filler",
-          "R038_fact_left_out", "R049_class_unknown", "R057_orders_of_states", "O042_some_individual",
-          "O043_value_class")  # fmt: skip
+          "R013_repeated_ordering", "R024_repeated_step", "R033_undefined_filler", "R049_class_unknown",
+          "R057_orders_of_states", "R058_declared_property", "R058_misspelt_names", "R058_misspelt_outcomes",
+          "R058_misspelt_words", "O042_some_individual", "O043_value_class")  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -326,10 +326,10 @@ def test_a_name_that_is_like_two_others_is_not_guessed(folder: Path) -> None:
 
 
 def test_a_suggestion_is_told_to_machines(folder: Path) -> None:
-    path = DIAGNOSTICS / "R033_undefined_filler.omn"
+    path = DIAGNOSTICS / "R058_misspelt_names.omn"
     with pytest.raises(BadInput) as caught:
         compile_recipe(path)
-    (told,) = (one.as_json()["suggestion"] for one in caught.value.diagnostics if one.code == "R033")
+    (told,) = (one.as_json()["suggestion"] for one in caught.value.diagnostics if one.code == "R058")
     base = "http://planlang.org/test#"
     assert told == {"written": f"{base}botle1", "meant": f"{base}bottle1", "is_sure": True}
 

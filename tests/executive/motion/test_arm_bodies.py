@@ -9,11 +9,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from executive.arm_bodies import arm_bodies
 from executive.capabilities import bind_robot
 from executive.motion import Chain
+from executive.motion.arm_bodies import ArmShapes, Room
 from executive.motion.backends import SURE
 from executive.motion.collision import QuickCheck
+from executive.motion.link_shapes import links_of
 from executive.motion.solids import Solids
 from planlang.protocols import Array, Configuration, Pose
 from sim import Body, PyBulletWorld, Scene
@@ -40,9 +41,9 @@ class Reacher:
 
     def quick(self) -> QuickCheck:
         """The check by spheres, as things are now."""
-        bodies = arm_bodies(self.world, self.chain, self.base_link)
-        base = self.world.link_pose(self.base_link).matrix()
-        return bodies.against(base, Solids.of(self.world.solids()), "room", (frozenset(), None))
+        shapes = ArmShapes(self.world, links_of(self.world), self.chain, self.base_link, self.tip)
+        base, room = self.world.link_pose(self.base_link).matrix(), Room.of(Solids.of(self.world.solids()), "room")
+        return shapes.now(self.world).against(base, room, (frozenset(), None))
 
     def touched(self, q: Array, among: list[tuple[str, str]] | None = None) -> set[frozenset[str]]:
         """Pairs that PyBullet finds in each other."""
@@ -107,6 +108,46 @@ def test_compiled_and_interpreted_checks_agree(reacher: Reacher, monkeypatch: py
     np.testing.assert_array_equal(said[said < 0], other[said < 0])
     for a, b in pairwise(rows):
         assert compiled.edge_free(a, b, 9) == interpreted.edge_free(a, b, 9)
+
+
+def test_what_is_hit_from_any_base_touches_and_both_checks_say_the_same(
+    reacher: Reacher, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before, rng = reacher.world.configuration(), np.random.default_rng(3)
+    compiled = reacher.quick()
+    rows, turns = reacher.chain.sample(rng, 60), rng.uniform(-3.0, 3.0, 60)
+    places = [(x, y, yaw) for (x, y), yaw in zip(rng.uniform(-0.4, 0.4, (60, 2)).tolist(), turns, strict=True)]
+    bases = np.array([Pose.planar(*place).matrix() for place in places])
+    found = compiled.hit(bases, rows)
+    monkeypatch.setenv("CC", "no-such-compiler")
+    interpreted = replace(reacher, chain=reacher.chain.locked({})).quick()
+    assert found == interpreted.hit(bases, rows)
+    assert 5 < sum(body is not None for body in found) < 60
+    for place, q, body in zip(places, rows, found, strict=True):
+        joints = {**before.joints, **dict(zip(reacher.chain.names, q.tolist(), strict=True))}
+        touched = reacher.world.contacts(Configuration(place, joints)) if body is not None else ()
+        assert body is None or any(body in (contact.part, contact.body) for contact in touched)
+    for deeper in (0.004, 0.04):
+        fewer = compiled.hit(bases, rows, deeper=deeper)
+        assert fewer == interpreted.hit(bases, rows, deeper=deeper)
+        assert all(before is not None for before, now in zip(found, fewer, strict=True) if now is not None)
+
+
+def test_an_arm_held_still_and_a_hand_alone_hit_what_the_whole_arm_hits(reacher: Reacher) -> None:
+    shapes = ArmShapes(reacher.world, links_of(reacher.world), reacher.chain, reacher.base_link, reacher.tip)
+    room, bodies = Room.of(Solids.of(reacher.world.solids()), "room"), shapes.now(reacher.world)
+    base = reacher.world.link_pose(reacher.base_link).matrix()
+    whole = bodies.against(base, room, (frozenset(), None))
+    hand = bodies.hand(*shapes.tip).against(base, room, (frozenset(), None))
+    seen = 0
+    for q in reacher.chain.sample(np.random.default_rng(7), 40):
+        still = bodies.still(q).against(base, room, (frozenset(), None))
+        in_room = [body if body in room.bodies.names else None for body in whole.hit(base[None], q[None])]
+        assert still.hit(base[None]) == in_room
+        met = hand.hit(base[None] @ reacher.chain.fk(q[None]))[0]
+        seen += met is not None
+        assert met is None or in_room[0] is not None
+    assert seen
 
 
 def _chosen(reacher: Reacher, wanted: Callable[[int, set[frozenset[str]]], bool]) -> Array:

@@ -1,0 +1,305 @@
+"""What arms have to keep clear of, and with what: the robot's links, what it holds, and the bodies of a room.
+
+Everything that does not depend on the posture is worked out once for a chain (:class:`ArmShapes`), the rest once for a
+posture (:class:`ArmBodies`), and :meth:`ArmBodies.against` puts it into a :class:`Room`. The same bodies serve a search
+for ways of an arm and, held still in a posture or as a hand alone, a search for places of the base.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.motion.collision import BASE, FIRST_JOINT, MAP, Movers, Obstacles, QuickCheck, Watched
+from executive.motion.kinematics import Chain
+from executive.motion.link_shapes import Shaped, thing_in
+from executive.motion.solids import Solids
+from planlang.protocols import Array, Configuration, Pose
+from sim import PyBulletWorld, Solid
+from sim.contact import SUPPORT_DEPTH
+
+GROUND_SIZE = (60.0, 60.0, 0.1)
+"""Of the piece that stands for the floor [m]."""
+AT_ORIGIN = (0.0, 0.0, 0.0)
+"""A base pose."""
+
+Ignored = tuple[frozenset[str], str | None]
+"""Links, and the body that they may touch."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmBodies:
+    """Movers and obstacles of the robot itself, with what it holds, for one chain and one posture of the rest."""
+
+    chain: Chain
+    movers: Movers
+    own: Obstacles
+    watched: Watched
+    """Of movers and obstacles of the robot itself."""
+    hands: NDArray[np.bool_]
+    """Movers that are links of any hand (m,): people's arms, once they reach for something, do not mind them."""
+    grounded: NDArray[np.bool_]
+    """Movers to which the floor is no obstacle (m,)."""
+    held: Mapping[str, frozenset[str]]
+    """Names of movers that are held objects, and what each has touched since it was grasped."""
+    centre: Array
+    """Middle of what can be reached, in the base frame (3,)."""
+    reach: float
+    """No mover is ever farther away from there [m]."""
+    whole: bool
+    """Whether all that moves with the chain is among the movers."""
+
+    def against(self, base: Array, room: Room, ignored: Ignored) -> QuickCheck:
+        """The check against a room, from a base pose (4, 4); hand links ``ignored`` may touch a body."""
+        bodies = room.bodies
+        own = Watched(self.watched.movers, self.watched.obstacles + len(bodies), self.watched.allowed)
+        watched = self._watched(room, ignored).followed_by(own)
+        return QuickCheck(self.chain, base, self.movers, bodies.followed_by(self.own), watched, whole=self.whole)
+
+    def _watched(self, room: Room, ignored: Ignored) -> Watched:
+        """Every mover and every body of a room but those that may touch."""
+        mine, (links, touches) = self.movers.names, ignored
+        held = [k for k, name in enumerate(mine) if name in self.held]
+        spared = self.hands.copy()
+        spared[held] = True
+        watched = ~np.outer(spared, room.limbs)
+        allowed = np.zeros(watched.shape)
+        for k in held:
+            touched = self.held[mine[k]]
+            allowed[k, [body in touched for body in room.bodies.names]] = SUPPORT_DEPTH
+        if touches is not None:
+            hand = np.array([name in links for name in mine], bool)
+            touched_ones = np.array([body == touches for body in room.bodies.names], bool)
+            watched[np.outer(hand, touched_ones)] = False
+        watched[self.grounded, -1] = False
+        movers, obstacles = np.nonzero(watched)
+        return Watched(movers, obstacles, allowed[movers, obstacles])
+
+    def still(self, q: Array) -> ArmBodies:
+        """All that moves with the chain, which stays at ``q`` (d,) and goes with its base wherever that goes."""
+        frames = self.chain.frames(q[None])[0]
+        every = np.ones(len(self.movers), bool)
+        return self._stiff(every, frames[self.movers.frames - FIRST_JOINT])
+
+    def together_with(self, others: Sequence[ArmBodies]) -> ArmBodies:
+        """These and others that have been made :meth:`still`, at the same base."""
+        if not others:
+            return self
+        every = (self, *others)
+        return replace(
+            self,
+            movers=Movers.joined([one.movers for one in every]),
+            hands=np.concatenate([one.hands for one in every]),
+            grounded=np.concatenate([one.grounded for one in every]),
+            held={name: touched for one in every for name, touched in one.held.items()},
+        )
+
+    def hand(self, tip: Array, frame: int) -> ArmBodies:
+        """What goes with the hand, whose tip is at ``tip`` (4, 4) in a frame: in the tip frame, as that of the base."""
+        mine = self.movers.frames == frame
+        return self._stiff(mine, np.broadcast_to(np.linalg.inv(tip), (int(mine.sum()), 4, 4)))
+
+    def _stiff(self, mine: NDArray[np.bool_], places: Array) -> ArmBodies:
+        """Some movers, from the frames they go with to one that sees these at places (k, 4, 4)."""
+        movers = _moved(self.movers.only(mine), places).going_with(BASE)
+        return replace(
+            self,
+            movers=movers,
+            own=Obstacles.of(()),
+            watched=Watched.of(()),
+            hands=self.hands[mine],
+            grounded=self.grounded[mine],
+            reach=np.inf,
+            whole=False,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Room:
+    """The bodies of a room as obstacles, the floor last."""
+
+    bodies: Obstacles
+    limbs: NDArray[np.bool_]
+    """Which are arms of people (o,)."""
+
+    @staticmethod
+    def of(solids: Solids, floor: str) -> Room:
+        """From the pieces of bodies, and the name of the floor."""
+        each = list(zip(solids.bodies, solids.limbs.tolist(), strict=True))
+        keys = list(dict.fromkeys(each))
+        number = {key: k for k, key in enumerate(keys)}
+        of_piece = np.array([number[key] for key in each], np.intp)
+        ground = Solid(floor, "box", GROUND_SIZE, Pose((0.0, 0.0, -GROUND_SIZE[2] / 2)), limb=False)
+        sizes = np.bincount(of_piece, minlength=len(keys))
+        count = len(keys) + 1
+        bodies = Obstacles(
+            (*(body for body, _ in keys), floor),
+            np.full(count, MAP, np.int32),
+            np.cumsum([0, *sizes.tolist(), 1]).astype(np.int32),
+            Solids.joined([solids.only(np.argsort(of_piece, kind="stable")), Solids.of([ground])]),
+            np.zeros(count),
+        )
+        return Room(bodies, np.array([*(limb for _, limb in keys), False], bool))
+
+    def near(self, centre: Array, radius: float) -> Room:
+        """Those bodies of which a piece meets a sphere, and the floor."""
+        solids, first = self.bodies.solids, self.bodies.first
+        met = np.linalg.norm(solids.centres - centre, axis=1) <= radius + solids.reach
+        kept = np.add.reduceat(met, first[:-1]) > 0
+        kept[-1] = True
+        return Room(self.bodies.only(kept), self.limbs[kept])
+
+
+class ArmShapes:
+    """One chain of a world's robot: with which of its moving joints each solid link goes, and what must not touch."""
+
+    def __init__(
+        self, world: PyBulletWorld, links: Sequence[Shaped], chain: Chain, base_link: str, tip_link: str
+    ) -> None:
+        """``links``: all solid links, in their order."""
+        robot = world.robot
+        self._chain, self._base_link, self._links = chain, base_link, links
+        self._carriers = {name: FIRST_JOINT + number for number, name in enumerate(chain.carriers)}
+        moved = frozenset[int]().union(*(robot.moved_by(name) for name in chain.names))
+        every = [self.frame_of(world, link) for link in robot.solid_names]
+        # a link that is moved by a joint that follows one of the chain is not known to go with any
+        numbers = [k for k, frame in enumerate(every) if (k in moved) == (frame >= FIRST_JOINT)]
+        self._whole = len(numbers) == len(every)
+        self._frames = np.array(every, np.int32)
+        moving = [number for number in numbers if every[number] >= FIRST_JOINT]
+        self._movers, self._of_mover = _movers(links, moving, every)
+        pieces = [(number, *links[number].pieces) for number in numbers]
+        self._own = Obstacles.of([(links[k].name, every[k], solids, slack) for k, solids, slack in pieces])
+        self._of_piece = np.repeat(numbers, [len(solids) for _, solids, _ in pieces]).astype(np.intp)
+        self._obstacle_of = {number: k for k, number in enumerate(numbers)}
+        hands = frozenset[int]().union(*(robot.hand_of(link) for link in robot.body.hands))
+        self._hands = np.isin(self._of_mover, sorted(hands))
+        self._grounded = np.isin(self._of_mover, sorted(robot.grounded))
+        self._watched = Watched.of(
+            [
+                pair
+                for a, b in robot.self_pairs
+                if a in self._obstacle_of and b in self._obstacle_of
+                for pair in self._pairs(self._part(a), self._part(b))
+            ]
+        )
+        self._centre, self._along = _extent(chain)
+        q = (np.clip(chain.lower, -np.pi, np.pi) + np.clip(chain.upper, -np.pi, np.pi)) / 2
+        frames, poses = chain.frames(q[None])[0], chain.fk(q[None])[0]
+        last = self.frame_of(world, tip_link)
+        self.tip: tuple[Array, int] = np.linalg.inv(frames[last - FIRST_JOINT]) @ poses, last
+        """Where the tip is in the frame with which it goes (4, 4), and which that is."""
+
+    def frame_of(self, world: PyBulletWorld, link: str) -> int:
+        """The number of the frame with which a link goes."""
+        robot = world.robot
+        above = (robot.link_names[index] for index in robot.ancestors(robot.links[link]))
+        return next((self._carriers[name] for name in above if name in self._carriers), BASE)
+
+    def now(self, world: PyBulletWorld, joints: Mapping[str, float] | None = None) -> ArmBodies:
+        """The robot, and what it holds, as it is now but for some joints; those of the chain may be anywhere."""
+        robot = world.robot
+        there = Configuration(AT_ORIGIN, {**world.configuration().joints, **(joints or {})})
+        q = np.array([there.joints[name] for name in self._chain.names])
+        from_base = np.linalg.inv(world.link_pose(self._base_link, there).matrix())
+        placed = from_base @ world.solid_frames(there)
+        whole = np.tile(np.eye(4), (len(self._carriers) + FIRST_JOINT, 1, 1))
+        whole[FIRST_JOINT:, :3] = self._chain.frames(q)[0][:, :3]
+        back = np.linalg.inv(whole)
+        local = back[self._frames] @ placed
+        movers, own = _moved(self._movers, local[self._of_mover]), self._own
+        own = Obstacles(own.names, own.frames, own.first, own.solids.moved(local[self._of_piece]), own.slack)
+        hands, grounded, watched, held = self._hands, self._grounded, self._watched, {}
+        before: list[_Part] = []
+        for name, (link, offset) in _held(world).items():
+            frame = self.frame_of(world, link)
+            at = back[frame] @ from_base @ world.link_pose(link, there).matrix() @ offset
+            thing = thing_in(world, name)
+            more = Movers.of([(name, frame, rows, slack) for rows, slack in thing.spheres] if frame > BASE else [])
+            solids, slack = thing.pieces
+            part = _Part(frame, tuple(range(len(movers), len(movers) + len(more))), len(own), thing.exact)
+            hand = robot.hand_of(link)
+            others = [self._part(number) for number in self._obstacle_of if number not in hand]
+            pairs = [pair for other in (*others, *before) for pair in self._pairs(part, other)]
+            watched = watched.followed_by(Watched.of(pairs))
+            movers = Movers.joined([movers, _moved(more, np.tile(at, (len(more), 1, 1)))])
+            piece = solids.moved(np.tile(at, (len(solids), 1, 1)))
+            own = own.followed_by(Obstacles.of([(name, frame, piece, slack)]))
+            hands, grounded = (np.append(mask, np.zeros(len(more), bool)) for mask in (hands, grounded))
+            held[name] = world.touched_since_grasp(name)
+            before.append(part)
+        reach = _reach(movers, self._along)
+        return ArmBodies(
+            self._chain, movers, own, watched, hands, grounded, held, self._centre, reach, whole=self._whole
+        )
+
+    def _part(self, number: int) -> _Part:
+        """A solid link that is known to go with a frame."""
+        movers = tuple(np.flatnonzero(self._of_mover == number).tolist())
+        return _Part(int(self._frames[number]), movers, self._obstacle_of[number], self._links[number].exact)
+
+    @staticmethod
+    def _pairs(one: _Part, other: _Part) -> list[tuple[int, int]]:
+        """Movers and obstacle by which it is told whether two touch; none if they never move against each other."""
+        if one.frame == other.frame or max(one.frame, other.frame) < FIRST_JOINT:
+            return []
+        # spheres of the one that is farther out, against the other, if that is told exactly
+        first, second = (one, other) if one.frame > other.frame else (other, one)
+        if first.exact and not second.exact and second.movers:
+            first, second = second, first
+        return [(mover, second.obstacle) for mover in first.movers]
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A link or a held object: its frame, the numbers of its movers and of its obstacle, whether that is exact."""
+
+    frame: int
+    movers: tuple[int, ...]
+    obstacle: int
+    exact: bool
+
+
+def _held(world: PyBulletWorld) -> dict[str, tuple[str, Array]]:
+    """Held objects: the link that holds each, and its pose (4, 4) there."""
+    return {
+        name: (link, (world.link_pose(link).inverse() @ world.pose(name)).matrix())
+        for name, link in world.attached().items()
+    }
+
+
+def _movers(links: Sequence[Shaped], numbers: Sequence[int], frames: Sequence[int]) -> tuple[Movers, NDArray[np.intp]]:
+    """Each shape of some links a mover, in the frame of its link; and of which link each is (m,)."""
+    rows = [(number, spheres, slack) for number in numbers for spheres, slack in links[number].spheres]
+    movers = Movers.of([(links[k].name, frames[k], spheres, slack) for k, spheres, slack in rows])
+    return movers, np.array([number for number, *_ in rows], np.intp)
+
+
+def _moved(movers: Movers, places: Array) -> Movers:
+    """Each at a place (m, 4, 4)."""
+    of_sphere = np.repeat(np.arange(len(movers)), np.diff(movers.first))
+    turned = np.einsum("sij,sj->si", places[of_sphere, :3, :3], movers.spheres[:, :3]) + places[of_sphere, :3, 3]
+    spheres = np.column_stack([turned, movers.spheres[:, 3]])
+    return Movers(movers.names, movers.frames, movers.first, spheres, movers.slack)
+
+
+def _extent(chain: Chain) -> tuple[Array, Array]:
+    """A place in the base frame, and how far from it the origin of the frame of each moving joint is at most (j,)."""
+    ends = np.clip(np.stack([chain.lower, chain.upper]), -np.pi, np.pi)
+    origins = chain.frames(ends)[:, :, :3, 3]
+    # of a turning joint the distance from the one before is always the same, of a sliding one it is largest at an end
+    steps = np.linalg.norm(np.diff(origins, axis=1), axis=2).max(axis=0)
+    along = np.concatenate([[np.linalg.norm(origins[1, 0] - origins[0, 0]) / 2], steps]).cumsum()
+    return origins[:, 0].mean(axis=0), along
+
+
+def _reach(movers: Movers, along: Array) -> float:
+    """How far from the middle anything that moves ever is [m]."""
+    if not len(movers.spheres):
+        return 0.0
+    far = np.linalg.norm(movers.spheres[:, :3], axis=1) + movers.spheres[:, 3]
+    of_sphere = np.repeat(along[movers.frames - FIRST_JOINT] + movers.slack, np.diff(movers.first))
+    return float((far + of_sphere).max())
