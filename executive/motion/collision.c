@@ -31,6 +31,13 @@ struct bodies {
     const double *sure;          /* a gap above it is none for sure */
     const int *piece_kind;       /* how many axes count together: 1 box, 2 cylinder, 3 sphere */
     const double *piece;         /* centre (3), axes (9, columns), half extents (3), radius of a sphere around it */
+    const int *part_faces;       /* the number of a part's polyhedron, negative without */
+    const int *piece_faces;      /* that of a piece, or of the thing whose piece it is */
+    const int *corner_first;     /* whose are which: polyhedron i has corners [i] to [i + 1] - 1 */
+    const double *corners;
+    const int *plane_first;
+    const double *planes;        /* outward normal (3), offset */
+    const double *beyond;        /* how far from a polyhedron something has to stay */
 };
 
 static void to_map(const double *frame, const double *local, double *point)
@@ -133,6 +140,36 @@ static double gap(const double (*points)[3], const double *spheres, int count, c
     return least;
 }
 
+/* Whether a plane of one polyhedron has all corners of another, which is in another frame, far enough beyond it. */
+static int beyond_plane(const struct bodies *all, int one, const double *here, int other, const double *there)
+{
+    double away = all->beyond[one] + all->beyond[other];
+    for (int p = all->plane_first[one]; p < all->plane_first[one + 1]; ++p) {
+        const double *plane = all->planes + 4 * p;
+        double normal[3], turned[3], offset = plane[3] + away, least = INFINITY;
+        for (int i = 0; i < 3; ++i)
+            normal[i] = here[3 * i] * plane[0] + here[3 * i + 1] * plane[1] + here[3 * i + 2] * plane[2];
+        for (int i = 0; i < 3; ++i) {
+            offset -= normal[i] * (there[9 + i] - here[9 + i]);
+            turned[i] = there[i] * normal[0] + there[3 + i] * normal[1] + there[6 + i] * normal[2];
+        }
+        for (int c = all->corner_first[other]; c < all->corner_first[other + 1] && (least = fmin(least,
+                 turned[0] * all->corners[3 * c] + turned[1] * all->corners[3 * c + 1] +
+                 turned[2] * all->corners[3 * c + 2])) > offset; ++c)
+            ;
+        if (least > offset)
+            return 1;
+    }
+    return 0;
+}
+
+/* Whether two are polyhedra, with a plane of one of them between the two. */
+static int planes_between(const struct bodies *all, int one, const double *mine, int two, const double *other)
+{
+    return one >= 0 && two >= 0 &&
+           (beyond_plane(all, one, mine, two, other) || beyond_plane(all, two, other, one, mine));
+}
+
 /* The first hit, else SURE or UNSURE; with `gaps` all of them are told, with `doubtful` the pairs that are not sure.
  * Where spheres have to be `deeper` inside than the limits say, nothing is said to be sure. */
 static int judged(const double *q, const double *base, const struct bodies *all, double deeper, double *gaps,
@@ -153,7 +190,7 @@ static int judged(const double *q, const double *base, const struct bodies *all,
         for (int g = first; g < all->cluster_group[c + 1]; ++g) {
             int part = all->group_part[g], from = all->part_sphere[part], count = all->part_sphere[part + 1] - from;
             const double *part_ball = all->part_ball + 4 * part, *spheres = all->spheres + 4 * from;
-            int placed = 0;
+            int placed = 0, looked_at = -1, between = 0;
             to_map(frames[mine], part_ball, middle);
             if (!gaps && apart(middle, around, part_ball[3] + ball[3] + all->group_width[2 * g + 1]))
                 continue;
@@ -177,12 +214,19 @@ static int judged(const double *q, const double *base, const struct bodies *all,
                     continue;
                 }
                 double least = gap(points, spheres, count, piece, all->piece_kind[number], other, centre, far, limit);
-                if (doubtful && least <= far)
-                    doubtful[found++] = p;
                 if (least < limit && !doubtful)
                     return p;
-                if (least <= all->sure[p])
-                    state = UNSURE;
+                if (least > (doubtful ? far : all->sure[p]) || (state != SURE && !doubtful))
+                    continue;
+                if (all->piece_faces[number] != looked_at) {  /* the pieces of one polyhedron follow each other */
+                    looked_at = all->piece_faces[number];
+                    between = planes_between(all, all->part_faces[part], frames[mine], looked_at, other);
+                }
+                if (between && looked_at >= 0)
+                    continue;
+                if (doubtful)
+                    doubtful[found++] = p;
+                state = UNSURE;
             }
         }
     }

@@ -127,6 +127,8 @@ class _Arrays(ctypes.Structure):
         *((name, _POINTER) for name in ("cluster", "cluster_group", "frame_ball", "obstacle_frame", "obstacle_ball")),
         *((name, _POINTER) for name in ("group_part", "group_pair", "group_width", "part_ball", "part_sphere")),
         *((name, _POINTER) for name in ("spheres", "pair_piece", "limit", "sure", "piece_kind", "piece")),
+        *((name, _POINTER) for name in ("part_faces", "piece_faces", "corner_first", "corners", "plane_first")),
+        *((name, _POINTER) for name in ("planes", "beyond")),
     )
 
 

@@ -90,7 +90,8 @@ def _trac_ik(robot: Robot, chain: Chain, targets: Array, middle: Array) -> Calla
     arm = robot.arms[0]
     # with a safety_controller pytracik takes all limits to be zero
     urdf = re.sub(r"<safety_controller[^>]*/>", "", robot.urdf.read_text(encoding="utf-8"))
-    solver = pytracik.TRAC_IK(arm.base_link, arm.tip, urdf, TIMEOUT, TIP / 2, pytracik.SolveType.Speed)
+    with quiet():
+        solver = pytracik.TRAC_IK(arm.base_link, arm.tip, urdf, TIMEOUT, TIP / 2, pytracik.SolveType.Speed)
     calls = [(*pose[:3, 3], *Pose.from_matrix(pose).orientation) for pose in targets]
 
     def solve() -> Array:
