@@ -247,22 +247,20 @@ void hit_rows(const double *q, const double *bases, ptrdiff_t rows, double deepe
         found[i] = judged(q + i * JOINTS, bases + i * 12, all, deeper, NULL, NULL);
 }
 
-/* Judges points order[0 .. inner) of an edge in `pieces` pieces, up to the first hit, which is returned. */
-int judge_edge(const double *from, const double *to, ptrdiff_t pieces, const int *order, ptrdiff_t inner,
-               const struct bodies *all)
+/* The first pair that is hit at points order[0 .. inner) of an edge in `pieces` pieces, else UNSURE. */
+int edge_hit(const double *from, const double *to, ptrdiff_t pieces, const int *order, ptrdiff_t inner,
+             const struct bodies *all)
 {
     double q[JOINTS];
-    int state = SURE;
     for (ptrdiff_t i = 0; i < inner; ++i) {
         double share = (double)order[i] / (double)pieces;
         for (int j = 0; j < JOINTS; ++j)
             q[j] = from[j] + (to[j] - from[j]) * share;
-        int one = judged(q, all->base, all, ALSO_SURE, NULL, NULL);
+        int one = judged(q, all->base, all, 0.0, NULL, NULL);
         if (one >= 0)
             return one;
-        state = one > state ? one : state;
     }
-    return state;
+    return UNSURE;
 }
 
 /* The smallest gap of every pair. */
