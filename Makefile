@@ -76,9 +76,14 @@ bench: $(VENV)/.bench-stamp
 	done
 	@echo "== paths of an arm"; $(BIN)/python -m tests.benchmarks.paths
 
+$(VENV)/.pr2-stamp: $(VENV)/.bench-stamp
+	@echo "installing the shape of the PR2, 430 MB, into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[pr2]'
+	@touch $@
+
 ROOMS ?= 200
 PARTS ?=
-bench-locations: $(VENV)/.bench-stamp
+bench-locations: $(VENV)/.pr2-stamp
 	$(BIN)/python -m tests.benchmarks.locations --rooms $(ROOMS) --parts "$(PARTS)" \
 	    --keep $(VENV)/bench-locations-$(ROOMS).json
 

@@ -15,11 +15,12 @@ from executive.process_modules.head import Head
 from executive.process_modules.navigation import Navigation
 from executive.process_modules.perception import Perception
 from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
-from planlang.protocols import ProcessModule, Solution
+from planlang.language.executive import ProcessModule
+from planlang.protocols import Solution
 
 
 class RobotExecutive:
-    """Implements :class:`planlang.protocols.Executive` for one platform."""
+    """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform

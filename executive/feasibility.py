@@ -37,7 +37,7 @@ def compare(
     """
     ontology = load(recipe, folders=folders)
     reading = read_recipe(Actions(ontology), task, allow_abstract=True)
-    found = [*ontology.diagnostics, *reading.diagnostics]
+    found = [*reading.diagnostics]
     if reading.recipes is None:
         raise BadInput(found)
     possessions = _possessions(robot, urdf, folders, found)

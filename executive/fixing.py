@@ -11,7 +11,7 @@ from executive.inputs import SUFFIXES, RecipeFile
 from executive.outputs import check_outputs, replace
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, error, has_errors, note
-from planlang.recipe.fixes import ACCEPTABLE, Fix, Fixed, fix_recipe
+from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT, Fix, Fixed, fix_recipe
 
 
 def fixed_path(recipe: RecipeFile) -> Path:
@@ -39,7 +39,7 @@ def fix(
     """
     target = output or fixed_path(recipe)
     problems = [
-        error("C015", f"--accept {code}: no fix with this code waits for acceptance", help=_acceptable())
+        error("C015", f"--accept {code}: no fix with this code waits for acceptance", help=_acceptable(code))
         for code in accepted
         if code not in ACCEPTABLE
     ]
@@ -103,5 +103,8 @@ def _difference(before: Path, after: Path, fixed: Fixed) -> str:
     return "".join(line if line.endswith("\n") else line + "\n\\ No newline at end of file\n" for line in lines)
 
 
-def _acceptable() -> str:
-    return f"codes that can be accepted: {', '.join(ACCEPTABLE)}"
+def _acceptable(code: str) -> str:
+    listed = f"codes that can be accepted: {', '.join(ACCEPTABLE)}"
+    if code in SAFE:
+        return f"fixes of {code} are safe: --fix makes them unasked; {listed}"
+    return f"{code} has no fix: {WITHOUT[code]}; {listed}" if code in WITHOUT else listed

@@ -15,11 +15,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from executive.environments import environments_with
 from executive.knowledge import MapObject, SemanticMap
 from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
+
+MOST_NAMES = 20
+"""Things of a map that one message lists."""
 
 
 def compiled_plan(
@@ -119,8 +123,8 @@ def bound_parameters(
         default = parameters[name]
         thing = semantic_map.find(wanted)
         if thing is None or thing.pose is None:
-            advice = _fitting(name, default, semantic_map)
-            problems.append(error("X005", f"{wanted!r} is not in the map", help=advice))
+            what = "is not in the map" if thing is None else "has no place in the map"
+            problems.append(error("X005", f"{wanted!r} {what}", help=_instead(wanted, name, default, semantic_map)))
             continue
         classes = ", ".join(shorten(cls) for cls in thing.types)
         if _is(semantic_map, thing, expand(default.type)):
@@ -148,11 +152,37 @@ def _is_alike(semantic_map: SemanticMap, thing: MapObject, default: Object) -> b
     return any(_is(semantic_map, thing, cls) for cls in semantic_map.ontology.parents(expand(default.type)))
 
 
-def _fitting(name: str, default: Object, semantic_map: SemanticMap) -> str:
-    """What would be valid: the things with a place that a parameter may be bound to."""
+def _instead(wanted: str, name: str, default: Object, semantic_map: SemanticMap) -> str:
+    """What may have been meant by a thing that is not there, what would be valid, and where there is such a thing."""
+    fitting = _fitting_things(default, semantic_map)
+    placed = [thing.name for thing in semantic_map.objects if thing.pose is not None]
+    short = local_name(wanted)
+    similar = get_close_matches(short, fitting, n=1) or get_close_matches(short, placed, n=1)
+    parts = [f"did you mean {similar[0]}? "] if similar else []
+    parts.append(_fitting(name, default, semantic_map))
+    others = [one for one in placed if one not in fitting]
+    if fitting and others:
+        parts.append(f"; the map also has {_listed(others)}")
+    if there := environments_with((wanted,)):
+        parts.append(f"; {wanted} is in a bundled environment: --environment {' or '.join(there)}")
+    return "".join(parts)
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more
+
+
+def _fitting_things(default: Object, semantic_map: SemanticMap) -> list[str]:
     placed = [thing for thing in semantic_map.objects if thing.pose is not None]
     cls = expand(default.type)
-    fitting = [t.name for t in placed if _is(semantic_map, t, cls) or _is_alike(semantic_map, t, default)]
+    return [t.name for t in placed if _is(semantic_map, t, cls) or _is_alike(semantic_map, t, default)]
+
+
+def _fitting(name: str, default: Object, semantic_map: SemanticMap) -> str:
+    """What would be valid: the things with a place that a parameter may be bound to."""
+    fitting = _fitting_things(default, semantic_map)
     if not fitting:
-        return f"nothing in the map is a {default.type}; things with a place: {', '.join(t.name for t in placed)}"
-    return f"{name} may be {', '.join(fitting)}"
+        placed = [thing.name for thing in semantic_map.objects if thing.pose is not None]
+        return f"nothing in the map is a {default.type}; things with a place: {_listed(placed)}"
+    return f"{name} may be {_listed(fitting)}"

@@ -68,6 +68,8 @@ class RunOptions:
     """The trace of the run that goes on."""
     world_as_left: bool = False
     """Whether the user says that the world is as that trace left it; else it is brought back."""
+    notes: tuple[Diagnostic, ...] = ()
+    """What was found to say before."""
     progress: Callable[[str], None] = lambda line: None
     announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
     """Told what was repaired and assumed, once, before the plan runs."""
@@ -93,7 +95,7 @@ def run_plan_file(options: RunOptions) -> RunResult:
     The trace is written line by line; picture and recording are written at the end, also after a failure.
     """
     with ExitStack() as stack:
-        found: list[Diagnostic] = []
+        found = list(options.notes)
         path = options.plan or _compiled(options, stack, found)
         module = import_plan(path)
         plan = main_plan(module, options.task if options.plan is not None else None)

@@ -17,6 +17,7 @@ from executive.locations.reachability_building import Progress, keep_maps, reach
 from executive.motion import Boxes, Gaze, QuickCheck
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room
 from executive.motion.clearance import Band
+from executive.motion.footprint import outlines
 from executive.motion.link_shapes import links_of
 from executive.motion.solids import Solids
 from planlang.designators import Device, Object
@@ -57,6 +58,7 @@ class BelievedSurroundings:
         }
         self._checks: tuple[object, dict[object, QuickCheck]] = (None, {})
         self._obstacles: tuple[Solids, Room] | None = None
+        self._touched: tuple[object, tuple[Contact, ...]] | None = None
         self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
         self._arm_bodies: dict[tuple[str, bool], tuple[object, ArmBodies]] = {}
 
@@ -121,7 +123,8 @@ class BelievedSurroundings:
         state = (self._state(), joints)
         if self._floor is None or self._floor[0] != state:
             arms = [name for arm in self.robot.arms for name in arm.joints]
-            floor = Floor(self.obstacles(), self.world.silhouette(arms), self.world.scene.bounds)
+            shapes = outlines(self.world.outlines(arms))
+            floor = Floor(self.obstacles(), self.world.silhouette(arms), shapes, self.world.scene.bounds)
             self._floor = state, floor
         return self._floor[1]
 
@@ -375,13 +378,25 @@ class BelievedSurroundings:
 
         ``opened``: with the fingers of the arm open. ``among``: the only pairs that can touch, if that is known.
         """
-        joints = dict(self.world.configuration().joints)
-        if arm is not None and q is not None:
-            gripper = self.robot.arm(arm.name).gripper
-            joints |= gripper.opened if opened and gripper is not None else {}
-            joints |= zip(arm.joints, map(float, q), strict=True)
-        ignore = [(link, touches) for link in sorted(arm.hand_links)] if arm is not None and touches is not None else []
-        return self.world.contacts(Configuration(base, joints), ignore=ignore, among=among)
+        now = self.world.configuration().joints
+        if arm is None or q is None:
+            found = self.world.contacts(Configuration(base, now), ("base",), among=among)
+            return found if among is not None else (*found, *self._own_contacts(now))
+        joints = dict(now)
+        gripper = self.robot.arm(arm.name).gripper
+        joints |= gripper.opened if opened and gripper is not None else {}
+        joints |= zip(arm.joints, map(float, q), strict=True)
+        ignore = [(link, touches) for link in sorted(arm.hand_links)] if touches is not None else []
+        moving = (*arm.joints, *(gripper.opened if opened and gripper is not None else ()))
+        return self.world.contacts(Configuration(base, joints), moving, ignore=ignore, among=among)
+
+    def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
+        """Where the robot, as it is, with what it holds, touches itself: wherever it stands."""
+        state = tuple(joints.items()), tuple(self.world.attached())
+        if self._touched is None or self._touched[0] != state:
+            found = self.world.contacts(Configuration(self.base(), joints))
+            self._touched = state, tuple(contact for contact in found if contact.body in self._links)
+        return self._touched[1]
 
     def stops_closing(self, base: Base, arm: ArmModel, q: Array, around: str) -> str | None:
         """The body that a finger of an arm at ``q`` would meet, closing from open, before it meets ``around``."""

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from planlang.lengths import metres
+from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_amount, written
 
 RELATIONS: dict[str, str] = {
     "in_reach_of": "inReachOf",
@@ -39,6 +40,26 @@ MEASURED: tuple[str, ...] = ("above", "in_front_of", "behind", "left_of", "right
 GRASPS: tuple[str, ...] = ("side", "tilted", "top")
 """Classes of grasps, by where the hand comes from."""
 
+_OBJECT = Usage("an_object", {"type": '"DrinkingBottle"'}, {"iri": '"http://example.org/room.owl#bottle1"'})
+_RELATION = Usage("Relation", {"name": '"near"', "reference": "table"}, {"within": "0.5", "beyond": "0.1"})
+_LOCATION = Usage(
+    "a_location",
+    {"in_reach_of=": "bottle"},
+    {
+        "name": '"pose1"',
+        "using": "RIGHT_GRIPPER",
+        "grasp": '"side"',
+        "not_": "a_location(near=door)",
+        "relations": "()",
+    },
+)
+_ACTION = Usage("action", {"type": '"Reaching"'}, {"name": '"reach"', "object_acted_on": "bottle"})
+_SITUATION = Usage("a_situation", {"type": '"DoorOpen"'}, {"object_acted_on": "door"})
+_CONDITION = Usage("Condition", {"predicate": '"holding"', "arguments": "(bottle,)"})
+_HOLDING = Usage("holding", {"what": "bottle"})
+_LOCATED = Usage("located", {"where": "a_location(near=table)"}, {"what": "bottle"})
+_POSTURE = Usage("a_posture", {"name": '"carrying"'})
+
 
 @dataclass(frozen=True, slots=True)
 class Object:
@@ -49,6 +70,11 @@ class Object:
 
     type: str
     iri: str | None = None
+
+    def __post_init__(self) -> None:
+        _OBJECT.text("type", self.type)
+        if self.iri is not None:
+            _OBJECT.text("iri", self.iri)
 
     @property
     def name(self) -> str:
@@ -83,6 +109,14 @@ class Relation:
     beyond: float | None = None
     negated: bool = False
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or self.name not in RELATIONS:
+            raise _RELATION.wrong("name", self.name, f"one of {', '.join(RELATIONS)}", WrongValue)
+        for bound, length in (("within", self.within), ("beyond", self.beyond)):
+            if length is not None and not is_amount(length):
+                raise _RELATION.wrong(bound, length, "a finite length >= 0 [m]", WrongValue)
+        _RELATION.instance("reference", self.reference, (Object, Location), "an object or a location")
+
     def __invert__(self) -> Relation:
         """The relation that holds where this one does not."""
         return replace(self, negated=not self.negated)
@@ -109,8 +143,22 @@ class Location:
     device: Device | None = None
     grasp: str | None = None
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.relations, tuple) or not all(isinstance(one, Relation) for one in self.relations):
+            raise _LOCATION.wrong("relations", self.relations, "a tuple of relations")
+        if self.name is not None:
+            _LOCATION.text("name", self.name)
+        if self.device is not None:
+            _LOCATION.instance("using", self.device, Device, "a device")
+        if self.grasp is not None and self.grasp not in GRASPS:
+            raise _LOCATION.wrong("grasp", self.grasp, f"one of {', '.join(GRASPS)}", WrongValue)
+
     def __and__(self, other: Location) -> Location:
         """The poses in both; raises ValueError for two arms, two grasps, and for a posture."""
+        if not isinstance(other, Location):
+            code = written(other)
+            message = f"& joins two locations, not a location and {code}"
+            raise WrongType(contrast(message, f"near & {code}", "near & a_location(in_reach_of=bottle)"))
         if not (self.relations and other.relations):
             raise ValueError(f"a posture is no set of poses that can be joined with another: {self} & {other}")
         if None not in (self.device, other.device) and self.device != other.device:
@@ -151,6 +199,9 @@ class Situation:
     type: str
     properties: tuple[tuple[str, Value], ...] = ()
 
+    def __post_init__(self) -> None:
+        _check_described(_SITUATION, self.type, self.properties)
+
     def get(self, property_name: str) -> Value | None:
         """The filler of a property, or None."""
         return dict(self.properties).get(property_name)
@@ -175,6 +226,11 @@ class Action:
     properties: tuple[tuple[str, Value], ...] = ()
     name: str | None = field(default=None, compare=False)
 
+    def __post_init__(self) -> None:
+        _check_described(_ACTION, self.type, self.properties)
+        if self.name is not None:
+            _ACTION.text("name", self.name)
+
     def get(self, property_name: str) -> Value | None:
         """The filler of a property, or None."""
         return dict(self.properties).get(property_name)
@@ -191,8 +247,27 @@ class Condition:
     predicate: str
     arguments: tuple[Value, ...]
 
+    def __post_init__(self) -> None:
+        _CONDITION.text("predicate", self.predicate)
+        _CONDITION.instance("arguments", self.arguments, tuple, "a tuple of what the condition is about")
+
     def __str__(self) -> str:
         return f"{self.predicate}({', '.join(map(str, self.arguments))})"
+
+
+def _check_described(usage: Usage, type_: object, properties: object) -> None:
+    """Refuse what describes no action and no situation."""
+    usage.text("type", type_)
+    pairs = properties if isinstance(properties, tuple) else (None,)
+    if not all(isinstance(pair, tuple) and len(pair) == 2 and isinstance(pair[0], str) for pair in pairs):
+        raise usage.wrong("object_acted_on", properties, "given by pairs (property, filler)")
+    for key, value in pairs:
+        parts = value if isinstance(value, tuple) else (value,)
+        for part in parts:
+            if not isinstance(part, (Object, Location, Situation, str, int, float)):
+                raise usage.wrong(
+                    key, value, "an object, a location, a situation, a text, a number, or a tuple of them"
+                )
 
 
 def an_object(type: str, iri: str | None = None) -> Object:
@@ -231,18 +306,22 @@ def a_location(
     for said, references in relations.items():
         key = SYNONYMS.get(said, said)
         if key not in RELATIONS:
-            raise ValueError(f"unknown relation {key!r}; valid relations: {', '.join(RELATIONS)}")
+            message = f"unknown relation {key!r}; valid relations: {', '.join(RELATIONS)}"
+            raise WrongValue(contrast(message, f"a_location({key}=bottle)", "a_location(in_reach_of=bottle)"))
         if isinstance(references, (Object, Location)):
             references = (references,)
+        _LOCATION.iterable(said, references, "an object or a location, or a tuple of them")
         conjuncts.extend(Relation(key, reference) for reference in references)
     if within is not None or beyond is not None:
         conjuncts = _bounded(conjuncts, within, beyond)
+    if not isinstance(not_, Location):
+        _LOCATION.iterable("not_", not_, "a location, or a tuple of them")
     for excluded in (not_,) if isinstance(not_, Location) else not_:
+        _LOCATION.instance("not_", excluded, Location, "a location, or a tuple of them")
         conjuncts.extend((~excluded).relations)
     if not conjuncts:
-        raise ValueError("a location needs a relation; a named posture of the robot is a_posture(name)")
-    if grasp is not None and grasp not in GRASPS:
-        raise ValueError(f"unknown grasp {grasp!r}; valid grasps: {', '.join(GRASPS)}")
+        message = "a location needs a relation; a named posture of the robot is a_posture(name)"
+        raise WrongValue(contrast(message, "a_location()", "a_location(in_reach_of=bottle)    or    a_posture(name)"))
     return Location(tuple(dict.fromkeys(conjuncts)), name, using, grasp)
 
 
@@ -254,8 +333,7 @@ def _bounded(relations: list[Relation], within: float | str | None, beyond: floa
             f"within and beyond bound one relation, of {', '.join(MEASURED)}; here there are: {said}. Join bounds of "
             "several with &: a_location(near=bed, within=1.0) & a_location(near=door, within=2.0)"
         )
-    at_most = None if within is None else metres(within)
-    at_least = None if beyond is None else metres(beyond)
+    at_most, at_least = _length("within", within), _length("beyond", beyond)
     if at_most is not None and at_least is not None and at_least > at_most:
         raise ValueError(f"nothing is beyond {at_least} m and within {at_most} m")
     return [
@@ -264,8 +342,17 @@ def _bounded(relations: list[Relation], within: float | str | None, beyond: floa
     ]
 
 
+def _length(bound: str, length: float | str | None) -> float | None:
+    try:
+        return None if length is None else metres(length)
+    except ValueError as problem:
+        wrong, right = (f"a_location(near=table, {bound}={code})" for code in (written(length), '"30 cm"'))
+        raise WrongValue(contrast(str(problem), wrong, right)) from None
+
+
 def a_posture(name: str) -> Posture:
     """Describe a named posture of the robot's own."""
+    _POSTURE.text("name", name)
     return Posture((), name)
 
 
@@ -281,11 +368,15 @@ def a_situation(type: str, **properties: Value) -> Situation:
 
 def holding(what: Object) -> Condition:
     """True while the robot holds the object."""
+    _HOLDING.instance("what", what, Object, "an object")
     return Condition("holding", (what,))
 
 
 def located(where: Location, what: Object | None = None) -> Condition:
     """True while the robot's base, or the hand that is given as a device, or an object, is at a location."""
+    _LOCATED.instance("where", where, Location, "a location")
+    if what is not None:
+        _LOCATED.instance("what", what, Object, "an object")
     return Condition("located", (where,) if what is None else (where, what))
 
 

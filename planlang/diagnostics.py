@@ -204,6 +204,8 @@ CODES: dict[str, str] = {
     "R055": "a state may end in a way that no transition covers, or a transition is never taken",
     "R056": "no state has a transition for its failure",
     "R057": "ordering constraints of a recipe of states count for nothing",
+    "R058": "a name is misspelt: nothing knows it, and it is nearly a word, a class or an individual that is known",
+    "R059": "a statement about steps or their order reaches no recipe, or says more than was probably meant",
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",
@@ -255,6 +257,7 @@ CODES: dict[str, str] = {
     "X007": "the robot cannot start where it should",
     "X008": "the robot cannot do one of several alternatives of a plan",
     "X009": "nothing says whether the robot has something that a plan requires",
+    "X010": "the default environment lacks what was named; the only bundled one that has it was taken",
     "X020": "a trace cannot be read: it is none, or damaged",
     "X021": "the run of a trace has ended; nothing is left to resume",
     "X022": "a trace is that of another run: plan, seed, robot, map or parameters differ",

@@ -6,9 +6,18 @@ Process modules raise low-level failures; plans handle them or raise high-level 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import threading
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Self
+
+
+class _Dropping(threading.local):
+    depth = 0
+
+
+dropping = _Dropping()
+"""``depth`` > 0: what is being freed in this thread goes with a failure that has passed through the code holding it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +39,7 @@ class PlanFailure(Exception):
 
     The message is ``message``, or else is built from the fields. ``where`` is filled in by the first construct that
     the failure passes; ``siblings`` are failures of other branches that died at the same decision, by branch name;
-    ``cleanup_failures`` are those of branches that were evaporated because of this one.
+    ``cleanup_failures`` are those of branches that were evaporated because of this one, each told in a note, too.
     """
 
     message: str = ""
@@ -45,6 +54,13 @@ class PlanFailure(Exception):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self)!r})"
+
+    def __del__(self, dropping: _Dropping = dropping) -> None:
+        """Nobody refers to the failure any more: neither to the calls it has ended, nor to what these were to use."""
+        if self.__traceback__ is not None:
+            dropping.depth += 1
+            self.__traceback__ = None
+            dropping.depth -= 1
 
     def describe(self) -> str:
         """The message built from the fields."""
@@ -453,6 +469,15 @@ class TransitionMissing(PlanFailure):
     outcome: str | None = field(default=None, kw_only=True)
 
     text: ClassVar[str] = "no transition"
+
+
+def attach_cleanup(error: BaseException, failures: Iterable[PlanFailure]) -> None:
+    """Attach failures of cleanups to what is raised: a note for each, and in a plan failure ``cleanup_failures``."""
+    others = tuple(failure for failure in failures if failure is not error)
+    if isinstance(error, PlanFailure):
+        error.cleanup_failures += others
+    for other in others:
+        error.add_note(f"during cleanup: {type(other).__name__}: {other}{f' in {other.where}' if other.where else ''}")
 
 
 def matches(failure: BaseException, kinds: type[PlanFailure] | tuple[type[PlanFailure], ...]) -> bool:

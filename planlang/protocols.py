@@ -1,4 +1,6 @@
-"""What the outer layers implement: World, Executive, ProcessModule, and the value types that cross these borders.
+"""What a world is for the layers above it, and the value types that cross the borders between layers.
+
+What the language asks of an executive and its process modules is :mod:`planlang.language.executive`.
 
 Frames: ``map`` is right-handed with z up and the floor at z = 0. Lengths in metres, angles in radians.
 """
@@ -6,14 +8,12 @@ Frames: ``map`` is right-handed with z up and the floor at z = 0. Lengths in met
 from __future__ import annotations
 
 import math
-from collections.abc import Awaitable, Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-
-from planlang.designators import Action, Condition, Location
 
 Array = NDArray[np.float64]
 
@@ -54,6 +54,20 @@ class Pose:
                 [0.0, 0.0, 0.0, 1.0],
             ]
         )
+
+    @staticmethod
+    def matrices(poses: Iterable[Pose]) -> Array:
+        """The matrices (n, 4, 4) of poses, to the last bit those that :meth:`matrix` gives one by one."""
+        numbers = np.array([(*pose.position, *pose.orientation) for pose in poses], float).reshape(-1, 7)
+        x, y, z, w = numbers[:, 3:].T
+        found = np.zeros((len(numbers), 4, 4))
+        found[:, 0, 0], found[:, 1, 1] = 1 - 2 * (y * y + z * z), 1 - 2 * (x * x + z * z)
+        found[:, 2, 2], found[:, 3, 3] = 1 - 2 * (x * x + y * y), 1.0
+        found[:, 0, 1], found[:, 1, 0] = 2 * (x * y - z * w), 2 * (x * y + z * w)
+        found[:, 0, 2], found[:, 2, 0] = 2 * (x * z + y * w), 2 * (x * z - y * w)
+        found[:, 1, 2], found[:, 2, 1] = 2 * (y * z - x * w), 2 * (y * z + x * w)
+        found[:, :3, 3] = numbers[:, :3]
+        return found
 
     def __matmul__(self, other: Pose) -> Pose:
         """Compose: ``map_T_a @ a_T_b`` is ``map_T_b``."""
@@ -190,67 +204,3 @@ class Solution:
     """Revision of the belief it was computed from."""
     detail: Mapping[str, Any]
     """JSON-like: which arm, grasp, torso height; for the trace."""
-
-
-class ProcessModule(Protocol):
-    """Performs actions of some classes, one at a time, and raises typed failures."""
-
-    @property
-    def name(self) -> str:
-        """Shown in the trace."""
-
-    @property
-    def actions(self) -> Sequence[str]:
-        """Action classes (local names of the vocabulary) that it performs, descendants included."""
-
-    @property
-    def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise; any other exception is a programming error."""
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Names of what the action needs exclusively: "base", "head", "torso", "right_arm", ..."""
-
-    async def execute(self, action: Action) -> Any:
-        """Perform the action; on evaporation stop the robot."""
-
-
-class Executive(Protocol):
-    """Grounds what plans describe. One is current while a plan runs."""
-
-    @property
-    def modules(self) -> Sequence[ProcessModule]:
-        """The registered process modules."""
-
-    def ancestors(self, action_type: str) -> Sequence[str]:
-        """The class itself and its superclasses, nearest first."""
-
-    def revision(self) -> int:
-        """Counts changes of the belief."""
-
-    def solutions(self, location: Location) -> Iterator[Solution]:
-        """Places for the base, lazily, best first; raises LocationUnresolvable (with counts) when there are no more."""
-
-    def move_to(self, solution: Solution) -> Action:
-        """The base motion that goes to a solution."""
-
-    def is_at(self, solution: Solution) -> bool:
-        """True while the base is where the solution put it."""
-
-    def holds(self, condition: Condition) -> bool:
-        """Whether the belief says so."""
-
-    def before_retry(self) -> Iterable[Action]:
-        """What brings the robot into a posture from which another place can be tried."""
-
-    def held(self) -> Sequence[str]:
-        """Names of the objects that the robot holds."""
-
-    def releases(self, action: Action) -> bool:
-        """Whether the action lets go of something; it is not repeated while that is still to be delivered."""
-
-    def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
-        """Give the executive a way to write its own events (belief changes, solutions) into the trace."""
-
-
-Branch = Callable[[], Awaitable[Any]]
-"""A zero-argument async callable."""

@@ -22,6 +22,8 @@ FLOOR = "floor"
 """Name that the ground has in a scene without a room."""
 
 WALL = 0.1
+AT_REST = 1e-3
+"""A limb that is not farther from where it was at first rests there [m]."""
 _AWAY = (0.0, 0.0, -500.0)
 _COLORS: dict[str, tuple[float, float, float, float]] = {
     "box": (0.72, 0.60, 0.45, 1.0),
@@ -41,7 +43,7 @@ class Part:
     offset: Pose
     color: Color | None = None
     limb: bool = False
-    """Part of a person's arm: hands and what they hold may touch it."""
+    """Part of a person's arm: once it leaves its rest, hands and what they hold may touch it."""
     outward: tuple[float, float, float] | None = None
     """A wall's normal away from the room."""
 
@@ -54,6 +56,10 @@ class Piece:
     body: str
     part: Part
     offset: Pose
+    pose: Pose
+    """Where it is in the map, with its body."""
+    yields: bool = False
+    """Whether hands and what they hold may touch it: a limb that reaches for something, or holds it."""
 
 
 class Bodies:
@@ -108,7 +114,7 @@ class Bodies:
         )
         self._index[uid] = len(self.pieces)
         self.of[body.name].append(len(self.pieces))
-        self.pieces.append(Piece(uid, body.name, part, part.offset))
+        self.pieces.append(Piece(uid, body.name, part, part.offset, body.pose))
 
     def place(self, name: str, pose: Pose) -> None:
         """Put a body, with all its pieces, somewhere; one that was removed stays away until :meth:`restore`."""
@@ -118,14 +124,17 @@ class Bodies:
 
     def place_part(self, index: int, offset: Pose) -> None:
         """Move one piece within its body's frame (a person's arm)."""
-        self.pieces[index].offset = offset
+        piece = self.pieces[index]
+        piece.offset = offset
+        piece.yields = piece.part.limb and offset.distance(piece.part.offset) > AT_REST
         self._put(index)
 
     def _put(self, index: int) -> None:
         piece = self.pieces[index]
+        body = self.poses[piece.body]
+        piece.pose = pose = body if piece.offset == _HERE else body @ piece.offset
         if piece.body in self.removed:
             return
-        pose = self.place_of(piece)
         bullet.resetBasePositionAndOrientation(piece.uid, pose.position, pose.orientation, physicsClientId=self.client)
         x, y, z = piece.part.size
         if piece.part.kind != "box":
@@ -133,11 +142,6 @@ class Bodies:
         reach = np.abs(rotation(pose)) @ np.array([x / 2, y / 2, z / 2])
         self.lower[index] = np.asarray(pose.position) - reach
         self.upper[index] = np.asarray(pose.position) + reach
-
-    def place_of(self, piece: Piece) -> Pose:
-        """Where a piece is in the map, with its body."""
-        body = self.poses[piece.body]
-        return body if piece.offset == _HERE else body @ piece.offset
 
     def remove(self, name: str) -> None:
         """Take a body out of the world: it touches nothing and is not seen."""

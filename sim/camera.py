@@ -81,7 +81,7 @@ class Camera:
     def _outline(self, index: int) -> Array:
         """Points in the map whose convex hull is the piece (a polygonal one for round pieces)."""
         piece = self.bodies.pieces[index]
-        place = self.bodies.place_of(piece)
+        place = piece.pose
         size = piece.part.size
         if piece.part.kind == "box":
             return corners(place, size)
@@ -122,7 +122,7 @@ class Camera:
         points, weights = [], []
         for index in self.bodies.of[name]:
             piece = self.bodies.pieces[index]
-            place = self.bodies.place_of(piece)
+            place = piece.pose
             local, normals, areas = _surface(piece.part.kind, piece.part.size)
             turn = rotation(place).T
             turned = local @ turn + np.asarray(place.position)
@@ -152,7 +152,7 @@ class Camera:
         piece = self.bodies.pieces[index]
         if piece.part.outward is None or piece.body in self.bodies.removed:
             return False
-        wall = self.bodies.place_of(piece)
+        wall = piece.pose
         normal = rotation(wall) @ np.asarray(piece.part.outward)
         return float((np.asarray(eye) - np.asarray(wall.position)) @ normal) > 0.0
 

@@ -10,6 +10,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planlang.protocols import Array, Contact, Pose
 from sim.bodies import Bodies
@@ -47,6 +48,8 @@ class Query:
     """What to look at: ``links`` are numbers of solid links (all when None)."""
 
     links: frozenset[int] | None = None
+    apart: NDArray[np.bool_] | None = None
+    """Which pairs of solid links move against each other (n, n): others are left out (none when None)."""
     ignore: Ignored = ()
     grip: bool = False
     """Whether a hand's contact with what it holds counts as well (while its fingers close)."""
@@ -97,7 +100,7 @@ class Contacts:
             return
         for index in () if other is not None else self.bodies.of[body]:
             piece = self.bodies.pieces[index]
-            if piece.part.limb and (number is None or number in self._hands):
+            if piece.yields and (number is None or number in self._hands):
                 continue
             if number is not None:
                 _deepen(found, part, body, self.robot.depth_with(number, piece.uid))
@@ -118,7 +121,7 @@ class Contacts:
                 continue
             if piece.body in query.ignore or (part, piece.body) in query.ignore:
                 continue
-            if piece.part.limb and number in self._hands:
+            if piece.yields and number in self._hands:
                 continue
             if number in self.robot.grounded and self.bodies.upper[index, 2] < GROUND:
                 continue
@@ -131,10 +134,9 @@ class Contacts:
     def _of_the_robot_itself(
         self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
     ) -> None:
-        near = self._pairs & overlaps(lower, upper, lower, upper)
+        near = self._pairs if query.apart is None else self._pairs & query.apart
+        near = near & overlaps(lower, upper, lower, upper)
         for a, b in zip(*(axis.tolist() for axis in np.nonzero(near)), strict=True):
-            if query.links is not None and a not in query.links and b not in query.links:
-                continue
             first, second = self.robot.solid_names[a], self.robot.solid_names[b]
             if first in query.ignore or second in query.ignore:
                 continue
@@ -148,7 +150,7 @@ class Contacts:
             near = self.bodies.near(self.bodies.lower[mine][None], self.bodies.upper[mine][None])[0]
             for index in np.nonzero(near)[0].tolist():
                 piece = self.bodies.pieces[index]
-                if piece.body == name or piece.part.limb:
+                if piece.body == name or piece.yields:
                     continue
                 if name in query.ignore or piece.body in query.ignore or (name, piece.body) in query.ignore:
                     continue

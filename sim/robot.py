@@ -21,8 +21,17 @@ from sim.urdf import Follower, loadable, read_description
 WITHIN = 0.001
 """Distance up to which links of one body are looked at [m]: asked for 0, PyBullet 3.2.7 tells no point of some that are
 centimetres in each other."""
+MESH_MARGIN = 0.002
+"""How much wider than its vertices PyBullet may take a mesh [m]."""
+_BALL = np.array([[math.cos(k * math.pi / 8), math.sin(k * math.pi / 8), 0.0] for k in range(16)])
+"""Points on a level circle of radius 1."""
 Shape = tuple[str, tuple[float, float, float], Pose]
 """Kind, extents [m] and pose of a primitive."""
+
+MOST_ROBOTS = 8
+"""Descriptions of which points of links are kept."""
+_spanning: dict[tuple[str, str], dict[int, Array]] = {}
+"""By URDF and number the points (n, 3) that span solid links, in their frames: read once in a process."""
 
 
 class Robot:
@@ -36,16 +45,22 @@ class Robot:
     def __init__(self, client: int, body: RobotBody) -> None:
         self.client, self.body = client, body
         self.description = read_description(body.urdf)
+        self.key = str(body.urdf), self.description.text
+        """What tells its description from others."""
         self.uid = self._load()
         self._read_joints()
         self._read_links()
         self._hulls: dict[int, list[Hulled]] = {}
+        while len(_spanning) > MOST_ROBOTS:
+            del _spanning[next(iter(_spanning))]
+        self._points = _spanning.setdefault(self.key, {})
         self.shown: dict[str, float] = {}
         self._shapes: dict[int, tuple[Shape, ...]] = {}
         self.base = (0.0, 0.0, 0.0)
         self.show(Configuration(self.base, {name: min(max(0.0, lo), hi) for name, (lo, hi) in self.limits.items()}))
         self._measure()
         self._moved = {name: self._moved_with(name) for name in self.joints}
+        self._apart: dict[frozenset[str], NDArray[np.bool_]] = {}
         self.grounded = frozenset(range(len(self.solid))).difference(
             *(self._below(index) for index in range(len(self.link_names) - 1) if index not in self.fixed)
         )
@@ -229,6 +244,16 @@ class Robot:
         """Numbers of the solid links that a joint, or "x", "y", "yaw" of the base, moves."""
         return self._moved[name] if name in self._moved else frozenset(range(len(self.solid)))
 
+    def moved_apart(self, names: frozenset[str]) -> NDArray[np.bool_]:
+        """Which pairs of solid links some joints move against each other, (n, n)."""
+        if names not in self._apart:
+            moved = np.zeros((len(names), len(self.solid)), bool)
+            for row, name in zip(moved, sorted(names), strict=True):
+                row[list(self.moved_by(name))] = True
+            moved = np.unique(moved, axis=0)
+            self._apart[names] = np.asarray((moved[:, :, None] != moved[:, None]).any(axis=0))
+        return self._apart[names]
+
     def carrier(self, link: str) -> frozenset[int]:
         """Numbers of the nearest solid link upwards from a link: it moves when the link does."""
         index = self.links[link]
@@ -244,7 +269,7 @@ class Robot:
         return self._below(index)
 
     def spread(self, number: int) -> float:
-        """How far a solid link reaches from the map's z axis, in its present place [m]; for meshes an upper bound."""
+        """How far a solid link reaches from the map's z axis, in its present place [m]."""
         index = self.solid[number]
         if index == -1:
             place = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client))
@@ -255,10 +280,8 @@ class Robot:
         for shape in bullet.getCollisionShapeData(self.uid, index, physicsClientId=self.client):
             points, radius = _support(shape[2], shape[3])
             if points is None:
-                lower, upper = (corners[number] for corners in self.boxes())
-                points, centre = np.array([np.maximum(np.abs(lower), np.abs(upper))]), Pose((0.0, 0.0, 0.0))
-            else:
-                centre = place @ Pose(shape[5], shape[6])
+                return float(np.hypot(*self.points([number])[0].T[:2]).max()) + MESH_MARGIN
+            centre = place @ Pose(shape[5], shape[6])
             there = points @ rotation(centre).T + np.asarray(centre.position)
             away = max(away, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
         return away
@@ -311,6 +334,23 @@ class Robot:
             place = Pose(state[0], state[1])
         self._hulls[number] = hulls_of(self.client, self.uid, index, frame @ place)
         return self._hulls[number]
+
+    def points(self, numbers: Sequence[int]) -> list[Array]:
+        """Points (n, 3) in the map that span what solid links surely fill; round shapes have points all around."""
+        frames = self.frames()[list(numbers)]
+        turns = rotations(frames[:, 3:])
+        return [self._spanning(k) @ turn.T + at[:3] for k, turn, at in zip(numbers, turns, frames, strict=True)]
+
+    def _spanning(self, number: int) -> Array:
+        """The points of one link in its own frame."""
+        if number not in self._points:
+            found = []
+            for one in self.hulls(number):
+                own = one.points if not one.radius else one.points + one.radius * _BALL
+                matrix = one.pose.matrix()
+                found.append(own @ matrix[:3, :3].T + matrix[:3, 3])
+            self._points[number] = np.concatenate(found).round(9)  # whatever posture they were read in
+        return self._points[number]
 
     def hand_links(self, link: str) -> frozenset[str]:
         """Names of the solid links of the hand at a link."""

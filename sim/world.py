@@ -16,7 +16,7 @@ from sim.contact import PARTED, Contacts, Held, Ignored, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
 from sim.geometry import rotations
-from sim.outline import Solid, bands, solids
+from sim.outline import Band, Outline, Shape, Solid, held_bands, shape_of, solids
 from sim.people import People
 from sim.person import Reach, parts_of
 from sim.playback import BASE, Playback, advance, begin
@@ -148,7 +148,8 @@ class PyBulletWorld:
     ) -> tuple[Contact, ...]:
         """Penetrations of the robot and of what it holds, now or at another configuration; joints not named stay.
 
-        ``moving``: joint names, "x", "y", "yaw" or "base": look only at links that these move. ``ignore``: names of
+        ``moving``: joint names, "x", "y", "yaw" or "base": look only at links that these move, and in self-collision
+        only at pairs that they move against each other. ``ignore``: names of
         bodies or links, or (part, body) pairs, that may touch. In self-collision the body is a link's name as well.
         ``among``: the only pairs that can touch at all, where somebody knows; they are looked at, nothing else.
         Left out: penetrations up to 0.5 mm; a hand and what it holds; hands, or held objects, and a person's arms; up
@@ -156,11 +157,12 @@ class PyBulletWorld:
         """
         if self._robot is None:
             return ()
-        links, itself = None, True
+        links, itself, apart = None, True, None
         if moving is not None:
             links = frozenset[int]().union(*(self._robot.moved_by(name) for name in moving))
             itself = not set(moving) <= {*BASE, "base"}
-        return self._find(configuration or self._now, Query(links, ignore, itself=itself, among=among))
+            apart = self._robot.moved_apart(frozenset(moving)) if itself else None
+        return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
 
     def passed(self, start: Configuration, steps: Sequence[Mapping[str, float]]) -> frozenset[str]:
         """Bodies that the links which some joints move may meet on a way; no others can be touched there.
@@ -173,16 +175,34 @@ class PyBulletWorld:
         near = self._bodies.near(lower, upper).any(axis=0)
         return frozenset(self._bodies.pieces[index].body for index in np.flatnonzero(near).tolist())
 
-    def silhouette(self, without: Collection[str] = ()) -> tuple[tuple[float, float, float], ...]:
+    def silhouette(self, without: Collection[str] = ()) -> tuple[Band, ...]:
         """What the robot, with what it holds, needs of room when it turns on the spot in its present posture.
 
         Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object;
         what a joint of ``without`` moves is left out.
         """
-        self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
-        found = bands(self.robot, self._bodies, self._held, without)
+        found = self._shape(without).bands
+        if self._held:
+            self._at_origin()
+            found = (*found, *held_bands(self.robot, self._bodies, self._held, without))
         self._here()
         return found
+
+    def outlines(self, without: Collection[str] = ()) -> tuple[Outline, ...]:
+        """The robot from above in its present posture: z_low, z_high [m] and a convex polygon for each solid link.
+
+        Polygons (n, 2) are in the frame of the base, counter-clockwise, and hold no more than the link does; what a
+        joint of ``without`` moves is left out.
+        """
+        found = self._shape(without).outlines
+        self._here()
+        return found
+
+    def _shape(self, without: Collection[str]) -> Shape:
+        return shape_of(self.robot, self._now.joints, without, self._at_origin)
+
+    def _at_origin(self) -> None:
+        self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
 
     def solids(self) -> tuple[Solid, ...]:
         """The convex pieces of all bodies not held, where they are, floors left out."""

@@ -21,7 +21,7 @@ from executive.console import Answer, answer, say, show
 from executive.headers import Told
 from executive.inputs import PlanFile, RecipeFile, read
 from executive.outputs import check_outputs
-from planlang.diagnostics import error
+from planlang.diagnostics import Diagnostic, error
 
 if TYPE_CHECKING:
     from executive.running import RunResult
@@ -114,9 +114,13 @@ def run_command(
             problems += no_display()
         is_bundled = isinstance(found, RecipeFile) and found.is_bundled
         self_model = named("robot", robot or told.robot, "robots", "amigo", is_bundled, problems)
-        environment_map = named(
-            "environment", environment or told.environment, "environments", "hospital_room", is_bundled, problems
-        )
+        from executive.environments import DEFAULT, default_environment
+
+        notes: list[Diagnostic] = []
+        place = environment or told.environment
+        if place is None and is_bundled:
+            place = default_environment(bindings.values(), notes)
+        environment_map = named("environment", place, "environments", DEFAULT, is_bundled, problems)
         refuse(problems)
 
         from executive.running import RunOptions, run_plan_file
@@ -141,6 +145,7 @@ def run_command(
             force=force,
             resume=recorded,
             world_as_left=world_as_left,
+            notes=tuple(notes),
             progress=(lambda line: None) if json else say,
             announce=(lambda found: None) if json else show,
         )

@@ -8,7 +8,7 @@ rows of a way costs a rotation of constants and a look at the field of room.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,9 +59,25 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.scores)
 
-    def order(self, weights: Array) -> Indices:
-        """Round-robin over the ways, the best of each first; ``weights`` (m,) are an opinion about the bases."""
-        return np.lexsort((-(self.scores * weights).round(6), self.ranks))
+    def chosen(self, index: Indices) -> Candidates:
+        """Some of them."""
+        return replace(
+            self,
+            bases=self.bases[index],
+            scores=self.scores[index],
+            arms=self.arms[index],
+            ways=self.ways[index],
+            rows=self.rows[index],
+            torsos=self.torsos[index],
+            ranks=self.ranks[index],
+        )
+
+    def order(self, weigh: Weigh, most: int) -> Indices:
+        """Round-robin over the ways, the best of each first, no more than ``most``; ``weigh`` has an opinion."""
+        whole = np.flatnonzero(np.cumsum(np.bincount(self.ranks, minlength=1)) >= most)
+        some = np.flatnonzero(self.ranks <= whole[0]) if len(whole) else np.arange(len(self))
+        worth = self.scores[some] * weigh(self.bases[some])
+        return some[np.lexsort((-worth.round(6), self.ranks[some]))[:most]]
 
 
 def invert(

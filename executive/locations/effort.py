@@ -29,6 +29,8 @@ class Effort:
 
 
 EFFORTS = (
-    Effort(fine=False, least=0.1, rows=400, each=16, most=384, block=48, exact=60),
-    Effort(fine=True, least=0.0, rows=ALL, each=ALL, most=40_000, block=512, exact=500),
+    Effort(fine=False, least=0.1, rows=400, each=16, most=384, block=48, exact=40),
+    Effort(fine=False, least=0.1, rows=400, each=256, most=6_000, block=48, exact=80),
+    Effort(fine=True, least=0.05, rows=400, each=128, most=12_000, block=128, exact=150),
+    Effort(fine=True, least=0.0, rows=2_000, each=ALL, most=40_000, block=512, exact=500),
 )

@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.motion import Boxes, clearance_at
-from executive.motion.clearance import Band
+from executive.motion.clearance import Band, clearances_at
+from executive.motion.footprint import TOUCHING, Outline, cores, stands_in_none
 from planlang.protocols import Array
 
 CELL = 0.05
@@ -18,7 +20,7 @@ HAIR = 1e-6
 SLACK = 0.03
 """Room that may be missing in the grid, whose cells are 5 cm wide: places are judged exactly later [m]."""
 DOUBTFUL = 0.15
-"""How good a place is where the middle of the cell has no room, but its border may have."""
+"""How good a place is where there may be room: at the border of its cell, or with some headings."""
 ROOMY = 0.3
 """More room than this is not better [m]."""
 
@@ -58,17 +60,29 @@ class Field:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Floor:
-    """What takes room: boxes of the world, the robot's silhouette without its arms, bounds of the map."""
+    """What takes room: boxes of the world, the robot's silhouette and outlines without its arms, bounds of the map."""
 
     boxes: Boxes
     silhouette: tuple[Band, ...]
+    outlines: tuple[Outline, ...]
     bounds: tuple[float, float, float, float]
 
     def at(self, points: Array) -> Array:
-        """Room (m,) [m] at points (m, 2): negative where the robot would stand in something, -inf off the map."""
+        """Room (m,) [m] to turn at points (m, 2): negative where there is too little, -inf off the map."""
+        return np.where(self._on_map(points), clearance_at(points, self.boxes, self.silhouette), -np.inf)
+
+    def _on_map(self, points: Array) -> NDArray[np.bool_]:
         x_min, y_min, x_max, y_max = self.bounds
-        inside = (points[:, 0] > x_min) & (points[:, 0] < x_max) & (points[:, 1] > y_min) & (points[:, 1] < y_max)
-        return np.where(inside, clearance_at(points, self.boxes, self.silhouette), -np.inf)
+        x, y = points[:, 0], points[:, 1]
+        return np.asarray((x > x_min) & (x < x_max) & (y > y_min) & (y < y_max))
+
+    def holds(self, bases: Array) -> NDArray[np.bool_]:
+        """At which bases (m, 3) the robot, as it is turned there, stands in nothing (m,)."""
+        room, least = clearances_at(bases[:, :2], self.boxes, (self.silhouette, cores(self.outlines)))
+        free = room > 0.0
+        tight = np.flatnonzero(~free & (least > -TOUCHING))
+        free[tight] = stands_in_none(bases[tight], self.boxes, self.outlines)
+        return np.asarray(free & self._on_map(bases[:, :2]))
 
     def field(self, centre: tuple[float, float], yaw: float, reach: float) -> Field:
         """The grid around a place that covers a circle of radius ``reach`` [m]."""
@@ -77,7 +91,8 @@ class Floor:
         across, along = np.meshgrid(steps, steps)
         c, s = math.cos(yaw), math.sin(yaw)
         points = np.stack([centre[0] + c * along - s * across, centre[1] + s * along + c * across], axis=-1)
-        room = self.at(points.reshape(-1, 2)).reshape(along.shape).round(9)
-        roomy = np.where(room > 0.0, 0.3 + np.clip(room, 0.0, ROOMY), DOUBTFUL)
-        factors = np.where(room > -SLACK, roomy, 0.0)
+        flat = points.reshape(-1, 2)
+        room, least = clearances_at(flat, self.boxes, (self.silhouette, cores(self.outlines))).round(9)
+        factors = np.where(room > 0.0, 0.3 + np.clip(room, 0.0, ROOMY), np.where(least > -SLACK, DOUBTFUL, 0.0))
+        factors = np.where(self._on_map(flat), factors, 0.0).reshape(along.shape)
         return Field(centre[0], centre[1], yaw, half, np.pad(factors, 1).ravel())

@@ -40,6 +40,11 @@ class Rows:
     torsos: tuple[float, ...]
     """Torso positions, lowest first."""
 
+    def first(self, count: int) -> Rows:
+        """So many of them."""
+        v, yaw, score, row = self.v[:count], self.yaw[:count], self.score[:count], self.row[:count]
+        return Rows(v, yaw, score, row, self.torso[:count], self.squares[:count], self.torsos)
+
     def of(self, torsos: tuple[float, ...]) -> Rows:
         """Those for some torso positions."""
         if torsos == self.torsos:
@@ -50,25 +55,16 @@ class Rows:
 
 
 class InverseMap:
-    """A reachability map prepared for inversion."""
+    """A reachability map prepared for inversion, level by level as they are asked for."""
 
     def __init__(self, forward: ReachabilityMap, exact: Array | None = None) -> None:
         """``exact``: x, y [m] and heading [rad] of the rows (n, 3), where they are not those of the lattice."""
-        self.forward = forward
+        self.forward, self._exact = forward, exact
         rows = forward.rows
-        if exact is None:
-            yaw = rows["yaw"].astype(float) * (2 * math.pi / YAWS)
-            x, y = CELL * rows["x"].astype(float), CELL * rows["y"].astype(float)
-        else:
-            x, y, yaw = exact.T
-        c, s = np.cos(yaw), np.sin(yaw)
-        self._v = np.stack([c * x + s * y, c * y - s * x], axis=1)
-        self._yaw = yaw
-        self._score = rows["score"].astype(float).round(6)
-        self._roll = rows["roll"].astype(np.int64)
-        self._level = rows["z"].astype(np.int64)
-        self.reach = float(np.linalg.norm(self._v, axis=1).max()) if len(rows) else 0.0
+        away = np.hypot(*exact.T[:2]) if exact is not None else CELL * np.hypot(rows["x"], rows["y"], dtype=np.float64)
+        self.reach = float(away.max()) if len(rows) else 0.0
         """Farthest that a base is from a point that it reaches, horizontally [m]."""
+        self._levels: dict[tuple[int, int], Rows] = {}
         self._known: dict[tuple[float, int, float, int], Rows] = {}
 
     def rows(self, z: float, roll: int, least: float, most: int) -> Rows:
@@ -82,41 +78,62 @@ class InverseMap:
 
     def _find(self, z: float, roll: int, least: float, most: int) -> Rows:
         forward = self.forward
-        flipped = forward.grasp is GraspClass.TOP and roll == -1
-        chosen: list[Indices] = []
-        torsos: list[Array] = []
+        parts, torsos = [self._level(forward.lowest_level - 1, roll)], [np.zeros(0)]
         for torso in forward.heights(z):
             rise = float(forward.lift.rise(torso)) if forward.lift is not None else 0.0
-            level = round((z - rise) / CELL)
-            fitting = (self._level == level) & (self._score >= least) & (flipped | (self._roll == roll))
-            index = np.flatnonzero(fitting)
-            index = index[np.argsort(-self._score[index], kind="stable")][:most]
-            chosen.append(index)
-            torsos.append(np.full(len(index), torso))
-        rows = np.concatenate(chosen) if chosen else np.zeros(0, np.intp)
-        heights = np.concatenate(torsos) if torsos else np.zeros(0)
-        order = np.argsort(-self._score[rows], kind="stable")
-        rows, heights = rows[order], heights[order]
-        v, yaw = self._v[rows], self._yaw[rows]
+            level = self._level(round((z - rise) / CELL), roll)
+            count = min(int(np.searchsorted(-level.score, -least, side="right")), most)
+            parts.append(level.first(count))
+            torsos.append(np.full(count, torso))
+        score = np.concatenate([part.score for part in parts])
+        heights = np.concatenate(torsos)
+        order = np.argsort(-score, kind="stable")
+        v, yaw, row, squares = (
+            np.concatenate([getattr(part, name) for part in parts])[order] for name in ("v", "yaw", "row", "squares")
+        )
+        return Rows(v, yaw, score[order], row, heights[order], squares, tuple(np.unique(heights).tolist()))
+
+    def _level(self, level: int, roll: int) -> Rows:
+        """The rows of a level that a roll can use, at no torso position, best first."""
+        if (level, roll) not in self._levels:
+            self._levels[level, roll] = self._prepared(level, roll)
+        return self._levels[level, roll]
+
+    def _prepared(self, level: int, roll: int) -> Rows:
+        forward = self.forward
+        flipped = forward.grasp is GraspClass.TOP and roll == -1
+        number = level - forward.lowest_level
+        inside = 0 <= number < len(forward.starts) - 1
+        first, last = forward.starts[number : number + 2].tolist() if inside else (0, 0)
+        rows = forward.rows[first:last]
+        index = np.flatnonzero(rows["roll"] == (1 if flipped else roll))
+        score = rows["score"][index].astype(float).round(6)
+        order = np.argsort(-score, kind="stable")
+        index, score = index[order], score[order]
+        if self._exact is None:
+            yaw = rows["yaw"][index].astype(float) * (2 * math.pi / YAWS)
+            x, y = CELL * rows["x"][index].astype(float), CELL * rows["y"][index].astype(float)
+        else:
+            x, y, yaw = self._exact[first + index].T
+        c, s = np.cos(yaw), np.sin(yaw)
+        v = np.stack([c * x + s * y, c * y - s * x], axis=1)
         if flipped:  # a turned hand is the same as another heading
             v, yaw = -v, yaw - math.pi
         cells = np.rint(v / SPREAD).astype(np.intp)
         half = 1 << (SQUARE_BITS // 2 - 1)
         squares = (cells[:, 0] + half) * 2 * half + cells[:, 1] + half
-        return Rows(v, yaw, self._score[rows], rows, heights, squares, tuple(np.unique(heights).tolist()))
+        return Rows(v, yaw, score, first + index, np.zeros(len(index)), squares, ())
 
 
 _prepared: dict[tuple[object, ...], InverseMap] = {}
 
 
-def inverse_map(
-    forward: ReachabilityMap, facts: tuple[object, ...], exact: Callable[[], Array | None] = lambda: None
-) -> InverseMap:
-    """The map of an arm prepared for inversion, once in a process for all maps of the same ``facts``."""
+def inverse_map(facts: tuple[object, ...], prepared: Callable[[], InverseMap]) -> InverseMap:
+    """A map prepared for inversion, once in a process for all arms of the same ``facts``."""
     if facts not in _prepared:
         while len(_prepared) >= MOST_MAPS:
             del _prepared[next(iter(_prepared))]
-        _prepared[facts] = InverseMap(forward, exact())
+        _prepared[facts] = prepared()
     return _prepared[facts]
 
 
@@ -132,9 +149,12 @@ class InverseMaps:
         key = (arm.name, grasp)
         if key not in self._known:
             facts = (arm.solver.chain.digest, arm.lift, arm.frame, arm.seeds.tobytes(), grasp)
-            forward = self._around.reachability(arm, grasp)
-            self._known[key] = inverse_map(forward, facts, partial(_exact, arm, forward))
+            self._known[key] = inverse_map(facts, partial(self._prepare, arm, grasp))
         return self._known[key]
+
+    def _prepare(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
+        forward = self._around.reachability(arm, grasp)
+        return InverseMap(forward, _exact(arm, forward))
 
 
 def _exact(arm: ArmModel, forward: ReachabilityMap) -> Array | None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.blind import Blind
-from executive.locations.candidates import Candidates, blocks, invert
+from executive.locations.candidates import Candidates, invert
 from executive.locations.effort import Effort
 from executive.locations.hand_ways import ways_of
 from executive.locations.judging import PLACES, BaseJudge, scored
@@ -29,6 +29,8 @@ from planlang.protocols import Array, Solution
 
 ALIKE = 0.06
 """A candidate this near to one that failed exactly, with the hand from the same side, is judged last [m]."""
+AT_ONCE = 2048
+"""Places of which room is looked at in one go, at most."""
 TRAVEL = 8.0
 """Distance over which a place loses most of its worth [m]."""
 
@@ -118,7 +120,8 @@ class ReachingSearch:
     ) -> Iterator[Solution]:
         around, effort, log = self.around, self.effort, self.log
         x, y, _ = around.base()
-        order = found.order(np.exp(-np.hypot(found.bases[:, 0] - x, found.bases[:, 1] - y) / TRAVEL))[: effort.most]
+        order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), effort.most)
+        found = found.chosen(order)
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
         bases = bases.round(PLACES)  # as they are told
         stance = around.stance_check((middle, radius))
@@ -128,6 +131,7 @@ class ReachingSearch:
         failed = _Failed()
         failures: dict[tuple[int, int], tuple[ReachSolution, Base]] = {}
         stopped: dict[tuple[int, int], bool] = {}
+        bodies_around = frozenset(around.names())
         postponed: list[tuple[int, ReachSolution]] = []
 
         def is_stopped(number: int, way: int) -> bool:
@@ -137,14 +141,23 @@ class ReachingSearch:
                 stopped[key] = hand_is_stopped(*failures[key], around)
             return stopped.get(key, False)
 
-        def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
-            """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
-            for part in blocks(len(order), effort.block):
-                rows = order[part]
-                roomy = floor.at(bases[rows, :2]) > 0.0
+        def standing() -> Iterator[NDArray[np.intp]]:
+            """Candidates with room for base and arms, block by block; looked at in ever larger parts."""
+            waiting, first, size = np.zeros(0, np.intp), 0, effort.block
+            while first < len(found):
+                rows = np.arange(first, min(first + size, len(found)))
+                first, size = first + size, min(2 * size, AT_ONCE)
+                roomy = floor.holds(bases[rows])
                 log.add("no room for the base", int((~roomy).sum()))
                 rows = rows[roomy]
-                rows = rows[arms_have_room(bases[rows], stance, log)]
+                waiting = np.append(waiting, rows[arms_have_room(bases[rows], stance, log)])
+                while len(waiting) >= effort.block or (len(waiting) and first >= len(found)):
+                    yield waiting[: effort.block]
+                    waiting = waiting[effort.block :]
+
+        def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
+            """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
+            for rows in standing():
                 rows = rows[[not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]]
                 ways_ok, joints = self._solved(found, rows, bases, hands, checks)
                 for row in rows[ways_ok].tolist():
@@ -169,12 +182,13 @@ class ReachingSearch:
                 log.add("not looked at")
                 return
             score = float(found.scores[row])
-            answer = self.judge.complete(place, score, solution, self.wanted, self.demand, blind, log)
-            if answer is not None:
+            answer = self.judge.complete(place, score, solution, self.wanted, self.demand, blind, log, checks[number])
+            if isinstance(answer, Solution):
                 yield answer
-            else:
-                judged += 1
-                failed.add(number, base, heading)
+                continue
+            judged += 1
+            failed.add(number, base, heading)
+            if answer in bodies_around:
                 failures.setdefault((number, way), (solution, place))
 
     def _solved(

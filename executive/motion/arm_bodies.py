@@ -40,7 +40,7 @@ class ArmBodies:
     watched: Watched
     """Of movers and obstacles of the robot itself."""
     hands: NDArray[np.bool_]
-    """Movers that are links of any hand (m,): people's arms do not mind them."""
+    """Movers that are links of any hand (m,): people's arms, once they reach for something, do not mind them."""
     grounded: NDArray[np.bool_]
     """Movers to which the floor is no obstacle (m,)."""
     held: Mapping[str, frozenset[str]]

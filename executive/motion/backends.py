@@ -43,6 +43,8 @@ class Solver(Protocol):
 
 SURE, UNSURE = -2, -1
 """What a checker says of a configuration: nothing is hit for sure, or as far as spheres tell."""
+ALSO_SURE = -1.0
+"""As the depth that is asked for: what is sure may be told, too."""
 
 
 class Checker(Protocol):
@@ -52,7 +54,7 @@ class Checker(Protocol):
         """For each configuration (n, d) SURE, UNSURE, or the number of a pair that is hit."""
 
     def hits(self, q: Array, bases: Array, deeper: float) -> NDArray[np.int32]:
-        """For each (n, d) the first pair that is hit by ``deeper`` [m] or more, else negative.
+        """For each (n, d) the first pair that is hit by ``deeper`` [m] or more, else negative: SURE where it is told.
 
         ``bases`` (n, 12): rotation row by row, and position, of the base of the chain in the map.
         """

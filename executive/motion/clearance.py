@@ -25,7 +25,7 @@ class Boxes:
     @staticmethod
     def around(poses: Iterable[Pose], sizes: ArrayLike) -> Boxes:
         """Boxes with poses and sizes (n, 3); a tilted one is replaced by the smallest upright prism along an edge."""
-        matrices = np.array([pose.matrix() for pose in poses]).reshape(-1, 4, 4)
+        matrices = Pose.matrices(poses)
         half = np.asarray(sizes, float).reshape(-1, 3) / 2
         if len(matrices) != len(half):
             raise ValueError(f"{len(matrices)} poses do not go with {len(half)} sizes")
@@ -91,22 +91,31 @@ def clearance_at(points: ArrayLike, boxes: Boxes, silhouette: Sequence[Band]) ->
     The smallest horizontal distance of any band from any box in its heights, less the band's radius; inf without one.
     Inside a box distances count negative, to the nearest side.
     """
+    return clearances_at(points, boxes, (silhouette,)).reshape(-1)
+
+
+def clearances_at(points: ArrayLike, boxes: Boxes, silhouettes: Sequence[Sequence[Band]]) -> Array:
+    """The same for several silhouettes, (s, k)."""
     places = np.asarray(points, float).reshape(-1, 2)
-    room = np.full(len(places), np.inf)
+    rooms = np.full((len(silhouettes), len(places)), np.inf)
     bottom = boxes.centres[:, 2] - boxes.half_extents[:, 2]
     top = boxes.centres[:, 2] + boxes.half_extents[:, 2]
     # the widest band that meets a box decides for it
-    widest = np.full(len(boxes), -np.inf)
-    for low, high, radius in silhouette:
-        widest = np.maximum(widest, np.where((bottom < high) & (top > low), radius, -np.inf))
-    for i in np.flatnonzero(np.isfinite(widest)):
+    widest = np.full((len(silhouettes), len(boxes)), -np.inf)
+    for number, silhouette in enumerate(silhouettes):
+        for low, high, radius in silhouette:
+            met = (bottom < high) & (top > low)
+            widest[number] = np.maximum(widest[number], np.where(met, radius, -np.inf))
+    for i in np.flatnonzero(np.isfinite(widest).any(axis=0)):
         dx, dy = places[:, 0] - boxes.centres[i, 0], places[:, 1] - boxes.centres[i, 1]
         cosine, sine = np.cos(boxes.yaws[i]), np.sin(boxes.yaws[i])
         along = np.abs(cosine * dx + sine * dy) - boxes.half_extents[i, 0]
         across = np.abs(cosine * dy - sine * dx) - boxes.half_extents[i, 1]
         outside = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
-        np.minimum(room, outside + np.minimum(np.maximum(along, across), 0.0) - widest[i], out=room)
-    return room
+        outside += np.minimum(np.maximum(along, across), 0.0)
+        for room, radius in zip(rooms, widest[:, i].tolist(), strict=True):
+            np.minimum(room, outside - radius, out=room)
+    return rooms
 
 
 def clearance_field(grid: Grid, boxes: Boxes, silhouette: Sequence[Band]) -> Array:

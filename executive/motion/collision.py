@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.backends import SURE
+from executive.motion.backends import ALSO_SURE, SURE
 from executive.motion.kinematics import Chain
 from executive.motion.solids import Solids
 from executive.motion.spheres import Faceted
@@ -261,7 +261,7 @@ class QuickCheck:
         return self._movers.names[self._groups.movers[group]], self._obstacles.names[self._groups.obstacles[group]]
 
     @cached_property
-    def _rows(self) -> dict[frozenset[str], list[int]]:
+    def _pairs_of(self) -> dict[frozenset[str], list[int]]:
         """The numbers of the pairs of two bodies."""
         found: dict[frozenset[str], list[int]] = {}
         for group, span in enumerate(pairwise(self._bodies.group_pair.tolist())):
@@ -277,11 +277,14 @@ class QuickCheck:
         count = len(bases)
         if not count or not len(self._bodies.pair_piece):
             return [None] * count
-        places = np.concatenate([bases[:, :3, :3].reshape(-1, 9), bases[:, :3, 3]], axis=1)
-        found = self._checker.hits(np.zeros((count, self._dof)) if q is None else q, places, deeper)
+        found = self._checker.hits(np.zeros((count, self._dof)) if q is None else q, _rows(bases), deeper)
         groups = self._groups_of(found)
         names, of_group = self._obstacles.names, self._groups.obstacles
         return [None if pair < 0 else names[of_group[g]] for pair, g in zip(found.tolist(), groups, strict=True)]
+
+    def clear(self, bases: Array, q: Array) -> NDArray[np.bool_]:
+        """From which base poses (n, 4, 4) configurations (n, d) hit nothing for sure, as far as that is told."""
+        return np.asarray(self._checker.hits(q, _rows(bases), ALSO_SURE) == SURE)
 
     def judge(self, q: Array) -> NDArray[np.int32]:
         """For each configuration (n, d) SURE, UNSURE, or the number of a pair that is hit."""
@@ -321,12 +324,17 @@ class QuickCheck:
 
     def learn(self, q: Array, pairs: Iterable[tuple[str, str]]) -> None:
         """At a configuration (d,) bodies were found to touch: keep them farther apart, as far as the ends allow."""
-        rows = [row for pair in {frozenset(pair): None for pair in pairs} for row in self._rows.get(pair, ())]
+        rows = [row for pair in {frozenset(pair): None for pair in pairs} for row in self._pairs_of.get(pair, ())]
         raised = np.minimum(self.gaps(q)[rows] + APART, self._most[rows])
         nearest = raised <= raised.min(initial=np.inf) + 0.01  # of a body's pieces those that may have been hit
         rows_hit = np.array(rows, np.intp)[nearest]
         self._bodies.limit[rows_hit] = np.maximum(self._bodies.limit[rows_hit], raised[nearest])
         self._bodies.widen()
+
+
+def _rows(bases: Array) -> Array:
+    """Poses (n, 4, 4) as checkers take them (n, 12)."""
+    return np.concatenate([bases[:, :3, :3].reshape(-1, 9), bases[:, :3, 3]], axis=1)
 
 
 def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, groups: Watched, whole: bool) -> Bodies:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.protocols import Array
+from planlang.protocols import Array, Pose
 from sim import Solid
 
 ANY = 1e3
@@ -31,12 +31,12 @@ class Solids:
     reach: Array
     """Radius of a sphere around each piece (k,)."""
     limbs: NDArray[np.bool_]
-    """Which are parts of a person's arms (k,)."""
+    """Which are parts of persons' arms that have left their rest, (k,)."""
 
     @staticmethod
     def of(pieces: Sequence[Solid]) -> Solids:
         """Pieces as a world tells them."""
-        matrices = np.array([piece.pose.matrix() for piece in pieces]).reshape(-1, 4, 4)
+        matrices = Pose.matrices(piece.pose for piece in pieces)
         shapes = [(piece.kind, piece.size) for piece in pieces]
         limbs = np.array([piece.limb for piece in pieces], bool)
         return Solids.placed(tuple(piece.body for piece in pieces), matrices, shapes, limbs)

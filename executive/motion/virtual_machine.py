@@ -196,7 +196,7 @@ class VirtualChecker:
             columns = np.flatnonzero(near.any(axis=0))
             compared = pieces.only(near.any(axis=0))
             gaps = (compared.gaps(points[rows, 1:]) - spheres[:, 3, None]).min(axis=1)
-            hit = gaps < all_.limit[pairs[columns]] - deeper
+            hit = gaps < all_.limit[pairs[columns]] - max(deeper, 0.0)
             lowest = np.where(hit, pairs[columns], never).min(axis=1)
             first[rows] = np.minimum(first[rows], lowest)
         return np.where(first < never, first, UNSURE).astype(np.int32)

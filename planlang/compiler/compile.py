@@ -73,13 +73,12 @@ def compile_ontology(
 def _compiled(
     ontology: Ontology, task: str | None, *, allow_abstract: bool, scopes: bool, data_flow: bool
 ) -> CompiledPlan:
-    actions = Actions(ontology)
-    reading = read_recipe(actions, task, allow_abstract=allow_abstract, scopes=scopes)
-    diagnostics = (*ontology.diagnostics, *reading.diagnostics, *check_recoveries(actions.recoveries))
+    reading = read_recipe(Actions(ontology), task, allow_abstract=allow_abstract, scopes=scopes)
+    diagnostics = (*reading.diagnostics, *check_recoveries(reading.actions.recoveries))
     if reading.recipes is None or has_errors(diagnostics):
         raise BadInput(diagnostics)
     recipes = canonical(reading.recipes, data_flow=data_flow)
-    lowering = Lowering(ontology, recipes, actions, scopes=scopes)
+    lowering = Lowering(ontology, recipes, reading.actions, scopes=scopes)
     tree = lowering.tree()
     left_out = ((NO_SCOPES, not scopes), (NO_DATA_FLOW, not data_flow))
     options = tuple(option for option, is_left_out in left_out if is_left_out)

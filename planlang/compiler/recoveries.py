@@ -83,22 +83,29 @@ class Recoveries:
     def __init__(self, actions: Actions) -> None:
         self._ontology = actions.ontology
         self._rules = actions.recoveries
+        self._acted_on = frozenset(action for rule in self._rules for action in rule.actions)
+        self._known: dict[tuple[str, ...], list[tuple[str, RecoveryRule]]] = {}
+        """Ancestors that rules speak of -> the rules that hold below these."""
         self._primitives = actions.primitives
+
+    def _of(self, cls: str) -> list[tuple[str, RecoveryRule]]:
+        """What :func:`recoveries_of` tells of a class; many classes have the same."""
+        concerned = tuple(name for name in self._ontology.ancestors(cls) if name in self._acted_on)
+        found = self._known.get(concerned)
+        if found is None:
+            found = self._known[concerned] = recoveries_of(self._ontology, self._rules, cls)
+        return found
 
     def attempts_at_places(self, step: Step) -> int:
         """How many places a scope tries that starts with this base motion: one if no rule speaks of the next."""
-        attempts = [
-            rule.attempts
-            for _, rule in recoveries_of(self._ontology, self._rules, step.iri)
-            if rule.strategy == NEXT_SOLUTION
-        ]
+        attempts = [rule.attempts for _, rule in self._of(step.iri) if rule.strategy == NEXT_SOLUTION]
         return max(attempts, default=1)
 
     def around_step(self, cls: str, about: Thing | None, written: frozenset[str]) -> tuple[Recover, ...]:
         """Recoveries of an action class that keep the base where it is; ``written`` names rules already outside."""
         return tuple(
             _recover(failure, rule, about)
-            for failure, rule in recoveries_of(self._ontology, self._rules, cls)
+            for failure, rule in self._of(cls)
             if rule.strategy in WRITTEN - MOVES_THE_BASE
             and rule.name not in written
             and (about is not None or rule.strategy not in NEEDS_AN_OBJECT)
@@ -106,7 +113,7 @@ class Recoveries:
 
     def names(self, cls: str) -> frozenset[str]:
         """Names of the rules that hold for a class."""
-        return frozenset(rule.name for _, rule in recoveries_of(self._ontology, self._rules, cls))
+        return frozenset(rule.name for _, rule in self._of(cls))
 
     def around_scope(self, step: Step, about: Thing | None) -> tuple[Recover, ...]:
         """Recoveries that move the base: of the step's class, and of the actions its primitive implies."""
@@ -116,7 +123,7 @@ class Recoveries:
         found: dict[str, Recover] = {}
         if about is not None:
             for cls in classes:
-                for failure, rule in recoveries_of(self._ontology, self._rules, cls):
+                for failure, rule in self._of(cls):
                     if rule.strategy in MOVES_THE_BASE:
                         found.setdefault(failure, _recover(failure, rule, about))
         return tuple(found.values())

@@ -86,8 +86,14 @@ class Terms:
         return self._parameters[recipe.iri]
 
     def is_performed(self, step: Step) -> bool:
-        """False for a step with a recipe that no module may take over: one nearer than its primitive ancestor."""
-        return not step.recipes or not self._actions.has_primitive_ancestor(step.iri)
+        """False for a step with a recipe that no module may take over.
+
+        That is one nearer than its primitive ancestor, and one of which nothing says what kind of action it is: a
+        module for actions of any kind would do anything else.
+        """
+        if not step.recipes:
+            return True
+        return not self._actions.has_primitive_ancestor(step.iri) and not self._actions.is_any(step.action_class)
 
     def renaming(self, caller: Recipe, step: Step, callee: str) -> Renaming:
         """What a call passes for each parameter of the called function.
@@ -99,7 +105,10 @@ class Terms:
         return {thing: self._argument(caller, step, recipe, thing) for thing in self.parameters(recipe)}
 
     def action(self, recipe: Recipe, step: Step) -> ActionTerm:
-        """The action designator of a step; a step of the hand takes the recipe's device if it names none."""
+        """The action designator of a step; a step of the hand takes the recipe's device if it names none.
+
+        A step with a recipe, of which the vocabulary only knows that it is some action, is told by its own class.
+        """
         properties: dict[str, tuple[Value, ...]] = {}
         for name, fillers in _ordered(step):
             key = _unclashed(snake_case(local_name(name)), properties)
@@ -109,7 +118,8 @@ class Terms:
             properties["device_used"] = (device,)
         if step.condition is not None:
             properties |= self._checked(step.condition, properties)
-        return ActionTerm(step.action, tuple(properties.items()))
+        is_any = bool(step.recipes) and self._actions.is_any(step.action)
+        return ActionTerm(step.action_class if is_any else step.action, tuple(properties.items()))
 
     def passed(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> str | None:
         """The step (IRI) whose result a step takes for a filler; None if none hands it on.

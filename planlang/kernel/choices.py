@@ -10,6 +10,7 @@ from random import Random
 from typing import TYPE_CHECKING, Any, Protocol
 
 from planlang.kernel.numbers import packed, unpacked
+from planlang.misuse import WrongValue, contrast, written
 
 if TYPE_CHECKING:
     from planlang.kernel.task import Task
@@ -50,7 +51,9 @@ class Recorded:
 
     def __init__(self, choices: Sequence[int]) -> None:
         if any(isinstance(choice, bool) or not isinstance(choice, int) or choice < 0 for choice in choices):
-            raise ValueError(f"a schedule is a list of places, whole numbers from 0, not {list(choices)!r}")
+            code = written(list(choices))
+            message = f"a schedule is a list of places, whole numbers from 0, not {code}"
+            raise WrongValue(contrast(message, f"schedule={code}", "schedule=[0, 2, 1]"))
         self._choices = tuple(choices)
         self._taken = 0
 

@@ -14,7 +14,7 @@ from planlang.kernel.answers import FluentKeys
 from planlang.kernel.continued import Different
 from planlang.kernel.encoding import encode
 from planlang.kernel.exact import Exact, load, load_failure
-from planlang.kernel.hosts import checked
+from planlang.kernel.hosts import VIRTUAL_HOST, checked
 from planlang.kernel.park import here, park
 from planlang.kernel.past import BOOKKEEPING, details
 from planlang.kernel.task import SUCCEEDED, Status, Task
@@ -241,7 +241,7 @@ class ReplayHost:
     jumps = True
 
     def __init__(self, rate: int, trace: Compared) -> None:
-        self.rate = checked(rate)
+        self.rate = checked(VIRTUAL_HOST, rate, None)
         self.watchdog = None
         self._trace = trace
         self._now = 0

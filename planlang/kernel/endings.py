@@ -49,6 +49,7 @@ def drain(scheduler: Scheduler, root: Task, cause: BaseException) -> None:
             rest(scheduler, root)
         except BaseException as error:  # of a task that would not end; all others still have to
             scheduler.heeded = scheduler.interrupts
-            stuck = stuck or error
+            if error is not cause:  # which passes each construct around the branch that raised it
+                stuck = stuck or error
     if stuck is not None:
         raise stuck from cause

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
+from planlang.misuse import PlanStructureError as PlanStructureError
+
 
 class Evaporated(BaseException):
     """Thrown into a task that is being evaporated, at every unshielded checkpoint until the task ends."""
-
-
-class PlanStructureError(Exception):
-    """The plan breaks a rule of the language; the message names the rule and the right form."""
 
 
 class CleanupOverrun(Exception):
@@ -37,8 +35,3 @@ class StuckTask(RunError):
 
 class CutShort(UserWarning):
     """An unshielded await in a ``finally`` was cut short by evaporation."""
-
-
-def contrast(message: str, wrong: str, right: str) -> str:
-    """A message that shows the wrong and the right code."""
-    return f"{message}\n  wrong: {wrong}\n  right: {right}"

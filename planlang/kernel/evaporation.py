@@ -11,6 +11,7 @@ from planlang.kernel.listing import place_of, user_frame
 from planlang.kernel.park import here
 from planlang.kernel.suspension import unhold
 from planlang.kernel.task import Status, Task
+from planlang.misuse import Usage
 
 if TYPE_CHECKING:
     from planlang.kernel.scheduler import Scheduler
@@ -69,6 +70,9 @@ def break_off(scheduler: Scheduler, task: Task, error: BaseException) -> None:
         scheduler.throw(task, scheduler.delivery(task))
 
 
+_SHIELD = Usage("with shield", {}, {"within": "30"})
+
+
 class shield:  # noqa: N801 - used like a function: with shield(within=10)
     """``with shield(within=10):`` keeps evaporation from outside away until the block ends.
 
@@ -83,7 +87,7 @@ class shield:  # noqa: N801 - used like a function: with shield(within=10)
 
     def __enter__(self) -> None:
         self._scheduler, self._task = scheduler, task = here()
-        steps = scheduler.steps(self.within)
+        steps = scheduler.steps(self.within, _SHIELD, "within")
         task.shields += 1
         review(scheduler, task)
         self._timers.append(scheduler.deadline(task, steps, self._overrun))

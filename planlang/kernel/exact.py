@@ -18,7 +18,8 @@ from functools import cache
 from typing import Any
 
 from planlang.designators import Action, Condition, Device, Location, Object, Person, Posture, Relation, Situation
-from planlang.failures import PlanFailure, Where
+from planlang.failures import PlanFailure, Where, attach_cleanup
+from planlang.misuse import PlanStructureError
 
 DEEPEST = 50
 """Lists and objects nested deeper do not survive."""
@@ -152,38 +153,7 @@ def _floats(value: object, number: int) -> bool:
     return isinstance(value, tuple) and len(value) == number and all(type(one) in (int, float) for one in value)
 
 
-def _name(value: object) -> bool:
-    return value is None or isinstance(value, str)
-
-
-def _filler(value: object) -> bool:
-    parts = value if isinstance(value, tuple) else (value,)
-    return all(isinstance(one, (Object, Location, Situation, str, int, float, bool)) for one in parts)
-
-
-def _is_object(one: Object) -> bool:
-    return isinstance(one.type, str) and _name(one.iri)
-
-
-def _is_location(one: Location) -> bool:
-    relations = one.relations
-    return (
-        isinstance(relations, tuple)
-        and all(isinstance(relation, Relation) for relation in relations)
-        and _name(one.name)
-        and (one.device is None or isinstance(one.device, Device))
-    )
-
-
-def _is_described(one: Action | Situation) -> bool:
-    pairs = one.properties
-    return (
-        isinstance(one.type, str)
-        and isinstance(pairs, tuple)
-        and all(isinstance(p, tuple) and len(p) == 2 and isinstance(p[0], str) and _filler(p[1]) for p in pairs)
-    )
-
-
+_DESIGNATORS = (Object, Person, Device, Relation, Location, Posture, Action, Situation, Condition)
 _MODULES = ("planlang.designators", "planlang.protocols")
 
 
@@ -196,15 +166,7 @@ def _checks() -> dict[type[Any], Callable[[Any], bool]]:
         Pose: lambda one: _floats(one.position, 3) and _floats(one.orientation, 4),
         Configuration: lambda one: _floats(one.base, 3) and isinstance(one.joints, dict),
         Solution: lambda one: _floats(one.base, 3) and isinstance(one.revision, int) and isinstance(one.detail, dict),
-        Object: _is_object,
-        Person: _is_object,
-        Device: _is_object,
-        Relation: lambda one: isinstance(one.name, str) and isinstance(one.reference, (Object, Location)),
-        Location: _is_location,
-        Posture: _is_location,
-        Action: lambda one: _is_described(one) and _name(one.name),
-        Situation: _is_described,
-        Condition: lambda one: isinstance(one.predicate, str) and isinstance(one.arguments, tuple),
+        **dict.fromkeys(_DESIGNATORS, lambda one: True),  # they refuse what makes no sense themselves
     }
 
 
@@ -214,7 +176,10 @@ def _made(name: str, inside: Mapping[str, Any]) -> Any:
         raise ValueError(f"there is no value type {name}")
     if set(inside) != {field.name for field in fields(kind)}:
         raise ValueError(f"these are not the fields of a {name}")
-    value = kind(**{key: load(item) for key, item in inside.items()})
+    try:
+        value = kind(**{key: load(item) for key, item in inside.items()})
+    except PlanStructureError:
+        raise ValueError(f"a field of a {name} is of another type") from None
     if not _checks()[kind](value):
         raise ValueError(f"a field of a {name} is of another type")
     return value
@@ -289,7 +254,7 @@ def _attach(failure: PlanFailure, rest: Mapping[str, Any]) -> None:
             raise ValueError("this is no place of a failure")
     if any(field.name == "failures" for field in fields(failure)):
         vars(failure)["failures"] = tuple(map(_plan_failure, _listed(rest, "members")))
-    failure.cleanup_failures = tuple(map(_plan_failure, _listed(rest, "cleanup")))
+    attach_cleanup(failure, map(_plan_failure, _listed(rest, "cleanup")))
     siblings = []
     for pair in _listed(rest, "siblings"):
         match pair:

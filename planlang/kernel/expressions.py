@@ -10,11 +10,14 @@ import operator
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from planlang.misuse import Usage, WrongValue
+
 if TYPE_CHECKING:
     from planlang.kernel.fluent import Source
 
 T = TypeVar("T")
 MISSED = ("never", "once", "always")
+_PULSED = Usage("fluent.pulsed", {"missed": '"once"'})
 
 
 class Signal(Generic[T]):
@@ -145,7 +148,7 @@ class Signal(Generic[T]):
         "always": one wait for each.
         """
         if missed not in MISSED:
-            raise ValueError(f"missed is one of {', '.join(MISSED)}, not {missed!r}")
+            raise _PULSED.wrong("missed", missed, f"one of {', '.join(map(repr, MISSED))}", WrongValue)
         return Pulsed(self, missed)
 
 
@@ -195,8 +198,11 @@ class Expression(Signal[Any]):
                 one.consume()
 
     def __str__(self) -> str:
+        if self.name is not None:
+            return self.name
         if len(self._operands) == 1:
-            return f"{self._symbol}({self._operands[0]})"
+            operand = self._operands[0]
+            return f"{self._symbol}({operand})" if self._symbol.isalpha() else f"{self._symbol}{operand}"
         return f"({self._operands[0]} {self._symbol} {self._operands[1]})"
 
 

@@ -10,6 +10,7 @@ from weakref import WeakValueDictionary
 from planlang.kernel.expressions import Signal, same
 from planlang.kernel.park import checkpoint, deliver, here, park, running
 from planlang.kernel.suspension import Recheck
+from planlang.misuse import Usage
 
 if TYPE_CHECKING:
     from planlang.kernel.scheduler import Scheduler
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from planlang.kernel.tree import Node
 
 T = TypeVar("T")
+_FLUENT = Usage("Fluent", {"value": "False"}, {"name": '"door_open"', "read": "world.door_is_open"})
 
 
 class _Tracked(threading.local):
@@ -65,6 +67,8 @@ class Fluent(Source[T]):
 
     def __init__(self, value: T = None, name: str | None = None, *, read: Callable[[], T] | None = None) -> None:  # type: ignore[assignment]
         super().__init__()
+        if name is not None and name.__class__ is not str:
+            raise _FLUENT.wrong("name", name, "a string")
         self.name = name
         self._value: T = value
         self.changes = 0
@@ -114,6 +118,7 @@ class WorldFluent(Fluent[T]):
 
     def __init__(self, value: T = None, name: str | None = None, *, read: Callable[[], T]) -> None:  # type: ignore[assignment]
         super().__init__(value, name)
+        _FLUENT.plain("read", read, "a function that reads the world when it is called")
         self._read = read
         self.vital = True
         """Whether a wait for it keeps the run going, step by step."""
@@ -215,12 +220,17 @@ class FluentWait(Recheck):
 
 
 _LATE = object()
+_WAIT_FOR = Usage("await wait_for", {"signal": "door_open"}, {"timeout": "5"})
+SIGNAL = "a fluent or an expression over fluents, which can become true"
+"""What can be waited for: most often the value of one is given instead, which does not change."""
 
 
 async def wait_for(signal: Signal[T], timeout: float | None = None) -> T | None:
     """Wait until a fluent or expression is true; returns the first true value, or None when ``timeout`` [s] is over."""
     scheduler, task = here()
-    steps = None if timeout is None else scheduler.steps(timeout)
+    if not isinstance(signal, Signal):
+        raise _WAIT_FOR.wrong("signal", signal, SIGNAL)
+    steps = None if timeout is None else scheduler.steps(timeout, _WAIT_FOR, "timeout")
     if task.doomed:
         await deliver(task)
     signal.arm()

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from planlang.misuse import Usage, WrongValue, is_amount
+
 WATCHDOG = 10.0
 """Seconds that code may compute, or be blocked, without reaching a checkpoint before it is interrupted."""
+
+
+VIRTUAL_HOST = Usage("VirtualHost", {"rate": "240"}, {"watchdog": "10.0"})
+SIMULATION_HOST = Usage("SimulationHost", {"world": "world"}, {"rate": "240", "watchdog": "10.0"})
 
 
 class Steps(Protocol):
@@ -39,7 +45,7 @@ class VirtualHost:
     jumps = True
 
     def __init__(self, rate: int = 240, *, watchdog: float | None = WATCHDOG) -> None:
-        self.rate = checked(rate)
+        self.rate = checked(VIRTUAL_HOST, rate, watchdog)
         self.watchdog = watchdog
 
     def advance(self, steps: int) -> None:
@@ -52,8 +58,10 @@ class SimulationHost:
     jumps = False
 
     def __init__(self, world: Steps, *, watchdog: float | None = WATCHDOG) -> None:
+        if isinstance(world, type) or not hasattr(world, "rate") or not hasattr(world, "step"):
+            raise SIMULATION_HOST.wrong("world", world, "a world, which has a rate and a step()")
         self.world = world
-        self.rate = checked(world.rate)
+        self.rate = checked(SIMULATION_HOST, world.rate, watchdog)
         self.watchdog = watchdog
         self._step = world.step
 
@@ -63,8 +71,10 @@ class SimulationHost:
             self._step()
 
 
-def checked(rate: int) -> int:
-    """The rate, if it is one; ValueError otherwise."""
-    if isinstance(rate, bool) or not isinstance(rate, int) or rate < 1:
-        raise ValueError(f"a rate is an integer number of steps per second, at least 1, not {rate!r}")
+def checked(function: Usage, rate: int, watchdog: float | None) -> int:
+    """The rate, if it and the watchdog's time are what they should be."""
+    function.whole("rate", rate, 1, "steps per second")
+    if watchdog is not None and (not is_amount(watchdog) or not watchdog):
+        meant = "None, or a time > 0 [s] for code that does not wait"
+        raise function.wrong("watchdog", watchdog, meant, WrongValue)
     return rate

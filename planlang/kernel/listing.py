@@ -25,6 +25,11 @@ def is_own(filename: str) -> bool:
     return filename.startswith(_OWN)
 
 
+def place_in(frame: FrameType) -> str:
+    """File and line that a frame is at."""
+    return f"{os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
+
+
 def user_frame() -> FrameType:
     """The innermost frame that runs and is not ours; there is one, of who called ``run`` at least."""
     frame: FrameType | None = sys._getframe(1)
@@ -54,7 +59,7 @@ def place_of(task: Task) -> str:
     """
     frame = innermost_frame(task.coroutine)
     if frame is not None:
-        return f" at {os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
+        return f" at {place_in(frame)}"
     function: object = task.branch
     while isinstance(function, functools.partial):
         function = function.func
@@ -65,7 +70,7 @@ def place_of(task: Task) -> str:
     while around is not None:
         frame = innermost_frame(around.owner.coroutine)
         if frame is not None:
-            return f", started at {os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
+            return f", started at {place_in(frame)}"
         around = around.owner.group
     return ""
 
@@ -89,8 +94,9 @@ def listing(title: str, tasks: Iterable[Task]) -> str:
         if len(lines) > SHOWN:
             more += 1
             continue
-        state = "is suspended, waiting for" if task.holds else "waits for"
-        what = f" {state} {task.wait}" if task.wait is not None else ""
+        what = " is suspended" if task.holds else ""
+        if task.wait is not None:
+            what = f"{what}, waiting for {task.wait}" if what else f" waits for {task.wait}"
         lines.append(f"  {task.path}{what}{place_of(task)}")
     if more:
         lines.append(f"  and {more} more")

@@ -7,11 +7,13 @@ import types
 from collections.abc import Generator
 from typing import TYPE_CHECKING, Any
 
-from planlang.kernel.errors import Evaporated, PlanStructureError, contrast
+from planlang.kernel.errors import Evaporated, PlanStructureError
+from planlang.misuse import contrast
 
 if TYPE_CHECKING:
     from planlang.kernel.scheduler import Scheduler
     from planlang.kernel.task import Task
+    from planlang.kernel.threads import Call
 
 PARKED = object()
 """Yielded by a task that waits. Anything else that reaches the scheduler is a foreign awaitable's."""
@@ -22,6 +24,8 @@ MAX_DELIVERIES = 100
 
 class _Running(threading.local):
     scheduler: Scheduler | None = None
+    call: Call | None = None
+    """The call that this thread was made for."""
 
 
 running = _Running()

@@ -15,7 +15,7 @@ from planlang.kernel.tree import Node
 
 
 async def sleep(seconds: float) -> None:
-    """Wait ``ceil(seconds * rate)`` world steps; 0 is a checkpoint. ValueError if negative or NaN."""
+    """Wait ``ceil(seconds * rate)`` world steps; 0 is a checkpoint. ValueError if negative, infinite or NaN."""
     scheduler, task = here()
     steps = scheduler.steps(seconds)
     if steps == 0:

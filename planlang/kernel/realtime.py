@@ -10,6 +10,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 
 from planlang.kernel.hosts import WATCHDOG, Host, checked
 from planlang.kernel.inbox import PATIENCE, Inbox
+from planlang.misuse import Usage
 
 
 @runtime_checkable
@@ -22,6 +23,11 @@ class LiveHost(Host, Protocol):
 
     def begin(self) -> None:
         """A run begins: step 0 is now."""
+
+
+_REAL_TIME = Usage(
+    "RealTimeHost", {"rate": "240"}, {"clock": "time.monotonic", "sleep": "time.sleep", "watchdog": "10.0"}
+)
 
 
 class RealTimeHost:
@@ -47,7 +53,10 @@ class RealTimeHost:
         sleep: Callable[[float], object] | None = None,
         watchdog: float | None = WATCHDOG,
     ) -> None:
-        self.rate = checked(rate)
+        self.rate = checked(_REAL_TIME, rate, watchdog)
+        _REAL_TIME.plain("clock", clock, "a function that gives seconds and never goes back")
+        if sleep is not None:
+            _REAL_TIME.plain("sleep", sleep, "a function that waits at most the seconds it is given")
         self.watchdog = watchdog
         self.inbox = Inbox()
         self.sources: dict[Source, None] = {}

@@ -21,8 +21,8 @@ def loop(scheduler: Scheduler, root: Task) -> None:
     """Drive the run until its top-level task is dead."""
     while True:
         rest(scheduler, root)
-        if scheduler.untold is not None:
-            raise scheduler.untold
+        if scheduler.spoilt is not None:
+            raise scheduler.spoilt
         if root.dead:
             return
         if scheduler.interrupts != scheduler.heeded:

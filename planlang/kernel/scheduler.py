@@ -18,7 +18,7 @@ from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planlang.kernel import closing, endings, evaporation, forgotten, rounds
+from planlang.kernel import closing, endings, evaporation, leftovers, rounds
 from planlang.kernel.choices import Schedule, source_of
 from planlang.kernel.environment import quiet_collector, signals
 from planlang.kernel.errors import Evaporated, PlanStructureError
@@ -26,11 +26,12 @@ from planlang.kernel.hosts import WATCHDOG
 from planlang.kernel.inbox import Inbox
 from planlang.kernel.park import running
 from planlang.kernel.realtime import LiveHost
-from planlang.kernel.task import SUCCEEDED, Status, Task
+from planlang.kernel.task import FAILED, SUCCEEDED, Status, Task
 from planlang.kernel.threads import Calls
 from planlang.kernel.timers import Timer, TimerQueue
 from planlang.kernel.tree import name_of
 from planlang.kernel.watchdog import Overdue, Watch, watchdog
+from planlang.misuse import Usage
 
 if TYPE_CHECKING:
     from planlang.kernel.answers import Answers
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from planlang.kernel.tree import Node
 
 S = TypeVar("S")
+SLEEP = Usage("await sleep", {"seconds": "2"})
 
 
 class Scheduler:
@@ -87,8 +89,10 @@ class Scheduler:
         """Constructs so far."""
         self.resumptions = 0
         """Turns and decisions in this world step."""
-        self.untold: BaseException | None = None
-        """What went wrong in writing the trace; raised when the tasks of the step have come to rest."""
+        self.spoilt: BaseException | None = None
+        """What went wrong in no task, as in writing the trace; raised when the tasks of the step have come to rest."""
+        self.coroutines: leftovers.Found
+        """What is known of coroutines that nobody has awaited."""
         self.fatal: BaseException | None = None
         """What has to end the run, once the task in which it arose is dead."""
         self.heeded = 0
@@ -113,11 +117,14 @@ class Scheduler:
         """World steps since the start."""
         return self.timers.now
 
-    def steps(self, seconds: float) -> int:
-        """The number of steps that last at least ``seconds``; ValueError if negative or NaN."""
-        if not seconds >= 0:
-            raise ValueError(f"a duration must be a number of seconds >= 0, not {seconds!r}")
-        return math.ceil(seconds * self.rate - 1e-6) if seconds < math.inf else sys.maxsize
+    def steps(self, seconds: float, given_to: Usage = SLEEP, parameter: str = "seconds") -> int:
+        """The number of steps that last at least ``seconds``; WrongValue if negative, infinite or NaN."""
+        try:
+            if 0 <= seconds < math.inf and seconds is not True and seconds is not False:
+                return math.ceil(seconds * self.rate - 1e-6)
+        except (TypeError, ValueError, OverflowError):
+            pass
+        raise given_to.not_seconds(parameter, seconds)
 
     def alarm(self, task: Task, steps: int, fire: Callable[[], object]) -> Timer:
         """Call ``fire`` at the start of the step that is ``steps`` from now."""
@@ -188,6 +195,9 @@ class Scheduler:
         task.coroutine = None
         task.wait = None
         group = task.group
+        if group is None and outcome is SUCCEEDED and (crash := leftovers.last_look(self, task)) is not None:
+            task.crash = crash
+            outcome = task.outcome = FAILED
         if self.trace is not None:
             error = None if outcome is SUCCEEDED else task.crash or task.failure or task.cleanup_failure
             self.trace.ended(self.timers.now, task, outcome, task.result, error)
@@ -214,8 +224,11 @@ class Scheduler:
         if running.scheduler is not None:
             raise PlanStructureError("a plan is running already; await the inner plan instead of running it")
         root = Task(None, None, name_of(branch), branch, 0)
+        with leftovers.watching(self, root):
+            return self._run(root)
+
+    def _run(self, root: Task) -> Any:
         running.scheduler = self
-        forgotten.watch()
         period = getattr(self.host, "watchdog", WATCHDOG)
         hooks = sys.get_asyncgen_hooks()
         sys.set_asyncgen_hooks(firstiter=partial(closing.adopt, self), finalizer=closing.keep)
@@ -249,7 +262,7 @@ class Scheduler:
     def _untold(self, error: BaseException) -> None:
         """The trace cannot be written any further: the run ends, for nobody could tell what it did."""
         error.add_note(f"raised by the trace at world step {self.now}; the run was ended")
-        self.untold = self.untold or error
+        self.spoilt = self.spoilt or error
 
     # -- Ctrl-C and the watchdog
 

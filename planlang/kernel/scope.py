@@ -7,7 +7,7 @@ from heapq import heappush
 from operator import attrgetter
 from typing import Any
 
-from planlang.failures import BranchEvaporated, PlanFailure
+from planlang.failures import BranchEvaporated, PlanFailure, attach_cleanup
 from planlang.kernel.errors import Evaporated, PlanStructureError
 from planlang.kernel.listing import locate, place_of
 from planlang.kernel.park import checkpoint, deliver, here, park
@@ -127,6 +127,8 @@ class Scope(Node):
                 self.complete = True
                 await checkpoint()
             if self.crash is not None:
+                if self.cleanup:
+                    attach_cleanup(self.crash, self.cleanup)
                 raise self.crash
             owner.scope = outer
             result = self.finish()
@@ -152,7 +154,7 @@ class Scope(Node):
     def attach(self, failure: PlanFailure) -> PlanFailure:
         """Attach what went wrong in cleanups to what the construct raises."""
         if self.cleanup:
-            failure.cleanup_failures += tuple(f for f in self.cleanup if f is not failure)
+            attach_cleanup(failure, self.cleanup)
         return failure
 
     # -- for the scheduler

@@ -13,14 +13,17 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planlang.kernel.park import deliver, here, park
+from planlang.kernel.park import deliver, here, park, running
 from planlang.kernel.tree import name_of
+from planlang.misuse import Usage, WrongType, contrast, written
 
 if TYPE_CHECKING:
+    from planlang.kernel.errors import PlanStructureError
     from planlang.kernel.scheduler import Scheduler
     from planlang.kernel.task import Task
 
 R = TypeVar("R")
+_IN_THREAD = Usage("await in_thread", {"function": "read_port"})
 
 MOST_THREADS = 256
 """Calls of one run that are executed at the same time; further ones begin as earlier ones return."""
@@ -42,6 +45,8 @@ class Call:
         self._context = contextvars.copy_context()
         self._value: Any = None
         self._error: BaseException | None = None
+        self.forgotten: PlanStructureError | None = None
+        """That the function has made a coroutine, which nothing in a thread can await."""
 
     def start(self) -> None:
         """Begin, on a thread that does not keep the process alive."""
@@ -49,10 +54,13 @@ class Call:
         threading.Thread(target=self._work, name=f"planlang {self.name}", daemon=True).start()
 
     def _work(self) -> None:
+        running.call = self
         try:
             self._value = self._context.run(self._function)
         except BaseException as error:
             self._error = error
+        if self.forgotten is not None:
+            self._value, self._error = None, self.forgotten
         self._scheduler.inbox.put(self._arrive)
 
     def _arrive(self) -> None:
@@ -61,10 +69,7 @@ class Call:
         if inspect.iscoroutine(self._value):
             self._value.close()
             self._value = None
-            self._error = TypeError(
-                f"you called in_thread({self.name}), but {self.name} is async: write await {self.name}(), or pass a "
-                "plain function"
-            )
+            self._error = _is_async(self.name, self.name)
         self._scheduler.calls.arrived(self)
 
     def hand_over(self) -> None:
@@ -185,6 +190,11 @@ class Calls:
         return True
 
 
+def _is_async(name: str, code: str) -> WrongType:
+    message = f"{name} is async; await it, or pass a plain function to in_thread"
+    return WrongType(contrast(message, _IN_THREAD.shown("function", code), f"await {name}()"))
+
+
 async def in_thread(function: Callable[..., R], /, *arguments: Any, **named: Any) -> R:
     """Call blocking code on a thread of its own and wait for what it returns or raises.
 
@@ -196,15 +206,10 @@ async def in_thread(function: Callable[..., R], /, *arguments: Any, **named: Any
     Raises TypeError if ``function`` is async or not callable, before or after the call.
     """
     scheduler, task = here()
+    if inspect.iscoroutine(function) or inspect.iscoroutinefunction(function):
+        raise _is_async(function.__name__, written(function))
+    _IN_THREAD.plain("function", function, "a plain function, which blocks")
     name = name_of(function)
-    if inspect.iscoroutine(function):
-        name = function.__name__
-        function.close()
-        raise TypeError(f"you called {name}(): write await {name}(), or pass a plain function to in_thread")
-    if not callable(function):
-        raise TypeError(f"in_thread calls a function, not {function!r}: write await in_thread(read, port)")
-    if inspect.iscoroutinefunction(function):
-        raise TypeError(f"in_thread({name}): {name} is async; write await {name}(), or pass a plain function")
     if task.doomed:
         await deliver(task)
     call = scheduler.calls.submit(task, lambda: function(*arguments, **named), name)

@@ -13,11 +13,19 @@ from typing import TYPE_CHECKING, Any, Self, TextIO
 from planlang.kernel.encoding import encode
 from planlang.kernel.task import SUCCEEDED, Status
 from planlang.kernel.tree import Node
+from planlang.misuse import Usage, WrongType, contrast, written
 
 if TYPE_CHECKING:
     from planlang.kernel.past import Past
 
 SCHEMA = 2
+
+_AT = Usage("Trace.at", {"path": '"run.jsonl"'}, {"header": '{"version": "1.0"}'})
+
+
+def _check_header(header: object) -> None:
+    if header is not None:
+        _AT.instance("header", header, Mapping, "a mapping of what the caller knows")
 
 
 class Trace:
@@ -34,6 +42,11 @@ class Trace:
     def __init__(
         self, out: TextIO | list[dict[str, Any]] | None = None, header: Mapping[str, object] | None = None
     ) -> None:
+        if out is not None and not isinstance(out, list) and not (hasattr(out, "write") and not isinstance(out, type)):
+            code = written(out)
+            message = f"out of Trace has to be None, a list or an open text file, not {code}"
+            raise WrongType(contrast(message, f"Trace({code})", 'Trace()    or    Trace.at("run.jsonl")'))
+        _check_header(header)
         self.events: list[dict[str, Any]] = out if isinstance(out, list) else []
         self._file: TextIO | io.FileIO | None = None
         self._put: Callable[[bytes], int] | None = None
@@ -61,6 +74,10 @@ class Trace:
         With ``past``, what a resumed run takes over, it begins with those records, complete before the older trace
         gives way; and no older one is lost: the next free of ``NAME.old``, ``NAME.old2``, ... is taken.
         """
+        _AT.instance("path", path, (str, os.PathLike), "the path of a file")
+        if path == "":
+            raise _AT.empty("path")
+        _check_header(header)
         target = Path(path)
         trace = cls(None, header)
         if past is None:
@@ -166,10 +183,10 @@ class Trace:
             self._around = f', "parent": {above}, "kind": "'
         name = self._names.get(node.base_name)
         if name is None:
-            name = self._names[node.base_name] = _quoted(node.base_name)[:-1]
+            name = self._names[node.base_name] = _quoted(node.base_name)[:-1].encode(*_UTF8).decode()
         ordinal = "" if node.ordinal == 1 else f"#{node.ordinal}"
         told = node.told = f'{number}{self._around}{node.kind}", "name": {name}{ordinal}"'
-        data = f"{self._started}{told}}}\n".encode(*_UTF8)
+        data = f"{self._started}{told}}}\n".encode()
         try:
             taken = self._put(data)
         except _UNWRITABLE as error:
@@ -195,7 +212,7 @@ class Trace:
         if node.told and self._put is not None:
             if step != self._step:
                 self._turn_to(step)
-            data = f'{self._ended}{node.told}, "status": "{word}"}}\n'.encode(*_UTF8)
+            data = f'{self._ended}{node.told}, "status": "{word}"}}\n'.encode()
             try:
                 taken = self._put(data)
             except _UNWRITABLE as error:

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from planlang.failures import PlanFailure
 from planlang.kernel import forgotten
+from planlang.kernel.calling import refuse_arguments, refuse_result
 from planlang.kernel.closing import close_first, unfinished
-from planlang.kernel.errors import Evaporated, PlanStructureError, StuckTask, contrast
+from planlang.kernel.errors import Evaporated, PlanStructureError, StuckTask
 from planlang.kernel.listing import explain_recursion, locate, place_of
 from planlang.kernel.park import MAX_DELIVERIES, PARKED, STUCK
 from planlang.kernel.task import EVAPORATED, FAILED, SUCCEEDED, Status, Task
 from planlang.kernel.watchdog import Overdue
+from planlang.misuse import contrast
 
 if TYPE_CHECKING:
     from planlang.kernel.scheduler import Scheduler
@@ -22,17 +24,14 @@ if TYPE_CHECKING:
 
 def _call(task: Task) -> object:
     """Call the branch, in its task, and run to the first wait."""
-    coroutine = task.branch()
+    try:
+        coroutine = task.branch()
+    except TypeError as error:
+        refuse_arguments(task.branch, error)
+        raise
     if coroutine.__class__ is not CoroutineType and not hasattr(coroutine, "send"):
         if not hasattr(coroutine, "__await__"):
-            raise TypeError(
-                contrast(
-                    f"branch {task.path} returned {type(coroutine).__name__}, which cannot be awaited; "
-                    "a branch is a function written with async def",
-                    f"def {task.base_name}(): ...",
-                    f"async def {task.base_name}(): ...",
-                )
-            )
+            refuse_result(task.path, coroutine)
         coroutine = coroutine.__await__()
     task.coroutine = coroutine
     return coroutine.send(None)

@@ -15,7 +15,8 @@ from planlang.kernel.park import here
 from planlang.kernel.primitives import record
 
 if TYPE_CHECKING:
-    from planlang.protocols import Executive, ProcessModule, Solution
+    from planlang.language.executive import Executive, ProcessModule
+    from planlang.protocols import Solution
 
 
 class NotedModule:
@@ -72,7 +73,7 @@ def _described(module: NotedModule) -> list[Any]:
 
 
 class NotedExecutive:
-    """Implements :class:`planlang.protocols.Executive` by another one."""
+    """Implements :class:`planlang.language.executive.Executive` by another one."""
 
     def __init__(self, executive: Executive, answers: Answers) -> None:
         self.executive = executive

@@ -7,14 +7,18 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.failures import PlanFailure, Timeout
 from planlang.kernel import All, Task, shield
+from planlang.kernel.calling import called
 from planlang.kernel.park import here
 from planlang.kernel.tree import name_of
-from planlang.language.branches import Branch, check
+from planlang.language.branches import Branch
+from planlang.misuse import Usage
 
 if TYPE_CHECKING:
     from planlang.kernel.timers import Timer
 
 V = TypeVar("V")
+_TIMEOUT = Usage("await timeout", {"seconds": "2", "body": "reach"})
+_UNWIND_PROTECT = Usage("await unwind_protect", {"body": "reach", "cleanup": "retract"}, {"within": "30"})
 
 
 class Limited(All):
@@ -76,8 +80,8 @@ async def timeout(seconds: float, body: Callable[[], Awaitable[V]]) -> V:
 
     A body that is dead when all other tasks of that step have come to rest was in time.
     """
-    check("timeout", (body,))
-    result: V = await _Timeout(seconds, here()[0].steps(seconds), body).execute()
+    _TIMEOUT.branch("body", body)
+    result: V = await _Timeout(seconds, here()[0].steps(seconds, _TIMEOUT), body).execute()
     return result
 
 
@@ -89,9 +93,10 @@ async def unwind_protect(
     A cleanup longer than ``within`` seconds of plan time is a programming error, CleanupOverrun. A failure of the
     cleanup replaces the outcome, as in ``finally``; in an evaporated task it is recorded.
     """
-    check("unwind_protect", (body, cleanup))
+    _UNWIND_PROTECT.branches(body=body, cleanup=cleanup)
+    _UNWIND_PROTECT.seconds("within", within)
     try:
-        return await body()
+        return await called(body)  # type: ignore[no-any-return]
     finally:
         with shield(within):
-            await cleanup()
+            await called(cleanup)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextvars import ContextVar
 from typing import TypeVar
 
@@ -11,14 +11,16 @@ from planlang.kernel import Task, checkpoint
 from planlang.kernel.journal import note
 from planlang.kernel.park import deliver, here, park
 from planlang.language.bounds import Limited
-from planlang.language.branches import Branch, check
+from planlang.language.branches import Branch
+from planlang.misuse import Usage
 
 V = TypeVar("V")
+_BUDGET = Usage("await budget", {"body": "reach"}, {"seconds": "30", "attempts": "3"})
 
 
 class _Budget(Limited):
     def __init__(self, seconds: float | None, attempts: int | None, body: Branch) -> None:
-        super().__init__("budget", None if seconds is None else here()[0].steps(seconds), body)
+        super().__init__("budget", None if seconds is None else here()[0].steps(seconds, _BUDGET), body)
         self.seconds = seconds
         self.attempts = attempts
         self.left = attempts
@@ -52,9 +54,9 @@ async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None,
     When one is used up its body is evaporated and BudgetExceeded raised, which says where the time went, by action,
     and where the attempts went, by construct.
     """
-    check("budget", (body,))
-    if attempts is not None and attempts < 0:
-        raise ValueError(f"attempts is a number of times, at least 0, not {attempts}")
+    _BUDGET.branch("body", body)
+    if attempts is not None:
+        _BUDGET.whole("attempts", attempts, 0, "times")
     scope = _Budget(seconds, attempts, body)
     token = _budget.set(scope)
     try:
@@ -67,51 +69,59 @@ async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None,
 def spend(part: str, steps: int) -> None:
     """Note in the budgets around the running task where time went."""
     note("spent", part, steps)
-    around = _budget.get()
-    while around is not None:
+    for around in _around():
         around.spent[part] = around.spent.get(part, 0) + steps
-        around = around.outer
 
 
 async def take_attempt(construct: str) -> None:
     """Take an attempt from the budgets around the running task; evaporates the task when none is left.
 
-    That one is used up is decided after the round, as everything is: so it is the same under every schedule.
+    That one is used up is decided after the round, as everything is: so it is the same under every schedule. What goes
+    on all the same, since a shield keeps it, takes its attempt from those that have some left.
     """
-    note("used", construct, 1)
-    around = _budget.get()
-    empty: list[_Budget] = []
-    while around is not None:
-        around.used[construct] = around.used.get(construct, 0) + 1
-        if around.left is not None:
-            if not around.left:
-                empty.append(around)
-            else:
-                around.left -= 1
-        around = around.outer
+    passed: list[_Budget] = []
+    while empty := [around for around in _around() if around.left == 0 and around not in passed]:
+        await _pass(empty)
+        passed += empty
+    _charge({construct: 1})
+
+
+async def _pass(empty: list[_Budget]) -> None:
+    """Let these budgets that are used up end what is in them; returns in what is kept by a shield."""
     undecided = [around for around in empty if not around.over]
-    if undecided:
-        task = here()[1]
-        if task.doomed:
-            await deliver(task)
-        for around in undecided:
-            around.waiting.append(task)
-            around.stir()
-        await park("the end of its budget")
-    elif empty:
+    if not undecided:
         await checkpoint()
+        return
+    task = here()[1]
+    if task.doomed:
+        await deliver(task)
+    for around in undecided:
+        around.waiting.append(task)
+        around.stir()
+    await park("the end of its budget")
+
+
+def _around() -> Iterator[_Budget]:
+    """The budgets around the running task, the innermost first."""
+    around = _budget.get()
+    while around is not None:
+        yield around
+        around = around.outer
 
 
 def charge(spent: Mapping[str, int], used: Mapping[str, int]) -> None:
     """Take from the budgets around the running task what a step of a resumed run used before."""
     for part, steps in spent.items():
         spend(part, steps)
-    around = _budget.get()
+    _charge(used)
+
+
+def _charge(used: Mapping[str, int]) -> None:
+    """Take attempts, by construct, from the budgets around the running task; one that is used up has none to give."""
     for construct, number in used.items():
         note("used", construct, number)
-    while around is not None:
+    for around in _around():
         for construct, number in used.items():
             around.used[construct] = around.used.get(construct, 0) + number
         if around.left is not None:
             around.left = max(0, around.left - sum(used.values()))
-        around = around.outer

@@ -6,11 +6,11 @@ from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
 from planlang.kernel import PlanStructureError
-from planlang.kernel.errors import contrast
 from planlang.kernel.park import serving
+from planlang.misuse import contrast
 
 if TYPE_CHECKING:
-    from planlang.protocols import Executive
+    from planlang.language.executive import Executive
 
 current: ContextVar[Executive | None] = ContextVar("executive", default=None)
 

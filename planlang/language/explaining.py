@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from planlang.failures import CompositeFailure, PlanFailure
+from planlang.misuse import Usage
+
+_EXPLAIN = Usage("explain", {"failure": "failure"})
 
 
 def explain(failure: BaseException) -> str:
     """Several lines: the failure, where in the plan, what it was raised from, what else failed with it."""
+    _EXPLAIN.instance("failure", failure, BaseException, "a failure, or another exception")
     lines: list[str] = []
     links = list(failure.chain()) if isinstance(failure, PlanFailure) else [failure]
     for number, link in enumerate(links):

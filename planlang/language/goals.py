@@ -8,14 +8,17 @@ from typing import Any, TypeVar
 from planlang.designators import Condition, Location, Object, located
 from planlang.failures import GoalNotAchieved
 from planlang.kernel import Fluent, Signal, checkpoint, wait_for
+from planlang.kernel.calling import called
 from planlang.kernel.journal import taken_over
 from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.tree import name_of
-from planlang.language.branches import check
 from planlang.language.context import executive_for
+from planlang.misuse import Usage
 
 V = TypeVar("V")
+_ACHIEVE = Usage("await achieve", {"goal": "holding(cup)", "body": "grasp"}, {"within": "0.5"})
+_HOLDS = Usage("holds", {"what": "a_location(near=table)"}, {"of": "cup"})
 Goal = Condition | Callable[[], bool] | Signal[Any]
 
 
@@ -25,7 +28,10 @@ async def achieve(goal: Goal, body: Callable[[], Awaitable[V]], *, within: float
     After the body the goal must hold, at the latest ``within`` seconds of plan time later: else GoalNotAchieved.
     A condition is looked up in the executive's belief; a fluent is read anew.
     """
-    check("achieve", (body,))
+    _ACHIEVE.branch("body", body)
+    if not isinstance(goal, (Condition, Signal)):
+        _ACHIEVE.plain("goal", goal, "a condition, a fluent or a function that tells whether it holds")
+    _ACHIEVE.seconds("within", within)
     if (before := taken_over("achieve", "achieve")) is not None:
         return await before  # type: ignore[no-any-return]
     text, holds = _reader(goal)
@@ -34,7 +40,7 @@ async def achieve(goal: Goal, body: Callable[[], Awaitable[V]], *, within: float
             record("skipped", goal=text)
             await checkpoint()
             return None
-        result = await body()
+        result: V = await called(body)
         if not holds() and not (within and await wait_for(Fluent(read=holds, name=text), within)):
             raise GoalNotAchieved(goal=text)
         node.result = result
@@ -48,6 +54,9 @@ def holds(what: Condition | Location, of: Object | None = None) -> Fluent[bool]:
     what judges candidates when the location is resolved.
     """
     executive = executive_for("holds")
+    _HOLDS.instance("what", what, (Condition, Location), "a condition or a location")
+    if of is not None:
+        _HOLDS.instance("of", of, Object, "an object")
     condition = located(what, of) if isinstance(what, Location) else what
     return Fluent(read=lambda: executive.holds(condition), name=str(condition))
 
@@ -59,4 +68,10 @@ def _reader(goal: Goal) -> tuple[str, Callable[[], bool]]:
     if isinstance(goal, Signal):
         return str(goal), lambda: bool(goal.read())
     name, answers = name_of(goal), here()[0].answers
-    return name, goal if answers is None else lambda: bool(answers.ask(f"{name} holds", goal))
+
+    def answer() -> bool:
+        told = goal()
+        _ACHIEVE.at_once("goal", goal, told)
+        return bool(told)
+
+    return name, answer if answers is None else lambda: bool(answers.ask(f"{name} holds", answer))

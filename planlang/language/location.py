@@ -23,17 +23,25 @@ from planlang.kernel import Scope, Status, Task, WorldFluent, failure_of, wait_f
 from planlang.kernel.journal import taken_over
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.tree import name_of
-from planlang.language.branches import Branch, check
+from planlang.language.branches import Branch
 from planlang.language.budgets import take_attempt
 from planlang.language.context import executive_for
 from planlang.language.performing import perform
 from planlang.language.place import Place, place
 from planlang.language.resources import Lease, using
+from planlang.misuse import Usage
 
 if TYPE_CHECKING:
-    from planlang.protocols import Executive, Solution
+    from planlang.language.executive import Executive
+    from planlang.protocols import Solution
 
 V = TypeVar("V")
+
+_AT_LOCATION = Usage(
+    "await at_location",
+    {"location": "a_location(in_reach_of=cup)", "body": "grasp"},
+    {"attempts": "3", "reaching": "(cup,)", "device": "RIGHT_GRIPPER"},
+)
 
 CURABLE = (NavigationFailure, ManipulationPoseUnreachable, ManipulationGoalInCollision, LookingGoalUnreachable)
 """Failures that another place for the base can cure."""
@@ -64,13 +72,21 @@ async def at_location(
     Raises ObjectUnreachable, or ObjectUndeliverable when something is held, from the last failure, or from
     LocationUnresolvable when no place was found at all.
     """
-    check("at_location", (body,))
+    _AT_LOCATION.branch("body", body)
+    _AT_LOCATION.instance("location", location, Location, "a location")
+    _AT_LOCATION.whole("attempts", attempts, 1, "places")
+    _AT_LOCATION.iterable("reaching", reaching, "objects and locations")
+    reaching = tuple(reaching)
+    for one in reaching:
+        if not isinstance(one, (Object, Location)):
+            raise _AT_LOCATION.wrong("reaching", [one], "objects and locations")
+    if device is not None:
+        _AT_LOCATION.instance("device", device, Device, "a device")
     if (before := taken_over("at_location", "at_location")) is not None:
         return await before  # type: ignore[no-any-return]
     executive = executive_for("at_location")
-    wanted = tuple(reaching)
-    if wanted:
-        location = location & _in_reach(wanted, device, location.device)
+    if reaching:
+        location = location & _in_reach(reaching, device, location.device)
     outer = place.get()
     with inside("at_location", "at_location", location=location, attempts=attempts) as node:
         async with using("base") as lease:
@@ -143,8 +159,7 @@ class _Visit:
                 record("place failed", attempt=attempt, base=solution.base, failure=failure)
                 if attempt < attempts:
                     await take_attempt("at_location")
-        if last is None:
-            raise ValueError(f"attempts is a number of places, at least 1, not {attempts}")
+        assert last is not None  # there is at least one attempt
         raise self._escalated(last) from last
 
     def _next(self) -> Solution:

@@ -8,13 +8,25 @@ from typing import Any
 
 from planlang.failures import BudgetExceeded, PlanFailure, TransitionMissing, matches
 from planlang.kernel import checkpoint
+from planlang.kernel.calling import called
 from planlang.kernel.journal import taken_over
 from planlang.kernel.primitives import inside, record
-from planlang.language.branches import Branch, check
+from planlang.language.branches import Branch
+from planlang.misuse import Usage, WrongType, WrongValue, contrast, written
 
 Outcome = str | Enum
 """What a state returns to say how it ended."""
 Case = Outcome | type[PlanFailure]
+_STATE_MACHINE = Usage(
+    "await state_machine",
+    {
+        "states": '{"look": look, "grasp": grasp}',
+        "transitions": '{("look", "found"): "grasp"}',
+        "start": '"look"',
+        "end": '"grasp"',
+    },
+    {"max_visits": "3", "name": '"fetch"'},
+)
 Transitions = Mapping[tuple[str, Case], str]
 
 
@@ -37,11 +49,16 @@ async def state_machine(
     Raises TransitionMissing for an outcome without a case; ValueError, before anything starts, for a state that is
     not in ``states`` and for an end state to which no transitions lead.
     """
-    check("state_machine", states.values())
+    _STATE_MACHINE.mapping("states", states, "branches")
+    _STATE_MACHINE.instance("transitions", transitions, Mapping, "a mapping (state, outcome) -> next state")
+    if not isinstance(end, str):
+        _STATE_MACHINE.iterable("end", end, "the name of an end state, or several names")
     ends = (end,) if isinstance(end, str) else tuple(end)
     cases = _cases(states, transitions, start, ends)
-    if max_visits is not None and max_visits < 1:
-        raise ValueError(f"max_visits is a number of times, at least 1, not {max_visits}")
+    if max_visits is not None:
+        _STATE_MACHINE.whole("max_visits", max_visits, 1, "times")
+    if name is not None:
+        _STATE_MACHINE.text("name", name)
     if (before := taken_over("state_machine", name or "state_machine")) is not None:
         return await before
     with inside("state_machine", name or "state_machine", start=start) as machine:
@@ -62,7 +79,7 @@ async def state_machine(
                     outcome = await before
                 else:
                     with inside("state", state) as visit:
-                        outcome = visit.result = await states[state]()
+                        outcome = visit.result = await called(states[state])
             except PlanFailure as failure:
                 target = _after_failure(cases[state], failure)
                 if target is None:
@@ -80,11 +97,8 @@ async def state_machine(
 
 def _after(cases: Mapping[Case, str], state: str, outcome: object) -> str:
     if not isinstance(outcome, (str, Enum)):
-        raise TypeError(
-            f"state {state!r} returned {outcome!r}; a state returns its outcome, a string or an Enum member\n"
-            "  wrong: async def look(): ...\n"
-            '  right: async def look(): ...; return "found"'
-        )
+        message = f"state {state!r} returned {outcome!r}; a state returns its outcome, a string or an Enum member"
+        raise WrongType(contrast(message, "async def look(): ...", 'async def look(): ...; return "found"'))
     target = cases.get(outcome)
     if target is None:
         raise TransitionMissing(state=state, outcome=_word(outcome))
@@ -101,23 +115,28 @@ def _cases(
     """The cases of each state; refuses what cannot work."""
     known = f"states: {', '.join(states)}"
     if not ends:
-        raise ValueError("a state machine needs an end state")
+        raise _STATE_MACHINE.refused("end", "a state machine needs an end state", ends)
     for role, state in (("start", start), *(("end", one) for one in ends)):
-        if state not in states:
-            raise ValueError(f"no {role} state {state!r}; {known}")
+        if not isinstance(state, str) or state not in states:
+            raise _STATE_MACHINE.refused(role, f"no {role} state {written(state)}; {known}", state)
     cases: dict[str, dict[Case, str]] = {state: {} for state in states}
-    for (state, case), target in transitions.items():
-        text = f"transition ({state}, {_word(case)}) -> {target}"
+    for key, target in transitions.items():
+        if not isinstance(key, tuple) or len(key) != 2:
+            raise _refused(transitions, f"a transition is for a state and an outcome, not for {written(key)}; {known}")
+        state, case = key
+        text = f"transition ({_word(state)}, {_word(case)}) -> {_word(target)}"
         for one in (state, target):
-            if one not in states:
-                raise ValueError(f"{text}: no state {one!r}; {known}")
+            if not isinstance(one, str) or one not in states:
+                raise _refused(transitions, f"{text}: no state {written(one)}; {known}")
         if isinstance(case, type):
             if not issubclass(case, PlanFailure):
-                raise ValueError(f"{text}: a state can be left by plan failures, which {case.__name__} is not")
+                raise _refused(
+                    transitions, f"{text}: a state can be left by plan failures, which {case.__name__} is not"
+                )
         elif not isinstance(case, (str, Enum)):
-            raise ValueError(f"{text}: an outcome is a string or an Enum member")
+            raise _refused(transitions, f"{text}: an outcome is a string or an Enum member")
         elif state in ends:
-            raise ValueError(f"{text}: {state!r} is an end state, which is left by failures only")
+            raise _refused(transitions, f"{text}: {state!r} is an end state, which is left by failures only")
         cases[state][case] = target
     reached = {start: None}
     stack = [start]
@@ -128,8 +147,13 @@ def _cases(
                 stack.append(target)
     lost = [state for state in ends if state not in reached]
     if lost:
-        raise ValueError(f"no transitions lead from {start!r} to the end state {', '.join(map(repr, lost))}")
+        text = f"no transitions lead from {start!r} to the end state {', '.join(map(repr, lost))}"
+        raise _refused(transitions, text)
     return cases
+
+
+def _refused(transitions: Transitions, message: str) -> WrongValue:
+    return _STATE_MACHINE.refused("transitions", message, transitions)
 
 
 def _word(case: object) -> str:

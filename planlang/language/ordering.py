@@ -6,12 +6,18 @@ import heapq
 import inspect
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from functools import partial
+from itertools import pairwise
 from types import FunctionType
 from typing import Any
 
 from planlang.kernel import All, Task
-from planlang.language.branches import check
+from planlang.misuse import Usage, WrongType, WrongValue, contrast
 
+_PARTIAL_ORDER = Usage(
+    "await partial_order",
+    {"steps": '{"look": look, "grasp": grasp}', "orderings": '[("look", "grasp")]'},
+    {"limit": "2", "name": '"fetch"'},
+)
 Step = Callable[..., Awaitable[Any]]
 
 
@@ -79,19 +85,25 @@ async def partial_order(
     result. At most ``limit`` run at a time; of those that are ready the textually first starts. Fails as ``par``.
     Raises ValueError for a cycle, an unknown name or a parameter that nothing fills, before anything starts.
     """
-    check("partial_order", steps.values())
-    if limit is not None and limit < 1:
-        raise ValueError(f"limit is a number of steps, at least 1, not {limit!r}")
+    _PARTIAL_ORDER.mapping("steps", steps, "branches")
+    _PARTIAL_ORDER.iterable("orderings", orderings, "pairs (before, after) of names")
+    if limit is not None:
+        _PARTIAL_ORDER.whole("limit", limit, 1, "steps")
+    if name is not None:
+        _PARTIAL_ORDER.text("name", name)
     names = list(steps)
     rank = {step: number for number, step in enumerate(names)}
     after: list[list[int]] = [[] for _ in names]
     missing = [0] * len(names)
     forward = True
-    for first, second in orderings:
+    for pair in orderings:
         try:
+            first, second = pair
             one, other = rank[first], rank[second]
-        except KeyError as unknown:
-            raise ValueError(f"ordering ({first}, {second}): no step {unknown}; steps: {', '.join(steps)}") from None
+        except (KeyError, TypeError, ValueError):
+            raise _wrong_pair(pair, steps) from None
+        if pair.__class__ is not tuple and not isinstance(pair, (tuple, list)):
+            raise _wrong_pair(pair, steps)
         after[one].append(other)
         missing[other] += 1
         if one >= other:
@@ -110,6 +122,15 @@ async def partial_order(
     scope = _PartialOrder(steps, after, missing, inputs, limit, name)
     result: dict[str, Any] = await scope.execute()
     return result
+
+
+def _wrong_pair(pair: object, steps: Mapping[str, Step]) -> WrongType | WrongValue:
+    """The error of an ordering that is no pair of names of steps."""
+    if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+        return _PARTIAL_ORDER.wrong("orderings", [pair], "pairs (before, after) of names")
+    unknown = next(one for one in pair if not isinstance(one, str) or one not in steps)
+    message = f"ordering ({pair[0]}, {pair[1]}): no step {unknown!r}; steps: {', '.join(steps)}"
+    return _PARTIAL_ORDER.refused("orderings", message, [pair])
 
 
 def _turned(after: list[list[int]]) -> list[list[int]]:
@@ -142,7 +163,8 @@ def _refuse_cycle(names: list[str], after: list[list[int]], missing: list[int]) 
         step = next(earlier for earlier in before[step] if left[earlier])
     path = list(walked)
     cycle = [names[one] for one in (step, *reversed(path[path.index(step) :]))]
-    raise ValueError(f"cycle in orderings: {' < '.join(cycle)}")
+    text = f"cycle in orderings: {' < '.join(cycle)}"
+    raise _PARTIAL_ORDER.refused("orderings", text, [*pairwise(cycle)])
 
 
 def _inputs(step: str, branch: Step, rank: dict[str, int], before: list[list[int]]) -> list[tuple[str, int]]:
@@ -155,8 +177,10 @@ def _inputs(step: str, branch: Step, rank: dict[str, int], before: list[list[int
     earlier = _those_before(rank[step], {rank[p.name] for p in wanted if p.name in rank}, before)
     for parameter in wanted:
         if parameter.default is parameter.empty and rank.get(parameter.name) not in earlier:
-            raise ValueError(
-                f"step {step!r} has a parameter {parameter.name!r}, and no step of that name is ordered before it"
+            message = f"step {step!r} has a parameter {parameter.name!r}, and no step of that name is ordered before it"
+            known = f'[("{parameter.name}", "{step}")]'
+            raise WrongValue(
+                contrast(message, _PARTIAL_ORDER.shown("orderings", "[]"), _PARTIAL_ORDER.shown("orderings", known))
             )
     return [(parameter.name, rank[parameter.name]) for parameter in wanted if rank.get(parameter.name) in earlier]
 

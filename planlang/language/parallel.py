@@ -10,13 +10,15 @@ from planlang.failures import CompositeFailure, PlanFailure
 from planlang.kernel import All, Scope, Task, failure_of
 from planlang.kernel.task import FAILED, SUCCEEDED
 from planlang.kernel.tree import name_of
-from planlang.language.branches import Branch, check, named_branches
+from planlang.language.branches import Branch, named_branches
+from planlang.misuse import Usage
 
 A = TypeVar("A")
 B = TypeVar("B")
 C = TypeVar("C")
 D = TypeVar("D")
 V = TypeVar("V")
+_PAR_EACH = Usage("await par_each", {"values": "cups", "body": "reach"}, {"limit": "2"})
 
 
 class _Par(All):
@@ -219,9 +221,10 @@ async def par_each(values: Iterable[A], body: Callable[[A], Awaitable[V]], limit
 
     Values are taken as branches get free: at most ``limit`` run at a time.
     """
-    check("par_each", (body,))
-    if limit is not None and limit < 1:
-        raise ValueError(f"limit is a number of branches, at least 1, not {limit!r}")
+    _PAR_EACH.branch("body", body)
+    _PAR_EACH.iterable("values", values, "an iterable of values")
+    if limit is not None:
+        _PAR_EACH.whole("limit", limit, 1, "branches")
     result: list[V] = await _ParEach(iter(values), body, limit).execute()
     return result
 

@@ -10,18 +10,30 @@ from typing import TYPE_CHECKING, Any
 from planlang.designators import Action, local_name
 from planlang.failures import ActionUnresolvable, PlanFailure
 from planlang.kernel import Fluent, PlanStructureError
+from planlang.kernel.calling import called
 from planlang.kernel.journal import taken_over
 from planlang.kernel.park import here as at
 from planlang.kernel.primitives import inside, record
-from planlang.language.branches import check
 from planlang.language.budgets import spend
 from planlang.language.context import current, executive_for
 from planlang.language.place import place
 from planlang.language.resources import using
 from planlang.language.restarting import Restarting
+from planlang.misuse import Usage
 
 if TYPE_CHECKING:
-    from planlang.protocols import Executive, ProcessModule
+    from planlang.language.executive import Executive, ProcessModule
+
+
+_PERFORM = Usage("await perform", {"action": 'action("Reaching")'}, {"name": '"reach"'})
+_PERFORM_OR = Usage("await perform_or", {"action": 'action("Reaching")', "branch": "reach"})
+
+
+def check_action(usage: Usage, action: Action, name: str | None) -> None:
+    """Refuse what is no action, and what is no name for a request."""
+    usage.instance("action", action, Action, "an action")
+    if name is not None:
+        usage.text("name", name)
 
 
 def module_for(executive: Executive, action: Action) -> ProcessModule | None:
@@ -41,6 +53,7 @@ async def perform(action: Action, name: str | None = None) -> Any:
     module raises, ActionUnresolvable if there is none; a failure that the module does not declare is a programming
     error.
     """
+    check_action(_PERFORM, action, name)
     path_element = name or action.name or local_name(action.type)
     if (before := taken_over("perform", path_element)) is not None:
         scheduler, _ = at()
@@ -71,11 +84,12 @@ async def perform(action: Action, name: str | None = None) -> Any:
 
 async def perform_or(action: Action, branch: Callable[[], Awaitable[Any]]) -> Any:
     """Have a module perform the action if one is registered for its class or an ancestor; else run the branch."""
-    check("perform_or", (branch,))
+    _PERFORM_OR.branch("branch", branch)
+    _PERFORM_OR.instance("action", action, Action, "an action")
     executive = current.get()
     if executive is not None and module_for(executive, action) is not None:
         return await perform(action)
-    return await branch()
+    return await called(branch)
 
 
 class _Perform(Restarting):

@@ -10,7 +10,7 @@ from planlang.failures import ObjectUndeliverable, PlanFailure
 
 if TYPE_CHECKING:
     from planlang.designators import Action
-    from planlang.protocols import Executive
+    from planlang.language.executive import Executive
 
 
 class Place:

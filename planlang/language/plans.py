@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Awaitable, Callable, Coroutine
 from contextvars import ContextVar
+from types import FunctionType
 from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, overload
 
+from planlang.kernel.calling import called
 from planlang.kernel.journal import taken_over
 from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.task import Task
+from planlang.misuse import Usage, WrongType, contrast
 
 if TYPE_CHECKING:
     from planlang.language.tags import Handle
 
 P = ParamSpec("P")
 R = TypeVar("R")
+_PLAN = Usage("plan", {"function": "serve"}, {"iri": '"http://example.org/recipe#Serve"'})
 
 
 class Frame:
@@ -46,6 +51,13 @@ class Plan(Generic[P, R]):
     """A plan function; calling it gives a coroutine, as with any ``async def``. Made by :func:`plan`."""
 
     def __init__(self, function: Callable[P, Awaitable[R]], iri: str | None) -> None:
+        _PLAN.branch("function", function)
+        if not inspect.iscoroutinefunction(function) and function.__class__ is FunctionType:
+            name = function.__name__
+            message = f"a plan is a function written with async def, which {name} is not"
+            raise WrongType(contrast(message, f"@plan def {name}(): ...", f"@plan async def {name}(): ..."))
+        if iri is not None:
+            _PLAN.text("iri", iri)
         functools.update_wrapper(self, function)
         self.function = function
         self.iri = iri
@@ -73,11 +85,11 @@ class Plan(Generic[P, R]):
                 if scheduler.journal is not None:
                     scheduler.journal.plan(task)
                 record("plan", **details)  # the branch is this plan: one node in the tree
-                return await self.function(*args, **kwargs)
+                return await called(self.function, *args, **kwargs)  # type: ignore[no-any-return]
             if (before := taken_over("plan", self.name)) is not None:
                 return await before  # type: ignore[no-any-return]
             with inside("plan", self.name, **details) as node:
-                node.result = await self.function(*args, **kwargs)
+                node.result = await called(self.function, *args, **kwargs)
             return node.result  # type: ignore[no-any-return]
         finally:
             own.leave()
@@ -93,8 +105,10 @@ def plan(iri: str | None = None, /) -> Callable[[Callable[P, Awaitable[R]]], Pla
 def plan(function: Callable[P, Awaitable[R]], /) -> Plan[P, R]: ...
 def plan(what: Any = None, /) -> Any:
     """Mark a plan function: ``@plan("http://...#ServeADrink")`` or ``@plan``."""
-    if callable(what):
+    if callable(what) or not (what is None or isinstance(what, str)):
         return Plan(what, None)
+    if what is not None:
+        _PLAN.text("iri", what)
     return functools.partial(_marked, what)
 
 

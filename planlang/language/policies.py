@@ -6,17 +6,25 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from planlang.failures import PlanFailure, PolicyViolated
+from planlang.failures import PlanFailure, PolicyViolated, attach_cleanup
 from planlang.kernel import All, Evaporated, PlanStructureError, Signal, Status, Task, failure_of, shield
+from planlang.kernel.calling import called
 from planlang.kernel.fluent import Source, tracked
 from planlang.kernel.journal import taken_over
 from planlang.kernel.park import park
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.suspension import Recheck
 from planlang.kernel.tree import name_of
-from planlang.language.branches import Branch, check
+from planlang.language.branches import Branch
+from planlang.misuse import Usage, WrongType, contrast, written
 
 V = TypeVar("V")
+_POLICY = Usage(
+    "Policy",
+    {"name": '"keep away"'},
+    {"check": "distance < 0.1", "init": "look", "recover": "retract", "clean_up": "stop"},
+)
+_WITH_POLICIES = Usage("await with_policies", {"policies": '[Policy("keep away", distance < 0.1)]', "body": "reach"})
 
 
 @dataclass(frozen=True)
@@ -25,7 +33,8 @@ class Policy:
 
     ``check`` is a fluent, or a function that reads fluents: it is called again whenever one of those it has read
     changes, and never otherwise. Without check the policy cannot be violated. ``init`` runs before the body,
-    ``recover`` after a violation of this policy, ``clean_up`` at the end in any case, shielded; all are branches.
+    ``recover`` after a violation of this policy, ``clean_up`` at the end in any case; these two are shielded from
+    evaporation, each for at most 10 s. All three are branches.
     """
 
     name: str
@@ -35,13 +44,16 @@ class Policy:
     clean_up: Branch | None = None
 
     def __post_init__(self) -> None:
-        check(f"policy {self.name!r}", [one for one in (self.init, self.recover, self.clean_up) if one is not None])
+        parts = {"init": self.init, "recover": self.recover, "clean_up": self.clean_up}
+        _POLICY.branches(**{part: branch for part, branch in parts.items() if branch is not None})
+        _POLICY.text("name", self.name)
         if not (self.check is None or isinstance(self.check, Signal) or callable(self.check)):
-            raise TypeError(
-                f"the check of policy {self.name!r} is {self.check!r}, which does not change\n"
-                f"  wrong: Policy({self.name!r}, distance.value < 0.1)\n"
-                f"  right: Policy({self.name!r}, distance < 0.1), or lambda: distance.value < 0.1"
-            )
+            code = written(self.check)
+            message = f"the check of policy {self.name!r} is {code}, which does not change"
+            wrong, right = (f"Policy({self.name!r}, distance{value} < 0.1)" for value in (".value", ""))
+            raise WrongType(contrast(message, wrong, f"{right}, or lambda: distance.value < 0.1"))
+        if self.check is not None and not isinstance(self.check, Signal):
+            _POLICY.plain("check", self.check, "a fluent, or a function that reads fluents")
 
 
 async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable[V]]) -> V:
@@ -52,9 +64,15 @@ async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable
     of several the textually first counts, the others are its siblings. The body is evaporated with its cleanup, then
     ``recover`` of that policy runs, then the clean_ups in reverse order, then PolicyViolated is raised. Failures of
     ``recover`` and the clean_ups are attached to what is raised as ``cleanup_failures``; if the body succeeded, the
-    first of them is raised. A clean_up that takes longer than 10 s of plan time is a programming error.
+    first of them is raised. Evaporation from outside waits for ``recover`` and the clean_ups to end; one of them that
+    takes longer than 10 s of plan time is a programming error.
     """
-    check("with_policies", (body,))
+    _WITH_POLICIES.branch("body", body)
+    _WITH_POLICIES.iterable("policies", policies, "a list of policies")
+    policies = tuple(policies)
+    for policy in policies:
+        if not isinstance(policy, Policy):
+            raise _WITH_POLICIES.wrong("policies", [policy], "a list of policies")
     names = [policy.name for policy in policies]
     for name in names:
         if names.count(name) > 1:
@@ -82,7 +100,7 @@ async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable
 async def _part(kind: str, branch: Branch | None, policy: Policy) -> None:
     if branch is not None:
         with inside(kind, f"{kind} {policy.name}"):
-            await branch()
+            await called(branch)
 
 
 async def _run(policies: Sequence[Policy], body: Branch) -> Any:
@@ -98,9 +116,10 @@ async def _run(policies: Sequence[Policy], body: Branch) -> Any:
     scope.attach(violation)
     record("policy violated", policy=first.name)
     try:
-        await _part("recover", first.recover, first)
+        with shield():
+            await _part("recover", first.recover, first)
     except PlanFailure as failure:
-        violation.cleanup_failures += (failure,)
+        attach_cleanup(violation, (failure,))
     raise violation
 
 
@@ -121,9 +140,8 @@ async def _clean_up(begun: list[Policy], error: BaseException | None) -> None:
                 error = crash
     if failures and (error is None or isinstance(error, Evaporated)):
         error = failures.pop(0)  # in an evaporated task: recorded there
-    if isinstance(error, PlanFailure):
-        error.cleanup_failures += tuple(failures)
     if error is not None:
+        attach_cleanup(error, failures)
         raise error
 
 
@@ -209,7 +227,9 @@ class _Watch(Recheck):
                 found = bool(self.condition.value)
                 reads.update(self.condition.sources())
             else:
-                found = bool(self.condition())
+                told = self.condition()
+                _POLICY.at_once("check", self.condition, told)
+                found = bool(told)
         finally:
             tracked.reads = before
             self.follow(reads)

@@ -2,23 +2,40 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.failures import PlanFailure, matches
+from planlang.kernel.calling import called
 from planlang.kernel.journal import taken_over
 from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
-from planlang.language.branches import check
 from planlang.language.budgets import take_attempt
+from planlang.misuse import Usage, WrongType, WrongValue, contrast, written
 
 if TYPE_CHECKING:
     from planlang.kernel.timers import Timer
 
 T = TypeVar("T")
 V = TypeVar("V")
+
+_RECOVERY = Usage(
+    "Recovery",
+    {"on": "GraspMissed", "do": "look_again"},
+    {
+        "attempts": "3",
+        "within": "30",
+        "alternatives": '{"grasp": lambda: ["side", "top"]}',
+        "otherwise": "ObjectUnfetchable",
+    },
+)
+_WITH_FAILURE_HANDLING = Usage("await with_failure_handling", {"body": "grasp", "recovery": "Recovery(GraspMissed)"})
+_ALTERNATIVES = "a mapping from keywords of the body to functions that make the values"
+_OTHERWISE = "None, a failure class, a function that makes a failure from one, or Return(value)"
+_DECIDES = "async def do(failure): ...; return RETRY"
 
 
 class _Decision(Enum):
@@ -69,13 +86,39 @@ class Recovery:
     otherwise: Otherwise | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        kinds = self.on if isinstance(self.on, tuple) else (self.on,)
-        for kind in kinds:
+        _RECOVERY.branch("do", self.do)
+        for kind in self.on if isinstance(self.on, tuple) else (self.on,):
             if not (isinstance(kind, type) and issubclass(kind, PlanFailure)):
-                raise TypeError(f"a recovery is for plan failures, which {kind!r} is not; programming errors are fixed")
-        check("Recovery", (self.do,))
-        if self.attempts < 0:
-            raise ValueError(f"attempts is a number of times, at least 0, not {self.attempts}")
+                message = f"a recovery is for plan failures, which {written(kind)} is not; programming errors are fixed"
+                raise WrongType(contrast(message, _RECOVERY.shown("on", written(kind)), _RECOVERY.shown("on")))
+        if self.on == ():
+            raise _RECOVERY.wrong("on", self.on, "a failure class, or a tuple with some", WrongValue)
+        _RECOVERY.whole("attempts", self.attempts, 0, "times")
+        if self.within is not None:
+            _RECOVERY.seconds("within", self.within)
+        self._check_alternatives()
+        otherwise = self.otherwise
+        if isinstance(otherwise, type) and not issubclass(otherwise, PlanFailure):
+            raise _RECOVERY.wrong("otherwise", otherwise, _OTHERWISE)
+        if otherwise is not None and not isinstance(otherwise, Return):
+            _RECOVERY.plain("otherwise", otherwise, _OTHERWISE, arguments=0 if isinstance(otherwise, type) else 1)
+
+    def _check_alternatives(self) -> None:
+        if self.alternatives is None:
+            return
+        if not isinstance(self.alternatives, Mapping):
+            raise _RECOVERY.wrong("alternatives", self.alternatives, _ALTERNATIVES)
+        for key, make in self.alternatives.items():
+            if not isinstance(key, str) or not callable(make):
+                raise _RECOVERY.wrong("alternatives", {key: make}, _ALTERNATIVES)
+
+
+def _values(key: str, make: Callable[[], Iterable[Any]]) -> Iterator[Any]:
+    values = make()
+    if inspect.iscoroutine(values) or not isinstance(values, Iterable):
+        code = written(values)
+        raise _RECOVERY.wrong("alternatives", {key: make}, f"{_ALTERNATIVES}; {key!r} gave {code}")
+    return iter(values)
 
 
 class _Entry:
@@ -86,12 +129,13 @@ class _Entry:
         self.used = 0
         self.late = False
         self.values: dict[str, Iterator[Any]] = {
-            key: iter(make()) for key, make in (recovery.alternatives or {}).items()
+            key: _values(key, make) for key, make in (recovery.alternatives or {}).items()
         }
         self.timer: Timer | None = None
         if recovery.within is not None:
             scheduler, task = here()
-            self.timer = scheduler.deadline(task, scheduler.steps(recovery.within), self._expire)
+            steps = scheduler.steps(recovery.within, _RECOVERY, "within")
+            self.timer = scheduler.deadline(task, steps, self._expire)
 
     def _expire(self) -> None:
         self.late = True
@@ -113,7 +157,9 @@ async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: 
     The counters are per entry, so the body runs at most 1 + sum of all ``attempts`` times. What ``do`` raises goes
     outward, with the failure as its cause.
     """
-    check("with_failure_handling", (body,))
+    _WITH_FAILURE_HANDLING.branch("body", body)
+    for recovery in recoveries:
+        _WITH_FAILURE_HANDLING.instance("recovery", recovery, Recovery, "a Recovery")
     if (before := taken_over("with_failure_handling", "with_failure_handling")) is not None:
         return await before  # type: ignore[no-any-return]
     with inside("with_failure_handling", "with_failure_handling") as node:
@@ -132,14 +178,15 @@ async def _attempts(body: Callable[..., Awaitable[V]], entries: list[_Entry]) ->
     for entry in entries:
         first = entry.next_values()
         if first is None:
-            raise ValueError("alternatives need at least one value for the first run")
+            message = "alternatives need at least one value for the first run"
+            raise _RECOVERY.refused("alternatives", message, entry.recovery.alternatives)
         keywords.update(first)
     attempt = 0
     while True:
         attempt += 1
         record("attempt", attempt=attempt, **({"alternatives": keywords} if keywords else {}))
         try:
-            return await body(**keywords)
+            return await called(body, **keywords)
         except PlanFailure as raised:
             failure = raised
         decided = await _recover(failure, entries, keywords)
@@ -161,7 +208,7 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
         return _otherwise(recovery.otherwise, failure)
     entry.used += 1
     try:
-        decision = await recovery.do(failure)
+        decision = await called(recovery.do, failure)
     except PlanFailure as raised:
         record("recovery", recovery=number, decision="failed", used=entry.used, failure=raised)
         if raised is not failure and raised.__cause__ is None:
@@ -174,10 +221,8 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
         record("recovery", recovery=number, decision="propagate", used=entry.used, failure=failure)
         raise failure
     if decision is not RETRY:
-        raise TypeError(
-            f"the recovery for {type(failure).__name__} returned {decision!r}; "
-            "it has to return RETRY, PROPAGATE or Return(value)"
-        )
+        message = f"the recovery for {type(failure).__name__} returned {written(decision)}; it has to return "
+        raise WrongType(contrast(f"{message}RETRY, PROPAGATE or Return(value)", "async def do(failure): ...", _DECIDES))
     record("recovery", recovery=number, decision="retry", used=entry.used, failure=failure)
     await take_attempt("with_failure_handling")
     keywords.update(values)
@@ -190,4 +235,9 @@ def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]
     if otherwise is None:
         raise failure
     make: Callable[[PlanFailure], PlanFailure] = getattr(otherwise, "caused_by", otherwise)
-    raise make(failure) from failure
+    raised = make(failure)
+    if not isinstance(raised, PlanFailure):
+        message = f"otherwise gave {written(raised)}; what is raised instead of a failure is a plan failure"
+        wrong = _RECOVERY.shown("otherwise", "lambda failure: None")
+        raise WrongType(contrast(message, wrong, _RECOVERY.shown("otherwise"))) from failure
+    raise raised from failure

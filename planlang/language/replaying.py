@@ -23,10 +23,10 @@ from planlang.kernel.exact import failure_class, load, load_failure
 from planlang.kernel.park import here, park
 from planlang.kernel.recorded import Line, RecordedRun
 from planlang.kernel.task import Task
-from planlang.language.branches import check
 from planlang.language.budgets import spend
 from planlang.language.resources import Arbiter, Lease, holding
 from planlang.language.running import inside_of
+from planlang.misuse import Usage
 from planlang.protocols import Solution
 
 
@@ -52,19 +52,22 @@ class Replay:
         return str(self.difference)
 
 
+_REPLAY = Usage("replay", {"plan": "serve", "recorded": "recorded"})
+
+
 def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     """Run a plan on what is recorded of an earlier run of it, and compare; stops at the first difference.
 
     Raises ValueError when such a run cannot be replayed: it was not ``resumable``, or in real time.
     """
-    check("replay", (plan,))
+    _REPLAY.branch("plan", plan)
     header = recorded.header
     rate, seed, schedule = header.get("rate"), header.get("seed"), header.get("schedule")
     if header.get("resumable") is not True:
         raise ValueError("the trace does not tell what the plan was told: it was not written with resumable=True")
     if header.get("real_time"):
         raise ValueError("a run in real time can be resumed, not replayed: what threads did to it is not in its trace")
-    if not isinstance(rate, int) or not isinstance(seed, int):
+    if type(rate) is not int or type(seed) is not int:
         raise ValueError("the header of the trace does not tell rate and seed")
     trace = Compared(recorded)
     order = RecordedOrder(trace, all_=schedule is not None)
@@ -118,7 +121,7 @@ class _Gates:
 
 
 class _Told:
-    """Implements :class:`planlang.protocols.Executive` by what was recorded."""
+    """Implements :class:`planlang.language.executive.Executive` by what was recorded."""
 
     def __init__(self, trace: Compared, order: RecordedOrder) -> None:
         self._trace = trace

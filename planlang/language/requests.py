@@ -15,18 +15,25 @@ from planlang.kernel import All, Fluent, PlanStructureError, Status, Task, check
 from planlang.kernel.expressions import Expression
 from planlang.kernel.park import here
 from planlang.kernel.tree import name_of
-from planlang.language.branches import Branch, check
+from planlang.language.branches import Branch
 from planlang.language.context import executive_for
-from planlang.language.performing import asked, perform
+from planlang.language.performing import asked, check_action, perform
 from planlang.language.tags import Handle, join
+from planlang.misuse import Usage, WrongType, contrast, written
 
 V = TypeVar("V")
+_WITH_REQUESTS = Usage("await with_requests", {"body": "serve"})
+_PERFORM_ASYNC = Usage("await perform_async", {"action": 'action("Reaching")'}, {"name": '"reach"'})
+_MONITOR = Usage("await monitor", {"request": "await perform_async(action(...))"})
 
 
 class Request(Handle):
     """An asynchronous request. As a handle it can be observed, joined, suspended, woken up and evaporated."""
 
     def __init__(self, action: Action, task: Task) -> None:
+        if not isinstance(task, Task):
+            message, code = "a request is made by perform_async()", f"Request({written(action)}, ...)"
+            raise WrongType(contrast(message, code, _PERFORM_ASYNC.shown("action")))
         super().__init__(task.name, task)
         self.action = action
         self.made = task
@@ -39,7 +46,7 @@ async def with_requests(body: Callable[[], Awaitable[V]]) -> V:
     are waited for; then the first failure that was not monitored is raised, later ones as its siblings. When the body
     fails or is evaporated, the requests that are left are cancelled. A programming error ends everything.
     """
-    check("with_requests", (body,))
+    _WITH_REQUESTS.branch("body", body)
     scope = _Requests(body)
     token = _requests.set(scope)
     try:
@@ -56,6 +63,7 @@ async def perform_async(action: Action, name: str | None = None) -> Request:
     take part in resources that the caller holds at the time: holding the arm while monitoring a request for the arm
     is a deadlock.
     """
+    check_action(_PERFORM_ASYNC, action, name)
     executive_for("perform_async")
     scope = _requests.get()
     if scope is None or here()[1] is not scope.body_task:
@@ -77,12 +85,7 @@ async def monitor(request: Request) -> Any:
 
     It waits for no other request, and raises no other's failure.
     """
-    if not isinstance(request, Request):
-        raise TypeError(
-            f"monitor takes a request, not {request!r}\n"
-            "  wrong: await monitor(perform(action(...)))\n"
-            "  right: await monitor(await perform_async(action(...)))"
-        )
+    _MONITOR.instance("request", request, Request, "a request")
     return await join(request)
 
 

@@ -13,6 +13,7 @@ from planlang.kernel import Scheduler, Task
 from planlang.kernel.park import deliver, here, park
 from planlang.kernel.primitives import record
 from planlang.kernel.suspension import Recheck
+from planlang.misuse import Usage
 
 
 class _Lock:
@@ -46,7 +47,8 @@ class Lease(Recheck):
         self._arbiter.grant()
 
     def __str__(self) -> str:
-        return " and ".join(self.names)
+        has = ("" if lock.holder is None else f" (held by {lock.holder.task.path})" for lock in self.locks)
+        return " and ".join(f"{name}{held}" for name, held in zip(self.names, has, strict=True))
 
 
 class Arbiter:
@@ -106,13 +108,20 @@ class Arbiter:
 _lease: ContextVar[Lease | None] = ContextVar("lease", default=None)
 
 
+_USING = Usage("async with using", {"name": '"left_arm"'})
+
+
 class using:  # noqa: N801 - used like a function: async with using("left_arm", "base")
     """``async with using("left_arm", "base") as lease:`` holds resources until the block ends, evaporation included.
 
-    They are granted all at once, first come, first served.
+    They are granted all at once, first come, first served, so that statements which name all they need cannot block
+    each other. Two that ask for more inside, in opposite order, can: DeadlockError says who waits for what, and who
+    has it.
     """
 
     def __init__(self, *names: str) -> None:
+        for name in names:
+            _USING.text("name", name)
         self.names = names
 
     async def __aenter__(self) -> Lease:

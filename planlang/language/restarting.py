@@ -7,9 +7,11 @@ from typing import Any, TypeVar
 
 from planlang.kernel import All, Status, Task
 from planlang.kernel.tree import name_of
-from planlang.language.branches import Branch, check
+from planlang.language.branches import Branch
+from planlang.misuse import Usage
 
 V = TypeVar("V")
+_RETRY_AFTER_SUSPENSION = Usage("await retry_after_suspension", {"body": "reach"})
 
 
 class Restarting(All):
@@ -56,6 +58,6 @@ class Restarting(All):
 
 async def retry_after_suspension(body: Callable[[], Awaitable[V]]) -> V:
     """Run a body; when it is suspended it is evaporated with its cleanup, and runs from the start when woken up."""
-    check("retry_after_suspension", (body,))
+    _RETRY_AFTER_SUSPENSION.branch("body", body)
     result: V = await Restarting("retry_after_suspension", "retry_after_suspension", body, name_of(body)).execute()
     return result

@@ -14,7 +14,7 @@ from planlang.language.budgets import charge
 
 if TYPE_CHECKING:
     from planlang.kernel.past import Past
-    from planlang.protocols import Executive
+    from planlang.language.executive import Executive
 
 
 def differences(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:

@@ -4,24 +4,41 @@ from __future__ import annotations
 
 import contextvars
 import functools
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.kernel import Host, PlanStructureError, Scheduler, Trace
 from planlang.kernel.choices import Schedule, described
+from planlang.kernel.past import Past
 from planlang.kernel.realtime import LiveHost
 from planlang.kernel.tree import Node, name_of
 from planlang.language import context
 from planlang.language.answering import NotedExecutive
-from planlang.language.branches import check
 from planlang.language.plans import Frame, frame
 from planlang.language.resuming import check_repeated, prepare, refuse_other
+from planlang.misuse import Usage, WrongValue
 
 if TYPE_CHECKING:
-    from planlang.kernel.past import Past
-    from planlang.protocols import Executive
+    from planlang.language.executive import Executive
 
 V = TypeVar("V")
+RUN = Usage(
+    "run",
+    {"plan": "serve", "host=": "VirtualHost()"},
+    {
+        "executive": "executive",
+        "seed": "0",
+        "schedule": "7",
+        "trace": "Trace()",
+        "max_steps": "240_000",
+        "on_start": "print",
+        "resumable": "True",
+        "resume": "past",
+    },
+)
+SCHEDULE = "None for first come, first served, the number >= 0 of a random stream, or a list of choices"
+PARTS = ("modules", "ancestors", "revision", "solutions", "move_to", "is_at", "holds", "held", "record")
+"""What an executive has, apart from what it seldom needs."""
 
 
 def run(
@@ -52,7 +69,14 @@ def run(
     Raises what leaves the plan; DeadlockError, StepLimit, NoProgress or StuckTask when it cannot go on, with the
     tasks and lines; KeyboardInterrupt after Ctrl-C, when all cleanups have run.
     """
-    check("run", (plan,))
+    RUN.branch("plan", plan)
+    for part in ("rate", "jumps", "advance"):
+        if isinstance(host, type) or not hasattr(host, part):
+            raise RUN.wrong("host", host, "a host, such as VirtualHost()")
+    _check(executive, seed, schedule, trace, max_steps, on_start)
+    RUN.instance("resumable", resumable, bool, "True or False")
+    if resume is not None:
+        RUN.instance("resume", resume, Past, "what an earlier run left")
     scheduler = Scheduler(host, seed=seed, schedule=schedule, trace=trace, max_steps=max_steps)
     scheduler.on_start = on_start
     if resume is not None:
@@ -73,6 +97,28 @@ def run(
         raise
     check_repeated(scheduler)
     return result
+
+
+def _check(
+    executive: object, seed: object, schedule: object, trace: object, max_steps: object, on_start: object
+) -> None:
+    """Refuse what cannot be meant by these arguments of :func:`run`."""
+    for part in PARTS if executive is not None else ():
+        if isinstance(executive, type) or not hasattr(executive, part):
+            raise RUN.wrong("executive", executive, "an executive: a robot's, or a scripted one")
+    RUN.whole("seed", seed, None, "random streams")
+    if trace is not None:
+        RUN.instance("trace", trace, Trace, "a trace")
+    if max_steps is not None:
+        RUN.whole("max_steps", max_steps, 1, "world steps")
+    if on_start is not None:
+        RUN.plain("on_start", on_start, "a plain function of a node of the tree", arguments=1)
+    if isinstance(schedule, (str, type, bool)) or not (
+        schedule is None or isinstance(schedule, (int, Sequence)) or hasattr(schedule, "choose")
+    ):
+        raise RUN.wrong("schedule", schedule, SCHEDULE)
+    if isinstance(schedule, int) and schedule < 0:
+        raise RUN.wrong("schedule", schedule, SCHEDULE, WrongValue)
 
 
 def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: Schedule) -> dict[str, object]:

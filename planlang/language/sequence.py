@@ -8,13 +8,16 @@ from typing import Any, TypeVar
 
 from planlang.failures import CompositeFailure, PlanFailure
 from planlang.kernel import checkpoint
+from planlang.kernel.calling import called
 from planlang.kernel.journal import taken_over
 from planlang.kernel.primitives import inside
 from planlang.kernel.tree import name_of
-from planlang.language.branches import Branch, check, named_branches
+from planlang.language.branches import Branch, named_branches
+from planlang.misuse import Usage
 
 A = TypeVar("A")
 V = TypeVar("V")
+_TRY_EACH = Usage("await try_each_in_order", {"values": "cups", "body": "reach"})
 
 
 async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> list[Any]:
@@ -28,7 +31,7 @@ async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> li
                 results.append(await before)
                 continue
             with inside("branch", branch_name) as node:
-                node.result = await branch()
+                node.result = await called(branch)
                 results.append(node.result)
         if not results:
             await checkpoint()
@@ -52,7 +55,8 @@ async def try_each_in_order(values: Iterable[A], body: Callable[[A], Awaitable[V
 
     When all fail, or there is no value: CompositeFailure in order.
     """
-    check("try_each_in_order", (body,))
+    _TRY_EACH.branch("body", body)
+    _TRY_EACH.iterable("values", values, "an iterable of values")
     name = name_of(body)
     result: V = await _first("try_each_in_order", None, ((name, partial(body, value)) for value in values))
     return result
@@ -68,7 +72,7 @@ async def _first(kind: str, name: str | None, branches: Iterable[tuple[str, Bran
             node = inside("branch", branch_name)
             try:
                 with node:
-                    construct.result = node.result = await branch()
+                    construct.result = node.result = await called(branch)
                     return node.result
             except PlanFailure as failure:
                 failures.append(failure)

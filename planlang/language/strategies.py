@@ -19,6 +19,7 @@ from planlang.failures import (
 from planlang.language.location import at_location
 from planlang.language.performing import perform
 from planlang.language.recovery import RETRY, Decision, Do, Return, retry
+from planlang.misuse import Usage
 
 repeat = retry
 """Run the body again, nothing else."""
@@ -30,6 +31,8 @@ def look_from_another_place(what: Object) -> Do:
     Not finding it there either is no failure yet: the body will tell. Raises ObjectNowhereToBeFound when there is no
     other place to look from.
     """
+
+    Usage("look_from_another_place", {"what": "bottle"}).instance("what", what, Object, "an object")
 
     async def look(failure: PlanFailure) -> Decision:
         try:
@@ -44,6 +47,8 @@ def look_from_another_place(what: Object) -> Do:
 
 def look_and_repeat(what: Object) -> Do:
     """Look for the object from here, which may correct where it is believed to be, then run the body again."""
+
+    Usage("look_and_repeat", {"what": "bottle"}).instance("what", what, Object, "an object")
 
     async def look(failure: PlanFailure) -> Decision:
         await _look_for(what)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from typing import Any, TypeVar
@@ -12,16 +11,22 @@ from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, 
 from planlang.kernel.expressions import Expression, Signal
 from planlang.kernel.park import here, serving
 from planlang.kernel.suspension import Recheck
-from planlang.language.branches import Branch, check
+from planlang.language.branches import Branch
 from planlang.language.plans import Frame, frame
+from planlang.misuse import Usage
 
 V = TypeVar("V")
+_TAG = Usage("await tag", {"name": '"reach"', "body": "reach"})
+_HANDLE = Usage("Handle", {"name": '"reach"'})
+_TASK = Usage("task", {"name": '"reach"'})
+_ON_SUSPENSION = Usage("async with on_suspension", {"function": "stop"})
 
 
 class Handle:
     """A task seen from elsewhere in the plan. It may be asked for before the task has begun."""
 
     def __init__(self, name: str, task: Task | None = None) -> None:
+        _HANDLE.text("name", name)
         self.name = name
         self._task: Task | None = None
         self._status: Fluent[Status] = Fluent(Status.CREATED, f"the status of {name}")
@@ -158,9 +163,8 @@ class _Tag(All):
 
 async def tag(name: str, body: Callable[[], Awaitable[V]]) -> V:
     """Run a body as a named task, whose handle ``task(name)`` gives in the same plan; returns its result."""
-    if not isinstance(name, str):
-        raise TypeError(f"a tag is named by a string, not {name!r}: tag(name, body)")
-    check("tag", (body,))
+    _TAG.branch("body", body)
+    _TAG.text("name", name)
     own = _frame()
     handle = own.tags.get(name)
     if handle is None:
@@ -175,6 +179,7 @@ def task(name: str) -> Handle:
     If none does yet, it will stand for the task that is first tagged so in this plan or one around it.
     """
     here()
+    _TASK.text("name", name)
     own = _frame()
     around: Frame | None = own
     while around is not None:
@@ -191,7 +196,9 @@ def task(name: str) -> Handle:
 
 async def join(handle: Handle) -> Any:
     """Wait until the task has ended; returns its result, or raises its failure."""
-    over: Signal[bool] = Expression(lambda status: status.final, "the end of", handle.status)
+    _check_handle("await join", handle)
+    over: Signal[bool] = Expression(lambda status: status.final, "final", handle.status)
+    over.name = f"the end of task {handle.name!r}"
     await wait_for(over)
     if handle.status.value is Status.SUCCEEDED:
         return handle.result
@@ -206,22 +213,26 @@ async def join(handle: Handle) -> Any:
 
 def suspend(handle: Handle) -> bool:
     """Hold the task and all below it, at once; True if this changed something."""
+    _check_handle("suspend", handle)
     return handle._suspend()
 
 
 def wake_up(handle: Handle) -> bool:
     """Undo one suspension of the task; True if this changed something."""
+    _check_handle("wake_up", handle)
     return handle._wake_up()
 
 
 def evaporate(handle: Handle) -> bool:
     """Evaporate the task and all below it; True if this changed something."""
+    _check_handle("evaporate", handle)
     return handle._evaporate()
 
 
 @asynccontextmanager
 async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
     """``async with task_suspended(h):`` holds the task while the block runs, and always wakes it up."""
+    _check_handle("async with task_suspended", handle)
     held = handle._task
     changed = suspend(handle)
     try:
@@ -234,14 +245,7 @@ async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
 @asynccontextmanager
 async def on_suspension(function: Callable[[], object]) -> AsyncIterator[None]:
     """``async with on_suspension(f):`` calls the plain function whenever the task gets held inside the block."""
-    if inspect.iscoroutine(function):
-        function.close()
-    if not callable(function) or inspect.iscoroutinefunction(function):
-        raise TypeError(
-            f"on_suspension takes a plain function, which is called at once by the suspender, not {function!r}\n"
-            "  wrong: async with on_suspension(stop()):    or with an async def\n"
-            "  right: async with on_suspension(stop):      with def stop() -> None"
-        )
+    _ON_SUSPENSION.plain("function", function, "a plain function, which is called at once by the suspender")
     owner = here()[1]
     if owner.hooks is None:
         owner.hooks = []
@@ -250,6 +254,11 @@ async def on_suspension(function: Callable[[], object]) -> AsyncIterator[None]:
         yield
     finally:
         owner.hooks.remove(function)
+
+
+def _check_handle(function: str, handle: object) -> None:
+    if not isinstance(handle, Handle):
+        raise Usage(function, {"handle": 'task("reach")'}).wrong("handle", handle, "the handle of a task")
 
 
 def _frame() -> Frame:

@@ -11,7 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from planlang.kernel.trace import Trace
+from planlang.misuse import Usage
 
+_OF = Usage("TaskTree.of", {"trace": "trace"})
+_READ = Usage("TaskTree.read", {"path": '"run.jsonl"'})
 _KNOWN = ("step", "event", "node", "parent", "kind", "name")
 
 
@@ -84,6 +87,7 @@ class TaskTree:
         Raises ValueError for a trace that was written to a file: read that with :meth:`read`.
         """
         if not isinstance(trace, Trace):
+            _OF.iterable("trace", trace, "a trace that keeps its records, or the records")
             return cls(trace)
         if not trace.events:
             raise ValueError(
@@ -99,6 +103,9 @@ class TaskTree:
 
         Raises ValueError, with file and line, for what is no trace.
         """
+        _READ.instance("path", path, (str, os.PathLike), "the path of a trace file")
+        if path == "":
+            raise _READ.empty("path")
         with Path(path).open(encoding="utf-8") as file:
             return cls(_records(str(path), file))
 

@@ -41,20 +41,11 @@ def canonical(iri: str) -> str:
 
 def use_canonical_names(triples: Triples) -> Iterator[Diagnostic]:
     """Give the terms their canonical names; a note for each vocabulary that is renamed, where it is used first."""
-    old = {number: term for number, term in enumerate(triples.terms) if isinstance(term, str) and _is_old(term)}
+    old = {number: term for term, number in triples.numbers.items() if isinstance(term, str) and _is_old(term)}
     if not old:
         return
     notes = list(_notes(triples, old))
-    same: dict[int, int] = {}
-    """Number of an old name -> that of the new one, where the file has both."""
-    for number, term in old.items():
-        name = canonical(term)
-        del triples.numbers[term]
-        triples.terms[number] = name
-        if triples.numbers.setdefault(name, number) != number:
-            same[number] = triples.numbers[name]
-    if same:
-        triples.renumber(same)
+    triples.rename({term: canonical(term) for term in old.values()})
     yield from notes
 
 

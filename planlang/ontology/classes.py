@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from planlang.diagnostics import Span
@@ -54,40 +54,78 @@ class Restriction(NamedTuple):
     form: str
 
 
-def restrictions_of(triples: Triples, cls: int) -> Iterator[Restriction]:
+def restrictions_of(triples: Triples, words: Words, cls: int) -> Iterator[Restriction]:
     """The restrictions of a class in source order; of a nameless one those that it consists of. Terms by number."""
     if triples.is_node(cls):
         for member in conjuncts(triples, cls):
             if triples.is_node(member):
-                yield from _restriction(triples, member, "intersection")
+                yield from _restriction(triples, member, "intersection", words)
         return
-    forms = {triples.find(predicate): form for predicate, form in _SUPERCLASS_FORMS.items()}
-    intersection = triples.find(INTERSECTION_OF)
     for row in triples.about(cls):
-        form, value = forms.get(triples.predicates[row]), triples.objects[row]
-        if form is None or not triples.is_node(value):
+        form = words.forms.get(triples.predicates[row])
+        if form is None or not triples.is_node(value := triples.objects[row]):
             continue
-        for part in _opened(triples, items(triples, value) if triples.predicates[row] == intersection else (value,)):
+        is_list = triples.predicates[row] == words.intersection
+        for part in _opened(triples, items(triples, value) if is_list else (value,)):
             if triples.is_node(part):
                 nested = "intersection" if form == "flat" and part != value else form
-                yield from _restriction(triples, part, nested)
+                yield from _restriction(triples, part, nested, words)
 
 
-def _restriction(triples: Triples, node: int, form: str) -> Iterator[Restriction]:
-    rows = list(triples.about(node))
-    stated: list[str] = [triples.terms[triples.predicates[row]] for row in rows]  # type: ignore[misc]
-    prop = triples.name(triples.objects[rows[stated.index(ON_PROPERTY)]]) if ON_PROPERTY in stated else None
-    if prop is None:
-        return
-    for row, predicate in zip(rows, stated, strict=True):
-        if (kind := _FILLERS.get(predicate)) is not None:
-            yield Restriction(prop, kind, triples.term(triples.objects[row]), None, triples.span(row), form)
-        elif (kind := _CARDINALITIES.get(predicate)) is not None:
-            number = _whole(triples.term(triples.objects[row]))
-            ranges = (r for r, p in zip(rows, stated, strict=True) if p in (OWL + "onClass", OWL + "onDataRange"))
-            filler = next((triples.term(triples.objects[r]) for r in ranges), THING)
-            if number is not None:
-                yield Restriction(prop, kind, filler, number, triples.span(row), form)
+class Words(NamedTuple):
+    """The words of class expressions by their numbers; -1 for one that is not used."""
+
+    forms: dict[int, str]
+    intersection: int
+    on_property: int
+    fillers: dict[int, str]
+    cardinalities: dict[int, str]
+    ranges: frozenset[int]
+
+    @staticmethod
+    def of(triples: Triples) -> Words:
+        """Those that these triples use."""
+        number = triples.numbers
+
+        def used(words: Mapping[str, str]) -> dict[int, str]:
+            return {number[word]: meaning for word, meaning in words.items() if word in number}
+
+        return Words(
+            used(_SUPERCLASS_FORMS),
+            number.get(INTERSECTION_OF, -1),
+            number.get(ON_PROPERTY, -1),
+            used(_FILLERS),
+            used(_CARDINALITIES),
+            frozenset(number[word] for word in (OWL + "onClass", OWL + "onDataRange") if word in number),
+        )
+
+
+def _restriction(triples: Triples, node: int, form: str, words: Words) -> Sequence[Restriction]:
+    """The restrictions that a nameless node is: one for each filler or cardinality of its first property."""
+    on_property, fillers, cardinalities, ranges = words[2:]
+    predicates, objects = triples.predicates, triples.objects
+    first = -1
+    stated: list[tuple[int, str]] = []
+    within: list[int] = []
+    for row in triples.about(node):
+        predicate = predicates[row]
+        if predicate == on_property:
+            first = row if first < 0 else first
+        elif (kind := fillers.get(predicate) or cardinalities.get(predicate)) is not None:
+            stated.append((row, kind))
+        elif predicate in ranges:
+            within.append(row)
+    prop = triples.name(objects[first]) if first >= 0 else None
+    found: list[Restriction] = []
+    for row, kind in stated if prop is not None else ():
+        filler, number = triples.term(objects[row]), None
+        if predicates[row] in cardinalities:
+            number = _whole(filler)
+            if number is None:
+                continue
+            filler = triples.term(objects[within[0]]) if within else THING
+        found.append(Restriction(prop or "", kind, filler, number, triples.span(row), form))
+    return found
 
 
 def _whole(term: Term) -> int | None:
@@ -122,15 +160,17 @@ def _opened(triples: Triples, expressions: Iterable[int]) -> Iterator[int]:
 def items(triples: Triples, cell: int) -> Iterator[int]:
     """The items of an RDF list; a list that bites its own tail ends there. Terms by number."""
     first, rest, end = triples.find(FIRST), triples.find(REST), triples.find(NIL)
+    predicates, objects, about = triples.predicates, triples.objects, triples.about
     seen: set[int] = set()
     while cell != end and cell not in seen:
         seen.add(cell)
         following = end
-        for row in triples.about(cell):
-            if triples.predicates[row] == first:
-                yield triples.objects[row]
-            elif triples.predicates[row] == rest:
-                following = triples.objects[row]
+        for row in about(cell):
+            predicate = predicates[row]
+            if predicate == first:
+                yield objects[row]
+            elif predicate == rest:
+                following = objects[row]
         if following is None:
             return
         cell = following

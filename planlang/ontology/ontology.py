@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,11 @@ from typing import Any
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span
 from planlang.ontology.checks import checked
-from planlang.ontology.classes import Restriction, alias_edges, conjuncts, edges, restrictions_of, twin
+from planlang.ontology.classes import Restriction, Words, alias_edges, conjuncts, edges, restrictions_of, twin
 from planlang.ontology.documents import Document, Reading, read_all
 from planlang.ontology.taxonomy import Taxonomy, order_walk
 from planlang.ontology.terms import (
+    ABSOLUTE,
     CLASS,
     EQUIVALENT_CLASS,
     KNOWROB,
@@ -22,6 +24,7 @@ from planlang.ontology.terms import (
     OWL,
     RDF,
     RDFS,
+    ROBOEARTH,
     SUBCLASS_OF,
     SUBPROPERTY_OF,
     TYPE,
@@ -54,6 +57,7 @@ class Ontology:
     """
 
     def __init__(self, readings: Sequence[Reading]) -> None:
+        self._readings = tuple(readings)
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
         self.store = Triples.joined([reading.triples for reading in readings])
         self.kept: dict[object, Any] = {}
@@ -74,6 +78,11 @@ class Ontology:
     def iri(self) -> str | None:
         """The name that the main document gives itself."""
         return self.documents[0].iri
+
+    def renamed(self, names: Mapping[str, str]) -> Ontology:
+        """The same with other names (IRIs) in the place of some in the main document."""
+        main, *others = self._readings
+        return Ontology([replace(main, triples=main.triples.renamed(names)), *others])
 
     # triples
 
@@ -103,12 +112,14 @@ class Ontology:
                 yield row
 
     def _number(self, term: Term) -> int | None:
-        return self.store.numbers.get(expand(term)) if isinstance(term, str) else self.store.find(term)
+        if isinstance(term, str):
+            return self.store.numbers.get(term if term.startswith(ABSOLUTE) else expand(term))
+        return self.store.find(term)
 
-    def _about(self, term: Term) -> Iterator[int]:
+    def _about(self, term: Term) -> Sequence[int]:
         """The rows that have a term as their subject."""
         number = self._number(term)
-        return iter(()) if number is None else self.store.about(number)
+        return () if number is None else self.store.about(number)
 
     def said(self, s: str | BNode, *names: str) -> Iterator[Triple]:
         """What is said of a subject by properties with one of these local names, in document order."""
@@ -141,6 +152,10 @@ class Ontology:
 
     def linked(self, s: str | BNode, *names: str) -> tuple[list[str], ...]:
         """For each of these local names what (IRIs) properties of that name link a subject to, each once."""
+        return self.linked_from(s, *names)[0]
+
+    def linked_from(self, s: str | BNode, *names: str) -> tuple[tuple[list[str], ...], Span | None]:
+        """What :meth:`linked` tells, and where the subject is defined (:meth:`span`): in one look."""
         kinds = self._kinds.get(names)
         if kinds is None:
             kinds = self._kinds[names] = {
@@ -148,13 +163,18 @@ class Ontology:
             }
         found: tuple[list[str], ...] = tuple([] for _ in names)
         number, store = self._number(s), self.store
-        for row in store.about(number) if number is not None else ():
-            place = kinds.get(store.predicates[row])
+        rows = store.about(number) if number is not None else ()
+        predicates, objects, terms, typing, defining = store.predicates, store.objects, store.terms, self._kind, -1
+        for row in rows:
+            predicate = predicates[row]
+            if predicate == typing and defining < 0:
+                defining = row
+            place = kinds.get(predicate)
             if place is not None:
-                value = store.terms[store.objects[row]]
+                value = terms[objects[row]]
                 if isinstance(value, str) and value not in found[place]:
                     found[place].append(value)
-        return found
+        return found, store.span(defining if defining >= 0 else rows[0]) if rows else None
 
     def _values(self, s: str | BNode, wanted: Container[int | None]) -> tuple[Term, ...]:
         store, number = self.store, self._number(s)
@@ -217,7 +237,7 @@ class Ontology:
 
     def _twin_or_itself(self, iri: str) -> str:
         """KnowRob's class for one of RoboEarth's about which no document says anything."""
-        other = twin(iri)
+        other = twin(iri) if iri.startswith(ROBOEARTH) else None
         if other is None:
             return iri
         number = self._number(iri)
@@ -324,8 +344,12 @@ class Ontology:
             return ()
         found = self._restrictions.get(number)
         if found is None:
-            found = self._restrictions[number] = tuple(restrictions_of(self.store, number))
+            found = self._restrictions[number] = tuple(restrictions_of(self.store, self._class_words, number))
         return found
+
+    @cached_property
+    def _class_words(self) -> Words:
+        return Words.of(self.store)
 
     def members(self, expression: Term) -> tuple[Term, ...]:
         """The members of an intersection, nested ones opened; of anything else the expression itself."""

@@ -41,8 +41,11 @@ _NOT_PROPERTIES = _SYNTAX - {_LI}
 _LEGAL_NAME = re.compile(r"[^\W\d][\w.\-\u00b7]*")
 _MISPLACED = {"ID", "about", "resource", "datatype", "nodeID", "parseType", "type"}
 
-_ONLY_RESOURCE = f"{RDF} resource"
+_ONLY_RESOURCE, _ONLY_ABOUT = f"{RDF} resource", f"{RDF} about"
 _DOCUMENT, _RDF, _NODE, _PROPERTY, _COLLECTION, _LITERAL, _SKIPPED = range(7)
+_WITH_TEXT = frozenset((_PROPERTY, _LITERAL, _SKIPPED))
+"""Elements in which text may stand, or is skipped."""
+_AROUND_THINGS = frozenset((_RDF, _COLLECTION))
 _NOTHING: dict[str, str] = {}
 
 
@@ -111,6 +114,8 @@ def _parsed(text: str, file: str, base: str, label: str, *, in_pieces: bool) -> 
     except expat.ExpatError as problem:
         open_lines = [frame.line for frame in handler.frames[1:]]
         raise BadInput([explain(problem, text, file, open_lines, handler.entities.names)]) from None
+    if not all(map(str.isspace, handler.gaps)):
+        raise _Stray
     return Parsed(handler.triples, counted(handler.diagnostics, handler.unsaid), handler.prefixes)
 
 
@@ -141,12 +146,16 @@ class _Handler:
         self.complete = _Frame(_PROPERTY, base, None, 1, 1)
         """The element of such a property with rdf:resource: most are this, and none is inside another."""
         self.complete.filled = True
+        self.gaps: set[str] = set()
+        """The texts, each once, that stand where only white space may; not kept if texts come in pieces."""
+        self.between = self.gaps.add if parser.buffer_text else self.characters
+        """What takes such texts: most of a large file, and not worth a call of Python each."""
         self.type, self.first, self.rest = map(self.triples.number, (TYPE, FIRST, REST))
         parser.ordered_attributes = True
         parser.StartElementHandler = self._starting()
         parser.EndElementHandler = self._ending()
         parser.StartNamespaceDeclHandler = self.namespace
-        parser.CharacterDataHandler = self.characters
+        parser.CharacterDataHandler = self.between
         parser.StartDoctypeDeclHandler = self.doctype
         parser.EndDoctypeDeclHandler = self.entities.check
         parser.EntityDeclHandler = self.entity
@@ -199,34 +208,61 @@ class _Handler:
     def _starting(self) -> Callable[[str, list[str]], None]:
         """What expat calls where an element begins.
 
-        Most elements of large files are properties with rdf:resource and nothing else: these are read here, with all
-        names at hand, and left to :meth:`_start` are the others.
+        Most elements of large files are properties with rdf:resource and nothing else, things with rdf:about and
+        nothing else, and nameless items of lists: these are read here, with all names at hand, and left to
+        :meth:`_start` are the others.
         """
         frames, triples, parser, plain, complete = self.frames, self.triples, self.parser, self.plain, self.complete
-        subjects, predicates, objects = triples.subjects, triples.predicates.append, triples.objects.append
+        predicates, objects = triples.predicates.append, triples.objects.append
         lines, columns, state = triples.lines.append, triples.columns.append, triples.subjects.append
         resolved, resolve, start, push = self.resolved, self._resolve, self._start, frames.append
+        between = self.between
+        subjects, classes, kind_of, fresh, append = (
+            triples.subjects,
+            self.classes,
+            self.type,
+            triples.fresh,
+            self._append,
+        )
 
         def begin(tag: str, attributes: list[str]) -> None:
             parent = frames[-1]
+            kind = parent.kind
             line, column = parser.CurrentLineNumber, parser.CurrentColumnNumber + 1
             if len(frames) > DEEPEST or len(subjects) > MOST_TRIPLES:
                 self._too_much()
-            predicate = plain.get(tag, -1) if parent.kind == _NODE else -1
-            if predicate >= 0 and len(attributes) == 2 and attributes[0] == _ONLY_RESOURCE:
-                base, reference = parent.base, attributes[1]
-                known = resolved.get(base)
-                value = known.get(reference) if known is not None else None
-                complete.base, complete.language = base, parent.language
-                complete.line, complete.column = line, column
-                push(complete)
-                state(parent.subject)
-                predicates(predicate)
-                objects(resolve(base, reference) if value is None else value)
-                lines(line)
-                columns(column)
-            else:
-                start(parent, tag, attributes, line, column)
+            if kind == _NODE:
+                predicate = plain.get(tag, -1)
+                if predicate >= 0 and len(attributes) == 2 and attributes[0] == _ONLY_RESOURCE:
+                    base, reference = parent.base, attributes[1]
+                    known = resolved.get(base)
+                    value = known.get(reference) if known is not None else None
+                    complete.base, complete.language = base, parent.language
+                    complete.line, complete.column = line, column
+                    push(complete)
+                    state(parent.subject)
+                    predicates(predicate)
+                    objects(resolve(base, reference) if value is None else value)
+                    lines(line)
+                    columns(column)
+                    return
+            elif kind in _AROUND_THINGS:
+                cls, is_item = classes.get(tag, -1), kind == _COLLECTION
+                if cls >= 0 and (not attributes if is_item else len(attributes) == 2 and attributes[0] == _ONLY_ABOUT):
+                    base = parent.base
+                    subject = fresh() if is_item else resolve(base, attributes[1])
+                    frame = _Frame(_NODE, base, parent.language, line, column, subject)
+                    push(frame)
+                    state(subject)
+                    predicates(kind_of)
+                    objects(cls)
+                    lines(line)
+                    columns(column)
+                    if is_item:
+                        append(parent, frame)
+                    return
+            start(parent, tag, attributes, line, column)
+            parser.CharacterDataHandler = self.characters if frames[-1].kind in _WITH_TEXT else between
 
         return begin
 
@@ -294,13 +330,20 @@ class _Handler:
 
     def _ending(self) -> Callable[[str], None]:
         """What expat calls where an element ends."""
-        pop, end = self.frames.pop, self._end
+        frames, parser, complete, end = self.frames, self.parser, self.complete, self._end
+        pop, characters, between = frames.pop, self.characters, self.between
 
         def close(tag: str) -> None:
             frame = pop()
+            if frame is complete and not frame.text:
+                return
             kind = frame.kind
             if kind != _NODE and (kind != _PROPERTY or not frame.filled or frame.text):
                 end(frame, tag)
+            if frames[-1].kind in _WITH_TEXT:
+                parser.CharacterDataHandler = characters
+            elif kind in _WITH_TEXT:
+                parser.CharacterDataHandler = between
 
         return close
 
@@ -478,12 +521,12 @@ class _Handler:
                 triples.insert(row, frame.reified, number, term, line, column)
 
     def _append(self, frame: _Frame, item: _Frame) -> None:
-        triples, line, column = self.triples, item.line, item.column
+        triples, line, column, before = self.triples, item.line, item.column, frame.last_cell
         cell = triples.fresh()
-        if frame.last_cell < 0:
+        if before < 0:
             self._state(frame, cell)
         else:
-            triples.add(frame.last_cell, self.rest, cell, line, column)
+            triples.add(before, self.rest, cell, line, column)
         triples.add(cell, self.first, item.subject, line, column)
         frame.last_cell = cell
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
+from functools import cache
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, note, warning
+from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.ontology.terms import ON_PROPERTY, OWL, RDF, RDFS, RESTRICTION, TYPE
 from planlang.ontology.triples import Triples
 
@@ -31,6 +32,12 @@ TERMS: dict[str, frozenset[str]] = {RDFS: frozenset(_RDFS.split()), OWL: frozens
 
 _W3C = tuple(TERMS)
 
+MISSPELT = 0.8
+"""How alike, as difflib measures it, something is to a term that it is taken for: ``abuot`` and ``about`` are so."""
+
+_ATTRIBUTES = frozenset(("about", "resource", "ID", "nodeID", "datatype", "parseType"))
+"""Names of RDF that RDF/XML has as attributes only."""
+
 MOST_WARNINGS = 100
 """Warnings about one file; further terms are repaired silently."""
 
@@ -47,7 +54,7 @@ def repair(triples: Triples) -> list[Diagnostic]:
     meant = _Meanings()
     wrong = {
         number
-        for number, term in enumerate(triples.terms)
+        for term, number in triples.numbers.items()
         if isinstance(term, str) and term.startswith(_W3C) and _correction(term)
     }
     if wrong:
@@ -78,8 +85,10 @@ class _Meanings:
         known = self._known.get(wrong)
         if known is None:
             known = self._known[wrong] = _correction(iri) or (iri, "", None)
+            if _is_misspelt(iri):
+                self.diagnostics.append(error("O013", known[1], triples.span(row), known[2]))
         read, message, advice = known
-        if len(self.diagnostics) < MOST_WARNINGS:
+        if len(self.diagnostics) < MOST_WARNINGS and not _is_misspelt(iri):
             found = warning("O013" if read == iri else "O012", message, triples.span(row), advice)
             self.diagnostics.append(found)
         return triples.number(read)
@@ -103,8 +112,25 @@ def _correction(iri: str) -> tuple[str, str, str | None] | None:
         name = local_name(read)
         right = f"{_PREFIX[read.removesuffix(name)]}:{name}"
         return read, f"{written} is read as {right}", f"write {right}"
-    similar = get_close_matches(local, sorted(TERMS[namespace]), n=1)
-    return iri, f"there is no {written}", f"did you mean {_PREFIX[namespace]}:{similar[0]}?" if similar else None
+    near = _near(namespace, local, MISSPELT) or _near(namespace, local, 0.6)
+    advice = f"did you mean {_PREFIX[namespace]}:{near[0]}?" if near else None
+    is_term = bool(near) and near[0] in TERMS[namespace] and _is_misspelt(iri)
+    return namespace + near[0] if is_term else iri, f"there is no {written}", advice
+
+
+def _near(namespace: str, local: str, least: float) -> list[str]:
+    terms = TERMS[namespace] | (_ATTRIBUTES if namespace == RDF else frozenset())
+    return get_close_matches(local, sorted(terms), n=1, cutoff=least)
+
+
+@cache
+def _is_misspelt(iri: str) -> bool:
+    """True for what is no term of RDF, RDFS or OWL in any namespace, but nearly one, or an attribute of RDF/XML."""
+    local = local_name(iri)
+    namespace = iri.removesuffix(local)
+    if namespace not in TERMS or iri in _SPELT or any(local in terms for terms in TERMS.values()):
+        return False
+    return bool(_near(namespace, local, MISSPELT))
 
 
 def _add_restrictions(triples: Triples) -> list[Diagnostic]:

@@ -159,7 +159,7 @@ def _circles(triples: Triples, rests: Sequence[int]) -> Iterator[Diagnostic]:
 
 
 def _values(triples: Triples) -> Iterator[Diagnostic]:
-    wrong = {number for number, term in enumerate(triples.terms) if isinstance(term, Literal) and _is_wrong(term)}
+    wrong = {number for term, number in triples.numbers.items() if isinstance(term, Literal) and _is_wrong(term)}
     if wrong:
         for row, number in enumerate(triples.objects):
             if number in wrong:

@@ -108,7 +108,8 @@ class Triple:
 
 
 _PREFIXED = re.compile(r"([A-Za-z][\w.-]*):(?!//)(.*)", re.DOTALL)
-_ABSOLUTE = ("http://", "https://")
+ABSOLUTE = ("http://", "https://")
+"""How a full name begins."""
 _FRAME = re.compile(
     r"^(?:Class|ObjectProperty|DataProperty|AnnotationProperty|Individual|Datatype):[ \t]+(\S+)", re.MULTILINE
 )
@@ -119,7 +120,7 @@ def expand(name: str) -> str:
 
     A bare name that the vocabulary does not define is taken as one of KnowRob's.
     """
-    if name.startswith(_ABSOLUTE):
+    if name.startswith(ABSOLUTE):
         return name
     if ":" not in name:
         return _other_names().get(name) or KNOWROB + name

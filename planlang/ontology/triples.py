@@ -93,6 +93,29 @@ class Triples(Sequence[Triple]):
             if order[row] == before:
                 self.predicates[row], self.objects[row] = predicate, value
 
+    def rename(self, names: Mapping[str, str]) -> None:
+        """Let other names (IRIs) stand in the place of some, those of other triples among them."""
+        same: dict[int, int] = {}
+        for old, new in names.items():
+            number = self.numbers.pop(old, None)
+            if number is not None:
+                self.terms[number] = new
+                if self.numbers.setdefault(new, number) != number:
+                    same[number] = self.numbers[new]
+        if same:
+            self.renumber(same)
+
+    def renamed(self, names: Mapping[str, str]) -> Triples:
+        """A copy in which other names (IRIs) stand in the place of some. The triples are those of one file."""
+        copy = Triples(self._files[0], self.label)
+        copy.terms, copy.numbers = self.terms.copy(), self.numbers.copy()
+        for column, own in zip(copy._terms_of_rows(), self._terms_of_rows(), strict=True):
+            column.extend(own)
+        copy.lines.extend(self.lines)
+        copy.columns.extend(self.columns)
+        copy.rename(names)
+        return copy
+
     def renumber(self, changed: Mapping[int, int]) -> None:
         """Let other terms stand in the place of some."""
         for column in self._terms_of_rows():
@@ -198,21 +221,22 @@ class Triples(Sequence[Triple]):
 
     # finding
 
-    def about(self, subject: int) -> Iterator[int]:
+    def about(self, subject: int) -> Sequence[int]:
         """The rows with a subject."""
-        first, following = self._by_subject
-        row = first[subject]
-        while row >= 0:
-            yield row
-            row = following[row]
+        return self._chained(*self._by_subject, subject)
 
-    def with_object(self, value: int) -> Iterator[int]:
+    def with_object(self, value: int) -> Sequence[int]:
         """The rows with an object."""
-        first, following = self._by_object
-        row = first[value]
+        return self._chained(*self._by_object, value)
+
+    @staticmethod
+    def _chained(first: array[int], following: array[int], number: int) -> list[int]:
+        row = first[number]
+        found = []
         while row >= 0:
-            yield row
+            found.append(row)
             row = following[row]
+        return found
 
     def first_about(self, subject: int) -> int:
         """The first row with a subject; -1 if there is none."""

@@ -20,6 +20,9 @@ class Movers:
     ending: frozenset[str] = frozenset()
 
 
+_ANY = "PurposefulAction"
+"""The class of all actions that somebody does; it and those above it say nothing of what is done."""
+
 _HAND = frozenset({"arm", "gripper"})
 _DEPENDS = expand("dependsOnCapability")
 _BASE_MOTION = expand("BaseMotionCapability")
@@ -47,6 +50,10 @@ class Actions:
     def is_a(self, step: Step | Recipe, *classes: str) -> bool:
         """True if the step's class is below one of the classes (local names of the vocabulary)."""
         return any(self.ontology.is_a(step.action_class, expand(name)) for name in classes)
+
+    def is_any(self, cls: str) -> bool:
+        """True for a class (IRI, or local name of the vocabulary) that says no more than that something is done."""
+        return self.ontology.is_a(expand(_ANY), expand(cls))
 
     def primitive(self, step: Step) -> Primitive | None:
         """The primitive that performs the step, if one does."""

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import BNode, Literal, Ontology, shorten
-from planlang.ontology.terms import OWL, TYPE, is_vocabulary
+from planlang.ontology.terms import OWL, TYPE, XSD, is_vocabulary
 from planlang.recipe.actions import Actions
-from planlang.recipe.fillings import action_class, action_properties, fillings, unread_facts
+from planlang.recipe.fillings import action_class, fillings, unread_facts
 from planlang.recipe.guesses import SURE, guess
 from planlang.recipe.model import Name, Place, Recipe, Step, Thing
 from planlang.recipe.readers.data_flow import OUTPUTS, made
@@ -24,6 +24,7 @@ from planlang.recipe.terms import (
     is_vocabulary_class,
     read_filler,
     read_literal,
+    takes_numbers,
     takes_things,
     unread_references,
 )
@@ -95,39 +96,27 @@ def _left_out(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
         message = f"{local_name(name)} of `{local_name(owner)}`{others} is left out: it is no property of actions"
         cls = action_class(ontology, owner)
         listed = ontology.valid_properties(cls) if cls is not None else ()
-        meant = guess(name, listed, least=0.8) or guess(name, action_properties(ontology), least=SURE)
-        advice = f"did you mean {meant}?" if meant else "say it by such a property if a plan should know it"
-        if listed and not meant:
+        advice = "say it by such a property if a plan should know it"
+        if listed:
             advice += f": {', '.join(sorted(map(local_name, listed)))}"
-        yield warning("R038", message, span, advice, meant)
+        yield warning("R038", message, span, advice)
 
 
 def _property(ontology: Ontology, owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:
     if not listed or filling.property in listed or is_word(filling.property, *OUTPUTS):  # any action may make something
         return
-    names = sorted(local_name(name) for name in listed)
     short = local_name(filling.property)
-    advice = f"listed are {', '.join(names)}"
     message = f"{short} is not listed for actions such as `{local_name(owner)}`: it is kept as it is"
-    if not is_vocabulary(short):
-        is_declared = ontology.is_property(filling.property)
-        meant = guess(filling.property, sorted(listed), least=SURE)
-        if meant is None and not is_declared:
-            meant = guess(filling.property, action_properties(ontology), least=SURE)
-        if meant:
-            message = f"`{local_name(owner)}` has no property {short}"
-            yield error("R031", message, filling.span, f"did you mean {meant}?", meant)
-            return
-        if not is_declared:
-            message = f"nothing declares the property {short} of `{local_name(owner)}`: it is kept as it is"
-    yield warning("R031", message, filling.span, advice)
+    if not is_vocabulary(short) and not ontology.is_property(filling.property):
+        message = f"nothing declares the property {short} of `{local_name(owner)}`: it is kept as it is"
+    yield warning("R031", message, filling.span, f"listed are {', '.join(sorted(map(local_name, listed)))}")
 
 
 def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagnostic]:
     short, term, span = local_name(shorten(filling.property)), filling.term, filling.span
     kinds = ontology.values(filling.property, TYPE)
     if isinstance(term, Literal):
-        yield from _literal(owner, short, term, span)
+        yield from _literal(ontology, owner, filling.property, term, span)
         if OBJECT_PROPERTY in kinds and DATA_PROPERTY not in kinds:
             message = f"{short} of `{local_name(owner)}` is the value {term.value!r}, but takes a thing or a place"
             yield warning("R032", message, span, "name a class or an individual")
@@ -135,6 +124,10 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
     if isinstance(term, BNode):
         message = f"{short} of `{local_name(owner)}` is an anonymous expression, which is left out"
         yield warning("R035", message, span, "name a class or an individual")
+        return
+    if takes_numbers(ontology, filling.property) and not term.startswith(XSD):
+        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but takes a number"
+        yield error("R032", message, span, f"write a number in its place, such as `{short} value 0.5`")
         return
     if DATA_PROPERTY in kinds and OBJECT_PROPERTY not in kinds:
         message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but takes a value"
@@ -168,14 +161,18 @@ def _of_unknown_kind(ontology: Ontology, owner: str, filling: Filling, term: str
     return warning("R049", message, filling.span, f"did you mean {meant}? else {advice}" if meant else advice, meant)
 
 
-def _literal(owner: str, short: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
-    """Judge a value: a number where its type says so, in a unit that fits the property."""
-    name = unit_of(literal)
+def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
+    """Judge a value: a number where its type or the property says so, in a unit that fits the property."""
+    name, short = unit_of(literal), local_name(shorten(property_name))
     datatype = local_name(literal.datatype or "")
-    if (name is not None or datatype in NUMERIC) and isinstance(read_literal(literal), str):
-        message = f"{short} of `{local_name(owner)}` is {literal.value!r}, which is no number"
-        yield error("R037", message, span, f"write a number, such as 0.5, for its type {datatype}")
-        return
+    is_number = takes_numbers(ontology, property_name)
+    if name is not None or datatype in NUMERIC or is_number:
+        value = read_literal(literal, is_number=is_number)
+        if isinstance(value, str | bool):
+            message = f"{short} of `{local_name(owner)}` is {literal.value!r}, which is no number"
+            why = f"for its type {datatype}" if datatype in NUMERIC or name else f"as {short} takes numbers"
+            yield error("R037", message, span, f"write a number, such as 0.5, {why}")
+            return
     if name is None:
         return
     known, wanted = unit(name), dimension_of(short)

@@ -49,11 +49,17 @@ def _dangling(actions: Actions, statements: Statements, recipe: Recipe) -> Itera
 
 def _unlisted(actions: Actions, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
     """States that are no sub-actions though others are: they are taken as such."""
-    for name in statements.mentioned():
+    for name, where in unlisted_states(actions, statements):
+        message = f"`{local_name(name)}` is a state of `{recipe.name}`, but not a sub-action: it is taken as one"
+        advice = f"add `subAction some {local_name(name)}` to `{recipe.name}`"
+        yield warning("R051", message, where or recipe.span, advice)
+
+
+def unlisted_states(actions: Actions, statements: Statements) -> Iterator[tuple[str, Span | None]]:
+    """The states (IRIs) of a recipe of states that are defined but no sub-actions, and where they are mentioned."""
+    for name in statements.mentioned() if statements.is_finite_state else ():
         if name not in statements.names and actions.ontology.defined(name):
-            message = f"`{local_name(name)}` is a state of `{recipe.name}`, but not a sub-action: it is taken as one"
-            advice = f"add `subAction some {local_name(name)}` to `{recipe.name}`"
-            yield warning("R051", message, _where(actions, statements, name) or recipe.span, advice)
+            yield name, _where(actions, statements, name)
 
 
 def _ends(statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_designators import check_designators
+from planlang.recipe.check_losses import check_losses
 from planlang.recipe.check_orderings import check_orderings
 from planlang.recipe.check_parameters import check_fillers, check_ranges
 from planlang.recipe.check_places import check_places
@@ -16,6 +17,7 @@ from planlang.recipe.check_states import check_states
 from planlang.recipe.check_steps import check_base_motions, check_recursion, check_sub_actions
 from planlang.recipe.check_unordered import check_free, check_unordered
 from planlang.recipe.graph import recipe_cycle
+from planlang.recipe.misspellings import corrected, misspellings
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.readers.data_flow import made
 from planlang.recipe.reading import recipes_for
@@ -34,10 +36,16 @@ ABOUT_ORDER = ORDERS_UNKNOWN | {"R040", "R042", "R045"}
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What was read: the recipes, or None if not even a task was found, and all diagnostics in the order of lines."""
+    """What was read: the recipes, or None if not even a task was found, and what there is to say about the file.
+
+    ``actions`` are those of what was read: with right names in the place of ``misspelt`` ones. ``diagnostics`` are
+    those of the ontology, too, misspellings first, then in the order of lines.
+    """
 
     recipes: RecipeSet | None
     diagnostics: tuple[Diagnostic, ...]
+    actions: Actions
+    misspelt: tuple[Diagnostic, ...] = ()
 
 
 def read_recipe(
@@ -47,11 +55,28 @@ def read_recipe(
 
     Never raises for what the user wrote; errors are among the diagnostics.
     """
+    misspelt = misspellings(actions.ontology)
+    right = corrected(actions.ontology, misspelt)
+    if right is not actions.ontology:
+        actions = Actions(right)
+    recipes, found = _read(actions, task, allow_abstract=allow_abstract, scopes=scopes)
+    found = (*actions.ontology.diagnostics, *found)
+    guessed = corrected(actions.ontology, misspelt, guessing=True)
+    if guessed is not actions.ontology:  # whichever name is meant: what the guess would mend is a consequence
+        left = _read(Actions(guessed), task, allow_abstract=allow_abstract, scopes=scopes)[1]
+        found = tuple(one for one in found if one in {*guessed.diagnostics, *left})
+    return Reading(recipes, (*misspelt, *found), actions, misspelt)
+
+
+def _read(
+    actions: Actions, task: str | None, *, allow_abstract: bool, scopes: bool
+) -> tuple[RecipeSet | None, tuple[Diagnostic, ...]]:
+    """The recipes, or None without a task, and their diagnostics."""
     ontology = actions.ontology
     try:
         chosen = choose_task(actions, task)
     except BadInput as problem:
-        return Reading(None, problem.diagnostics)
+        return None, problem.diagnostics
     recipes = read_recipes(actions, chosen)
     diagnostics: list[Diagnostic] = list(check_recursion(recipes))
     is_finite = not diagnostics
@@ -59,6 +84,7 @@ def read_recipe(
         recipes, notes = repaired(ontology, recipes)
         diagnostics += notes
     diagnostics += check_designators(ontology)
+    diagnostics += check_losses(actions)
     diagnostics += check_requirements(ontology, recipes)
     for recipe in recipes.recipes.values():
         statements = actions.statements(recipes_for(actions, recipe.iri)[0][0])
@@ -74,7 +100,7 @@ def read_recipe(
             if ABOUT_ORDER.isdisjoint(one.code for one in found):
                 found += check_free(recipe)
         diagnostics += found
-    return Reading(recipes, _sorted(diagnostics))
+    return recipes, _sorted(diagnostics)
 
 
 def _stated(actions: Actions, statements: Statements, recipe: Recipe, *, allow_abstract: bool) -> Iterator[Diagnostic]:

@@ -47,6 +47,7 @@ READ_BY_DIALECTS = (
     "adtMainObject",
     "adtPrimaryObject",
     "adtSecondaryObject",
+    "adtChunkSupport",
     "taskContext",
     "instruction",
 )

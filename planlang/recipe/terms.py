@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from planlang.designators import RELATIONS, local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
-from planlang.ontology.terms import RANGE, is_vocabulary
+from planlang.ontology.terms import RANGE, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Place, Thing
-from planlang.recipe.units import unit, unit_of
+from planlang.recipe.units import dimension_of, unit, unit_of
 
 PLACES = ("Point2D", "Point3D")
 """Classes of location designators: of the base, of the hand or an object."""
@@ -20,10 +20,14 @@ MOST_PLACES = 10
 """Places that may refer to each other in a chain."""
 
 _RELATION_OF = {expand(owl_name): name for name, owl_name in RELATIONS.items()}
-_NUMBERS = {"integer": int, "int": int, "long": int, "short": int, "nonNegativeInteger": int}
-_REALS = ("float", "double", "decimal")
-NUMERIC = (*_NUMBERS, *_REALS)
+_SIZES = ("long", "int", "short", "byte", "unsignedLong", "unsignedInt", "unsignedShort", "unsignedByte")
+_SIGNS = ("positiveInteger", "nonNegativeInteger", "negativeInteger", "nonPositiveInteger")
+_INTEGERS = frozenset({"integer", *_SIZES, *_SIGNS})
+NUMERIC = _INTEGERS | {"float", "double", "decimal"}
 """Local names of the datatypes of numbers."""
+
+TEXT = frozenset({"", "string", "langString"})
+"""Local names of the datatypes of text; text without one is text."""
 
 
 def nearest_in_vocabulary(ontology: Ontology, cls: str, below: str | None = None) -> str:
@@ -64,7 +68,7 @@ def read_filler(ontology: Ontology, term: Term, property_name: str | None = None
     What fills a property (IRI) that takes things is an object if nothing says what kind of thing it is.
     """
     if isinstance(term, Literal):
-        return read_literal(term)
+        return read_literal(term, is_number=property_name is not None and takes_numbers(ontology, property_name))
     if isinstance(term, BNode) or not ontology.defined(term):
         return None
     if is_place(ontology, term):
@@ -106,6 +110,21 @@ def takes_things(ontology: Ontology, property_name: str) -> bool:
     """True for a property whose range is one of localised things."""
     ranges = (range_ for range_ in ontology.values(property_name, RANGE) if isinstance(range_, str))
     return any(is_localised(ontology, cls) for cls in ranges)
+
+
+def takes_numbers(ontology: Ontology, property_name: str) -> bool:
+    """True for a property whose range, or that of one above it, is a type of numbers, or that has a physical dimension.
+
+    The last is told by the local name, as some recipes have the vocabulary in a namespace of their own.
+    """
+    key = ("takes numbers", property_name)
+    if key not in ontology.kept:
+        above = ontology.superproperties(property_name)
+        ranges = [range_ for one in above for range_ in ontology.values(one, RANGE) if isinstance(range_, str)]
+        is_ranged = any(range_.startswith(XSD) and range_.removeprefix(XSD) in NUMERIC for range_ in ranges)
+        ontology.kept[key] = is_ranged or any(dimension_of(local_name(one)) is not None for one in above)
+    known: bool = ontology.kept[key]
+    return known
 
 
 def _individual(ontology: Ontology, iri: str) -> str | None:
@@ -172,8 +191,11 @@ def _references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
             yield _RELATION_OF[restriction.property], restriction.filler
 
 
-def read_literal(literal: Literal) -> str | int | float | bool:
-    """A value of Python's; one with a unit that is known in SI units, text that is no number as it is."""
+def read_literal(literal: Literal, *, is_number: bool = False) -> str | int | float | bool:
+    """A value of Python's; one with a unit that is known in SI units, text that is no number as it is.
+
+    With ``is_number`` text without a type is read as a number, too, if it is written like one.
+    """
     name = unit_of(literal)
     if name is not None:
         known = unit(name)
@@ -184,10 +206,10 @@ def read_literal(literal: Literal) -> str | int | float | bool:
     datatype = local_name(literal.datatype or "")
     if datatype == "boolean":
         return literal.value.strip() in ("true", "1")
-    if datatype in NUMERIC:
+    if datatype in NUMERIC or (is_number and datatype in TEXT):
         try:
             number = literal.number()
         except ValueError:
             return literal.value
-        return int(number) if datatype in _NUMBERS and number.is_integer() else number
+        return int(number) if datatype in _INTEGERS and number.is_integer() else number
     return literal.value

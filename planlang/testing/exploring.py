@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from planlang.failures import PlanFailure
 from planlang.kernel.choices import ChoiceSource, Recorded, Stream
 from planlang.kernel.encoding import encode
+from planlang.misuse import Usage
 from planlang.testing.columns import side_by_side
 from planlang.testing.faults import Fault
 from planlang.testing.running import PlanRun, attempt, made
@@ -54,6 +55,9 @@ class Exploration:
         return f"{self.outcome}, in {self.runs} runs with {self.different} different schedules"
 
 
+_EXPLORE = Usage("explore", {"plan": "serve"})
+
+
 def explore(
     plan: Callable[[], Awaitable[V]],
     schedules: int = 200,
@@ -74,6 +78,8 @@ def explore(
     shows the shortest list of choices that does it and the two traces side by side; ``run_plan(plan, schedule=list)``
     repeats it. The plan has to make what it changes anew each time; ValueError if two equal runs differ.
     """
+
+    _EXPLORE.branch("plan", plan)
 
     def once(source: ChoiceSource | None) -> tuple[PlanRun[V], Recorder]:
         recorder = Recorder(source)

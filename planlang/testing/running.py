@@ -16,11 +16,12 @@ from planlang.language.replaying import Replay
 from planlang.language.replaying import replay as replay_recorded
 from planlang.language.resuming import restore
 from planlang.language.running import run
+from planlang.misuse import Usage
 from planlang.testing.faults import Fault, Injector
 from planlang.testing.history import History
 
 if TYPE_CHECKING:
-    from planlang.protocols import Executive
+    from planlang.language.executive import Executive
     from planlang.testing.belief import Belief
     from planlang.testing.script import Script
 
@@ -78,6 +79,9 @@ class PlanRun(History, Generic[V]):
         return f"<run of {self.name}: {how} after {self.seconds:g} s>"
 
 
+_RUN_PLAN = Usage("run_plan", {"plan": "serve"})
+
+
 def run_plan(
     plan: Callable[[], Awaitable[V]],
     *,
@@ -102,6 +106,7 @@ def run_plan(
     ``resume`` is such a run, its trace, or one read from a file: steps that completed in it are not run again but give
     what they gave; the belief of the scripted robot, or of an executive with ``restore``, is as they left it.
     """
+    _RUN_PLAN.branch("plan", plan)
     ended = attempt(
         plan,
         script=script,

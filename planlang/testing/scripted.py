@@ -69,7 +69,7 @@ class ScriptedModule:
 
 
 class ScriptedExecutive:
-    """Implements :class:`planlang.protocols.Executive` by a script, for one run."""
+    """Implements :class:`planlang.language.executive.Executive` by a script, for one run."""
 
     def __init__(self, script: Script) -> None:
         self.script = script

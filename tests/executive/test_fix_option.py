@@ -142,6 +142,8 @@ def test_only_fixes_that_wait_for_acceptance_can_be_accepted(recipe: Path) -> No
     assert result.exit_code == 2
     assert "error C015" in result.stderr
     assert "codes that can be accepted: R010" in result.stderr
+    assert "fixes of R042 are safe: --fix makes them unasked" in check(recipe, "--fix", "--accept", "R042").stderr
+    assert "R012 has no fix: each constraint" in check(recipe, "--fix", "--accept", "R012").stderr
 
 
 def test_a_plan_is_not_fixed(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from executive.environments import default_environment
 from executive.knowledge import SemanticMap, read_map
 from executive.plan_files import bound_parameters, import_plan, main_plan
 from planlang.diagnostics import BadInput, Diagnostic
@@ -109,7 +110,12 @@ def test_a_thing_of_a_class_beside_that_of_the_recipes_individual_will_do_with_a
     ("bindings", "code", "said"),
     [
         ({"botle": "bottle2"}, "X004", "did you mean bottle? its parameters: bottle, any_bottle, patient"),
-        ({"bottle": "bottle7"}, "X005", "bottle may be bottle1, cup2, bottle2"),
+        (
+            {"bottle": "botle1"},
+            "X005",
+            "did you mean bottle1? bottle may be bottle1, cup2, bottle2; the map also has room1, bed1, patient1,"
+            " bedside_table1, cabinet1, cabinet2, chair1, door1, visitor1",
+        ),
         ({"any_bottle": "cup2"}, "X006", "any_bottle may be bottle1, bottle2"),
         ({"patient": "bed1"}, "X006", "patient may be patient1, visitor1"),
     ],
@@ -120,3 +126,35 @@ def test_what_does_not_fit_is_refused_with_what_would(
     with pytest.raises(BadInput) as caught:
         bound(tmp_path, room, **bindings)
     assert [(one.code, one.help) for one in caught.value.diagnostics] == [(code, said)]
+
+
+def test_of_a_thing_that_another_bundled_environment_has_that_is_told(tmp_path: Path) -> None:
+    room = read_map(load(bundled("ontologies") / "environments" / "hospital_room.omn"))
+    with pytest.raises(BadInput) as caught:
+        bound(tmp_path, room, bottle="cup2", patient="visitor7")
+    cup, visitor = (one.help or "" for one in caught.value.diagnostics)
+    assert cup.endswith("; cup2 is in a bundled environment: --environment visiting_hours")
+    assert "--environment" not in visitor
+
+
+def test_a_thing_without_a_place_is_not_said_to_be_missing(tmp_path: Path, room: SemanticMap) -> None:
+    with pytest.raises(BadInput) as caught:
+        bound(tmp_path, room, bottle="hospital1")
+    assert [one.message for one in caught.value.diagnostics] == ["'hospital1' has no place in the map"]
+
+
+@pytest.mark.parametrize(
+    ("things", "environment", "told"),
+    [
+        ([], "hospital_room", []),
+        (["bottle1"], "hospital_room", []),
+        (["cup2", "patient1"], "visiting_hours", ["the environment is visiting_hours, as hospital_room has no cup2"]),
+        (["cup2", "nobody"], "hospital_room", []),
+    ],
+)
+def test_the_default_environment_is_the_only_one_that_has_what_is_named(
+    things: list[str], environment: str, told: list[str]
+) -> None:
+    notes: list[Diagnostic] = []
+    assert default_environment(things, notes) == environment
+    assert [one.message for one in notes] == told

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from planlang.protocols import Pose
 
 component = st.floats(-1.0, 1.0)
+poses = st.builds(Pose, st.tuples(component, component, component), st.tuples(*[component] * 4))
 
 
 @given(st.tuples(component, component, component, component).filter(lambda q: math.hypot(*q) > 1e-3))
@@ -26,3 +27,11 @@ def test_a_half_turn_about_a_diagonal_keeps_its_axis() -> None:
     half_turn = np.eye(4)
     half_turn[:3, :3] = [[0, -1, 0], [-1, 0, 0], [0, 0, -1]]
     assert np.allclose(Pose.from_matrix(half_turn).matrix(), half_turn, atol=1e-12)
+
+
+@given(st.lists(poses, max_size=6))
+def test_many_matrices_at_once_are_to_the_last_bit_those_of_one_by_one(several: list[Pose]) -> None:
+    together = Pose.matrices(several)
+    assert together.shape == (len(several), 4, 4)
+    for matrix, pose in zip(together, several, strict=True):
+        assert (matrix == pose.matrix()).all()

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import planlang
 from executive.core import RobotExecutive
 from executive.process_modules.arm import Reaching
 from executive.process_modules.gripper import GripperModule
@@ -15,8 +16,10 @@ from executive.process_modules.handover import Handover
 from executive.process_modules.head import Head
 from executive.process_modules.navigation import Navigation
 from executive.process_modules.perception import Perception
+from planlang import language
 from planlang.failures import LowLevelFailure, PlanFailure
-from planlang.protocols import Configuration, Contact, Detection, Executive, Motion, Pose, ProcessModule, World
+from planlang.language import Executive, ProcessModule
+from planlang.protocols import Configuration, Contact, Detection, Motion, Pose, World
 from sim import PyBulletWorld
 
 length = st.floats(-10.0, 10.0)
@@ -121,3 +124,9 @@ def test_no_two_modules_perform_the_same_class_or_share_a_name() -> None:
     performed = [cls for module in MODULES for cls in module.__dict__["actions"]]
     assert len(performed) == len(set(performed))
     assert len({module.__dict__["name"] for module in MODULES}) == len(MODULES)
+
+
+def test_all_names_of_the_language_are_the_plan_authors_names() -> None:
+    assert {name: getattr(language, name) for name in language.__all__}.items() <= vars(planlang).items()
+    assert set(language.__all__) <= set(planlang.__all__)
+    assert language.ProcessModule is ProcessModule

@@ -24,6 +24,7 @@ QUESTIONS: dict[str, Callable[[PyBulletWorld], object]] = {
     "contacts": lambda world: world.contacts(ELSEWHERE),
     "link pose": lambda world: world.link_pose("grippoint_left", ELSEWHERE),
     "silhouette": lambda world: world.silhouette(),
+    "outlines": lambda world: world.outlines(),
     "sight": lambda world: world.visible("cup", configuration=ELSEWHERE),
 }
 

@@ -109,15 +109,41 @@ def test_robot_that_withdraws_the_object_has_it_again(offering: PyBulletWorld) -
     assert oracle.held_by(offering, "bottle") == "robot"
 
 
-def test_arms_of_a_person_stop_a_base_but_not_a_hand(offering: PyBulletWorld) -> None:
-    hand = offering.hand("patient", "left")
-    world = offering
-    world.release("bottle")
-    world.remove("bottle")
-    grip = world.link_pose("grippoint_right").position
+def _at_the_left_hand(world: PyBulletWorld) -> Configuration:
+    """Where the grip point is in the middle of the patient's left palm."""
+    hand, grip = world.hand("patient", "left"), world.link_pose("grippoint_right").position
     x, y, yaw = world.configuration().base
-    there = Configuration((x + hand[0] - grip[0], y + hand[1] - grip[1], yaw), {"spindle_joint": 0.39})
-    assert "patient" not in {c.body for c in world.contacts(there) if "finger" in c.part or "hand" in c.part}
+    lift = world.configuration().joints["spindle_joint"] + hand[2] - grip[2]
+    return Configuration((x + hand[0] - grip[0], y + hand[1] - grip[1], yaw), {"spindle_joint": lift})
+
+
+def _of_the_hand_with_the_patient(world: PyBulletWorld, there: Configuration) -> set[str]:
+    hand = ("finger1_right", "finger2_right", "hand_right", "bottle")
+    return {c.part for c in world.contacts(there) if c.body == "patient" and c.part in hand}
+
+
+def test_resting_arms_of_a_person_stop_hands_and_what_they_hold(offering: PyBulletWorld) -> None:
+    there = _at_the_left_hand(offering)
+    assert {"bottle", "finger2_right"} <= _of_the_hand_with_the_patient(offering, there)
+    assert [solid.limb for solid in offering.solids() if solid.body == "patient"].count(True) == 0
+
+
+def test_hands_and_what_they_hold_may_touch_an_arm_that_reaches_for_it(offering: PyBulletWorld) -> None:
+    for _ in range(25):
+        offering.step()
+    assert _of_the_hand_with_the_patient(offering, _at_the_left_hand(offering)) == set()
+    assert [solid.limb for solid in offering.solids() if solid.body == "patient"].count(True) == 3, "of one arm"
+
+
+def test_an_arm_that_came_back_to_its_rest_stops_hands_again(offering: PyBulletWorld) -> None:
+    before, rest = offering.configuration(), _at_the_left_hand(offering)
+    for _ in range(25):
+        offering.step()
+    offering.set_configuration(Configuration((0.0, -1.5, 1.5708), {}))
+    for _ in range(60):
+        offering.step()
+    offering.set_configuration(before)
+    assert _of_the_hand_with_the_patient(offering, rest) != set()
 
 
 @pytest.mark.parametrize(

@@ -89,3 +89,19 @@ def test_asking_how_much_room_is_taken_changes_nothing(make_world: MakeWorld) ->
     world.silhouette(without=["spindle_joint"])
     world.solids()
     assert world.state() == before
+
+
+def test_an_outline_is_where_walls_meet_the_link_and_holds_no_more(alone: PyBulletWorld) -> None:
+    shapes = alone.outlines()
+    assert len(shapes) == len(alone.robot.solid_names)
+    for number, (low, high, corners) in enumerate(shapes):
+        assert low < high
+        widest = float(np.hypot(corners[:, 0], corners[:, 1]).max())
+        assert pushed(alone, number) - 0.02 <= widest <= pushed(alone, number) + 2e-3
+
+
+def test_outlines_are_told_in_the_frame_of_the_base_wherever_it_stands(alone: PyBulletWorld) -> None:
+    before = alone.outlines()
+    alone.set_configuration(Configuration((1.0, -2.0, 0.7), alone.configuration().joints))
+    for one, other in zip(before, alone.outlines(), strict=True):
+        np.testing.assert_allclose(one[2], other[2], atol=1e-9)

@@ -313,29 +313,42 @@ class Retry(Node):
         super().__init__(tree, strand, budgets)
         self.left = tree.number
         self.child = self.below()
+        self.asking = False
         self.undecided: list[Budget] = []
+        self.passed: list[Budget] = []
 
     def run(self) -> Outcome | None:
         while True:
-            if self.undecided:
-                if self.strand.doomed:
-                    return self.strand.delivered()
-                if not all(budget.over for budget in self.undecided):
-                    return None
-                self.undecided = []
+            if self.asking:
+                if not self.granted():
+                    return self.strand.delivered() if self.strand.doomed else None
                 self.child = self.below()
             outcome = self.child.run()
             if outcome is None or outcome[0] != "failure" or not self.left:
                 return outcome
             self.left -= 1
-            empty = [budget for budget in reversed(self.budgets) if not budget.take()]
-            if empty and self.strand.doomed:
-                return self.strand.delivered()
+            self.asking = True
+
+    def granted(self) -> bool:
+        """Whether no budget stops the next run any more; one that is used up does until it has ended, for shields."""
+        while True:
+            if self.undecided:
+                if self.strand.doomed or not all(budget.over for budget in self.undecided):
+                    return False
+                self.undecided = []
+            empty = [budget for budget in reversed(self.budgets) if not budget.left and budget not in self.passed]
+            if not empty:
+                break
+            if self.strand.doomed:
+                return False
+            self.passed += empty
             self.undecided = [budget for budget in empty if not budget.over]
             for budget in self.undecided:
                 budget.used_up = True
-            if not self.undecided:
-                self.child = self.below()
+        self.asking, self.passed = False, []
+        for budget in self.budgets:
+            budget.left = max(0, budget.left - 1)
+        return True
 
 
 class Protected(Node):
@@ -605,12 +618,6 @@ class Budget(Single):
         super().__init__(tree, strand, (*budgets, self))
         self.left = tree.number
         self.used_up = False
-
-    def take(self) -> bool:
-        if not self.left:
-            return False
-        self.left -= 1
-        return True
 
 
 class Policies(Scope):

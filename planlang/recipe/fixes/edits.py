@@ -23,18 +23,29 @@ class CannotEdit(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Anchors:
-    """Where a recipe's file says what a new ordering has to refer to.
+class Place:
+    """Where a new restriction of a task goes.
 
     ``task`` is the head of the task's class, ``sub_action`` and ``last`` are fillers of restrictions of it (``last``
-    the one behind which the new one goes), ``before`` and ``after`` the names of the two steps. ``suffix`` is what
-    makes the constraint's name from the task's.
+    the one behind which the new one goes). ``word`` is the local name of the property that ``sub_action`` fills.
     """
 
     task: Span
     sub_action: Span
+    word: str
     last: Span
     is_flat: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Anchors:
+    """Where a recipe's file says what a new ordering has to refer to.
+
+    ``before`` and ``after`` are the names of the two steps. ``suffix`` is what makes the constraint's name from the
+    task's.
+    """
+
+    place: Place
     before: Span
     after: Span
     suffix: str
@@ -63,6 +74,9 @@ class Editable(Protocol):
 
     def with_ordering(self, anchors: Anchors) -> list[Edit]:
         """Add an ordering constraint to a task, and the individual that it names."""
+
+    def with_sub_action(self, place: Place, step: Span, kind: str) -> list[Edit]:
+        """Add a sub-action, whose head stands at ``step``, to a task, by a restriction of a kind, "some" or "value"."""
 
     def with_right_terms(self) -> list[Edit]:
         """Put terms of RDFS and OWL into the namespace that has them."""

@@ -17,7 +17,7 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.checks import Reading, read_recipe
 from planlang.recipe.fixes.edits import CannotEdit, Edit, Editable, Fix, applied
 from planlang.recipe.fixes.manchester_text import ManchesterText
-from planlang.recipe.fixes.proposals import proposed
+from planlang.recipe.fixes.proposals import proposed, renames
 from planlang.recipe.fixes.xml_text import XmlText
 from planlang.recipe.tasks import read_recipes
 
@@ -138,9 +138,13 @@ class _Fixer:
             ontology = load(copy, folders=self._folders)
             actions = Actions(ontology)
             reading: Reading = read_recipe(actions, self._task, allow_abstract=self._allow_abstract)
-            found = (*ontology.diagnostics, *reading.diagnostics)
-            raw = read_recipes(actions, reading.recipes.task) if reading.recipes is not None else None
-            fixes = [fix for fix in proposed(actions, reading.recipes, raw, found) if self._is_here(fix, copy)]
+            found = reading.diagnostics
+            if reading.actions is actions:
+                raw = read_recipes(actions, reading.recipes.task) if reading.recipes is not None else None
+                fixes = proposed(actions, reading.recipes, raw, found)
+            else:  # what else there is to fix stands beside names that are not yet in the text
+                fixes = list(renames(ontology, reading.misspelt))
+            fixes = [fix for fix in fixes if self._is_here(fix, copy)]
         return _State(text, found, tuple(fixes))
 
     def _is_here(self, fix: Fix, copy: Path) -> bool:

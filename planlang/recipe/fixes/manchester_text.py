@@ -8,7 +8,7 @@ from itertools import islice
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology.xml_text import offset_of
-from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, indentation, line_end
+from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, Place, indentation, line_end
 
 _NAME = re.compile(r"<[^<>\s]*>|[^\s,(){}\[\]\"<>]+")
 _BEFORE_FILLER = re.compile(
@@ -90,20 +90,26 @@ class ManchesterText:
 
     def with_ordering(self, anchors: Anchors) -> list[Edit]:
         """Add an ordering constraint to a task, and the individual that it names, behind the task's frame."""
-        property_name = self._slice(self._property(anchors.sub_action))
-        head, local, tail = property_name.rpartition("subAction")
+        place = anchors.place
+        property_name = self._slice(self._property(place.sub_action))
+        head, local, tail = property_name.rpartition(place.word)
         if not local or tail not in ("", ">"):
-            raise CannotEdit(f"the property {property_name} is not written as subAction")
+            raise CannotEdit(f"the property {property_name} is not written as {place.word}")
         before, after = self._slice(self._name(anchors.before)), self._slice(self._name(anchors.after))
-        task = self._slice(self._name(anchors.task))
+        task = self._slice(self._name(place.task))
         name = f"{task[:-1]}{anchors.suffix}>" if task.endswith(">") else task + anchors.suffix
-        new = f"{head}orderingConstraints{tail} value {name}"
-        end = self._name(anchors.last)[1]
-        is_item = anchors.is_flat and self._ends_an_item(end)
-        return [
-            *([Edit(end, end, self._item(anchors.last, new))] if is_item else []),
-            self._individual(end, None if is_item else f"Class: {task}", new, name, head, tail, before, after),
+        facts = (f"{head}occursBeforeInOrdering{tail} {before}", f"{head}occursAfterInOrdering{tail} {after}")
+        individual = [
+            f"Individual: {name}",
+            f"    Types: {head}PartialOrdering-Strict{tail}",
+            f"    Facts: {', '.join(facts)}",
         ]
+        return self._with_restriction(place, f"{head}orderingConstraints{tail} value {name}", individual)
+
+    def with_sub_action(self, place: Place, step: Span, kind: str) -> list[Edit]:
+        """Add a sub-action, whose head stands at ``step``, to the list of a task, or by a frame of its own."""
+        property_name = self._slice(self._property(place.sub_action))
+        return self._with_restriction(place, f"{property_name} {kind} {self._slice(self._name(step))}", [])
 
     def with_right_terms(self) -> list[Edit]:
         """Nothing: what RDF/XML puts into the wrong namespace are keywords here."""
@@ -114,23 +120,27 @@ class ManchesterText:
         indent = indentation(self.text, self._property(last)[0])
         return f",{line_end(self.text)}{indent}{new}" if indent else f", {new}"
 
-    def _individual(
-        self, place: int, extra: str | None, new: str, name: str, head: str, tail: str, before: str, after: str
-    ) -> Edit:
+    def _with_restriction(self, place: Place, new: str, individual: list[str]) -> list[Edit]:
+        """Add a restriction to a task, and the lines of the individual that it names.
+
+        The restriction becomes an item of the list in which the last one is, if it is one; else it gets a frame.
+        """
+        end = self._name(place.last)[1]
+        is_item = place.is_flat and self._ends_an_item(end)
+        stated = [] if is_item else [f"Class: {self._slice(self._name(place.task))}", f"    SubClassOf: {new}"]
+        frames = [frame for frame in (stated, individual) if frame]
+        edits = [Edit(end, end, self._item(place.last, new))] if is_item else []
+        return [*edits, self._frames(end, frames)] if frames else edits
+
+    def _frames(self, place: int, frames: list[list[str]]) -> Edit:
+        """Write frames, given by their lines, behind the one that has a place."""
         following = _NEXT_FRAME.search(self.text, place)
         end = following.start() if following else len(self.text)
         lines = self.text[place:end].splitlines(keepends=True)
         while len(lines) > 1 and (not lines[-1].strip() or lines[-1].lstrip().startswith("#")):
             lines.pop()
         end = place + len("".join(lines).rstrip())
-        stated = [extra, f"    SubClassOf: {new}", ""] if extra else []
-        facts = (f"{head}occursBeforeInOrdering{tail} {before}", f"{head}occursAfterInOrdering{tail} {after}")
-        individual = [
-            f"Individual: {name}",
-            f"    Types: {head}PartialOrdering-Strict{tail}",
-            f"    Facts: {', '.join(facts)}",
-        ]
-        return Edit(end, end, line_end(self.text).join(["", "", *stated, *individual]))
+        return Edit(end, end, "".join(line_end(self.text).join(["", "", *frame]) for frame in frames))
 
     def _ends_an_item(self, offset: int) -> bool:
         """True if an item of a list ends at the place: behind it are a comma, another section, or nothing."""

@@ -7,19 +7,24 @@ from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, Order, Rename, Span
+from planlang.diagnostics import Diagnostic, Order, Rename, Severity, Span
 from planlang.ontology import Ontology
 from planlang.ontology.terms import OWL
 from planlang.recipe.actions import Actions
-from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, Editable, Fix
+from planlang.recipe.check_designators import unused_designators
+from planlang.recipe.check_states import unlisted_states
+from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, Editable, Fix, Place
 from planlang.recipe.fixes.removals import removals
-from planlang.recipe.model import Recipe, RecipeSet, Step
+from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
+from planlang.recipe.readers.partial_order import is_sub_action
 from planlang.recipe.reading import recipes_for
 from planlang.recipe.repairs import exchanged_pair
 from planlang.recipe.statements import Statements, SubAction, is_word
 
 _ORDERS_UNKNOWN = frozenset({"R010", "R011", "R012", "R020"})
 """Codes of mistakes by which it is not known what the file orders: an order may only seem to be missing."""
+
+UNLISTED = "no restrictions of a class list its sub-actions"
 
 
 def proposed(
@@ -32,23 +37,30 @@ def proposed(
     ontology = actions.ontology
     fixes = [
         Fix(
-            "O012", found.message.replace(" is read as ", " becomes "), found.span, lambda text: text.with_right_terms()
+            found.code,
+            found.message.replace(" is read as ", " becomes "),
+            found.span,
+            lambda text: text.with_right_terms(),
         )
         for found in diagnostics
-        if found.code == "O012"
+        if found.code == "O012" or (found.code == "O013" and found.severity is Severity.ERROR)
     ]
     fixes += _kinds(ontology)
-    fixes += _renames(ontology, diagnostics)
+    fixes += renames(ontology, diagnostics)
+    fixes += _unused(ontology)
     broken = _ORDERS_UNKNOWN & {found.code for found in diagnostics}
     if unrepaired is not None:
         for recipe in unrepaired.recipes.values():
             fixes += _exchanges(ontology, recipe)
+            if recipes is not None:
+                fixes += _bindings(ontology, recipe, recipes.recipes[recipe.iri])
     if recipes is not None:
         for recipe in recipes.recipes.values():
             statements = actions.statements(recipes_for(actions, recipe.iri)[0][0])
             assert statements is not None
             fixes += _names(ontology, statements, recipe)
             fixes += removals(ontology, statements, recipe)
+            fixes += _states(actions, recipe)
         if not broken:
             fixes += _orders(actions, recipes, diagnostics)
     return list({(fix.code, fix.message): fix for fix in fixes}.values())
@@ -72,7 +84,7 @@ def _kinds(ontology: Ontology) -> Iterator[Fix]:
             yield Fix(code, message, triples[0].span, _with_kind([triple.span for triple in triples], kind))
 
 
-def _renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
+def renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
     """Names that nothing defines become those that are like them: all their mentions in the main document."""
     for found in diagnostics:
         rename = found.suggestion
@@ -126,16 +138,14 @@ def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic,
     for found in diagnostics:
         if isinstance(found.suggestion, Order):
             anchors = _anchors(actions, recipes.recipes[found.suggestion.task], found.suggestion)
-            if anchors is not None:
-                before, after = local_name(found.suggestion.before), local_name(found.suggestion.after)
-                why = found.message.partition(": ")[2] if found.code == "R042" else found.message
-                message = f"`{before}` before `{after}`: {why}"
-                yield Fix(found.code, message, found.span, _order(anchors), found.code == "R042")
+            before, after = local_name(found.suggestion.before), local_name(found.suggestion.after)
+            why = found.message.partition(": ")[2] if found.code == "R042" else found.message
+            message = f"`{before}` before `{after}`: {why}"
+            yield Fix(found.code, message, found.span, _order(anchors), found.code == "R042")
 
 
 def _anchors(actions: Actions, recipe: Recipe, order: Order) -> Anchors | None:
-    """Where the file says what a new ordering refers to; None if it does not say it by sub-actions."""
-    ontology = actions.ontology
+    """Where the file says what a new ordering refers to; None if no restrictions of a class say what the steps are."""
     stating = recipes_for(actions, recipe.iri)[0][0]
     statements = actions.statements(stating)
     assert statements is not None
@@ -143,23 +153,65 @@ def _anchors(actions: Actions, recipe: Recipe, order: Order) -> Anchors | None:
     for one in statements.sub_actions:
         if one.iri is not None:
             stated.setdefault(one.iri, one)
+    place = _place(actions.ontology, stating, "orderingConstraints")
+    if place is None:
+        return None
+    suffix = _free_suffix(actions.ontology, stating, f"_{_plain(order.before)}_{_plain(order.after)}")
+    return Anchors(place, stated[order.before].span, stated[order.after].span, suffix)
+
+
+def _place(ontology: Ontology, stating: str, *words: str) -> Place | None:
+    """Where a class lists sub-actions, and the place of a new restriction: behind the last with one of the words.
+
+    Behind the last sub-action if there is none; None if restrictions list no sub-actions.
+    """
     restrictions = ontology.restrictions(stating)
-    constraints = [one for one in restrictions if is_word(one.property, "orderingConstraints")]
-    subs = [one for one in restrictions if is_word(one.property, "subAction")]
+    subs = [one for one in restrictions if is_sub_action(one)]
     task = ontology.span(stating)
     if task is None or not subs:
         return None
-    last = constraints or subs
-    suffix = _free_suffix(ontology, stating, f"_{_plain(order.before)}_{_plain(order.after)}")
-    return Anchors(
-        task,
-        subs[0].span,
-        last[-1].span,
-        last[-1].form == "flat",
-        stated[order.before].span,
-        stated[order.after].span,
-        suffix,
+    last = ([one for one in restrictions if is_word(one.property, *words)] or subs)[-1]
+    return Place(task, subs[0].span, local_name(subs[0].property), last.span, last.form == "flat")
+
+
+def _states(actions: Actions, recipe: Recipe) -> Iterator[Fix]:
+    """States that are no sub-actions though others are become some."""
+    ontology = actions.ontology
+    stating = recipes_for(actions, recipe.iri)[0][0]
+    statements = actions.statements(stating)
+    assert statements is not None
+    for name, mention in unlisted_states(actions, statements):
+        place = _place(ontology, stating)
+        message = f"the state `{local_name(name)}` becomes a sub-action of `{recipe.name}`"
+        head, kind = ontology.span(name), "some" if ontology.is_class(name) else "value"
+        yield Fix("R051", message, mention or recipe.span, _list(place, head, kind))
+
+
+def _bindings(ontology: Ontology, unrepaired: Recipe, repaired: Recipe) -> Iterator[Fix]:
+    """Things told by their class become the individual that they were taken for."""
+    owners: tuple[tuple[Recipe | Step, Recipe | Step], ...] = (
+        (unrepaired, repaired),
+        *zip(unrepaired.steps, repaired.steps, strict=True),
     )
+    for stated, taken in owners:
+        if exchanged_pair(ontology, stated.parameters) is not None:
+            continue
+        for before, after in zip(stated.parameters, taken.parameters, strict=True):
+            thing, only = before.filler, after.filler
+            is_bound = isinstance(thing, Thing) and thing.iri is None and isinstance(only, Thing) and only.iri
+            if is_bound and before.span is not None and isinstance(thing, Thing) and isinstance(only, Thing):
+                message = f"{before.property} of `{stated.name}` becomes `{only.name}` instead of any `{thing.name}`"
+                rename = Rename(thing.stated, only.iri or "")
+                yield Fix("R034", message, before.span, _bind(before.span, rename), is_safe=False)
+
+
+def _unused(ontology: Ontology) -> Iterator[Fix]:
+    """Location designators and things that nothing uses are taken out; another file may be meant to use them."""
+    for what, names in zip(("location designator", "thing"), unused_designators(ontology), strict=True):
+        for name in names:
+            message, span = f"the unused {what} `{local_name(name)}` is taken out", ontology.span(name)
+            if span is not None:
+                yield Fix("R039", message, span, _gone(span, name), is_safe=False)
 
 
 def _plain(iri: str) -> str:
@@ -200,9 +252,30 @@ def _replace(places: list[Span], rename: Rename) -> Callable[[Editable], list[Ed
     return edit
 
 
-def _order(anchors: Anchors) -> Callable[[Editable], list[Edit]]:
+def _bind(where: Span, rename: Rename) -> Callable[[Editable], list[Edit]]:
+    return lambda text: [*text.replaced(where, rename.written, rename.meant), *text.with_kind(where, "value")]
+
+
+def _gone(where: Span, name: str) -> Callable[[Editable], list[Edit]]:
+    return lambda text: text.without_individual(where, name)
+
+
+def _list(place: Place | None, step: Span | None, kind: str) -> Callable[[Editable], list[Edit]]:
     def edit(text: Editable) -> list[Edit]:
-        _same_file(anchors.task, anchors.sub_action, anchors.last, anchors.before, anchors.after)
+        if place is None or step is None:
+            raise CannotEdit(UNLISTED)
+        _same_file(place.task, place.sub_action, place.last, step)
+        return text.with_sub_action(place, step, kind)
+
+    return edit
+
+
+def _order(anchors: Anchors | None) -> Callable[[Editable], list[Edit]]:
+    def edit(text: Editable) -> list[Edit]:
+        if anchors is None:
+            raise CannotEdit(UNLISTED)
+        place = anchors.place
+        _same_file(place.task, place.sub_action, place.last, anchors.before, anchors.after)
         return text.with_ordering(anchors)
 
     return edit

@@ -12,9 +12,10 @@ from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology.repairs import meant_term
 from planlang.ontology.terms import INTERSECTION_OF, ON_PROPERTY, OWL, RDF, SUBCLASS_OF
-from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, indentation, line_end
+from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, Place, indentation, line_end
 
 _START = re.compile(r"<[^\s/>\"'<]+(?:[^\"'<>]|\"[^\"<]*\"|'[^'<]*')*>")
+_KINDS = {"some": "someValuesFrom", "value": "hasValue"}
 _ATTRIBUTE = re.compile(r"\s([^\s=\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 
 
@@ -87,10 +88,7 @@ class XmlText:
 
     def without(self, filler: Span) -> list[Edit]:
         """Take a restriction, whose filler stands at the span, out of the class that states it."""
-        restriction = self._element(filler).parent
-        around = restriction.parent if restriction is not None else None
-        if restriction is None or around is None:
-            raise CannotEdit("no restriction is written there")
+        restriction, around = self._restriction_of(filler)
         if meant_term(around.name) == SUBCLASS_OF:
             return [self._whole_lines(around)]
         if around.name == INTERSECTION_OF and len(around.children) > 2:
@@ -108,37 +106,40 @@ class XmlText:
     def with_kind(self, filler: Span, kind: str) -> list[Edit]:
         """Make a restriction one of another kind, "some" or "value"."""
         element = self._element(filler)
-        wanted = {"some": "someValuesFrom", "value": "hasValue"}[kind]
+        wanted = _KINDS[kind]
         if element.name not in (OWL + "someValuesFrom", OWL + "hasValue"):
             raise CannotEdit("neither owl:someValuesFrom nor owl:hasValue is written there")
         return self._tagged(element, _prefix(element, OWL) + wanted)
 
     def with_ordering(self, anchors: Anchors) -> list[Edit]:
         """Add an ordering constraint to a task, and the individual that it names, behind the task's element."""
-        stated = self._property(anchors.sub_action)
-        head, local, tail = self._slice(self._value(stated, "resource")).rpartition("subAction")
-        namespace = stated.attributes[_names(stated)[RDF + "resource"]].removesuffix("subAction")
+        place = anchors.place
+        stated = self._property(place.sub_action)
+        head, local, tail = self._slice(self._value(stated, "resource")).rpartition(place.word)
+        namespace = stated.attributes[_names(stated)[RDF + "resource"]].removesuffix(place.word)
         if not local or tail:
-            raise CannotEdit("the property is not written as subAction")
-        restriction = self._element(anchors.last).parent
-        around = restriction.parent if restriction is not None else None
-        if restriction is None or around is None:
-            raise CannotEdit("no restriction is written there")
-        name = self._reference(anchors.task) + anchors.suffix
-        owl, rdf = _prefix(around, OWL), _prefix(around, RDF)
+            raise CannotEdit(f"the property is not written as {place.word}")
+        restriction, around = self._restriction_of(place.last)
+        name = self._reference(place.task) + anchors.suffix
         return [
-            self._restriction(restriction, around, f"{head}orderingConstraints", name, owl, rdf),
-            self._individual(restriction, name, namespace, rdf, anchors),
+            self._restriction(restriction, around, f"{head}orderingConstraints", "hasValue", name),
+            self._individual(restriction, name, namespace, _prefix(around, RDF), anchors),
         ]
 
+    def with_sub_action(self, place: Place, step: Span, kind: str) -> list[Edit]:
+        """Add a sub-action, whose element begins at ``step``, to a task."""
+        property_name = self._slice(self._value(self._property(place.sub_action), "resource"))
+        restriction, around = self._restriction_of(place.last)
+        return [self._restriction(restriction, around, property_name, _KINDS[kind], self._reference(step))]
+
     def with_right_terms(self) -> list[Edit]:
-        """Put the names of elements that are in the wrong namespace of RDFS and OWL into the right one."""
+        """Write the terms of RDFS and OWL that elements mean: in the namespace that has them, and spelt as there."""
         edits = []
         for element in self._at.values():
             right = meant_term(element.name)
-            local = element.tag.rpartition(":")[2]
-            if right == element.name or not right.endswith(local):
+            if right == element.name:
                 continue
+            local = local_name(right)
             edits += self._tagged(element, _prefix(element, right.removesuffix(local)) + local)
         return edits
 
@@ -157,9 +158,17 @@ class XmlText:
         is_alone = rest is not None and (start == 0 or self.text[start - 1] == "\n")
         return Edit(start, rest.end(), "") if rest and is_alone else Edit(element.start, element.end, "")
 
-    def _restriction(
-        self, restriction: Element, around: Element, constraint: str, name: str, owl: str, rdf: str
-    ) -> Edit:
+    def _restriction_of(self, filler: Span) -> tuple[Element, Element]:
+        """The restriction of a filler, and the element around that."""
+        restriction = self._element(filler).parent
+        around = restriction.parent if restriction is not None else None
+        if restriction is None or around is None:
+            raise CannotEdit("no restriction is written there")
+        return restriction, around
+
+    def _restriction(self, restriction: Element, around: Element, property_name: str, kind: str, filler: str) -> Edit:
+        """Write a restriction behind another one, in the same way."""
+        owl, rdf = _prefix(around, OWL), _prefix(around, RDF)
         newline = line_end(self.text)
         inner = restriction.children[0] if restriction.children else restriction
         if meant_term(around.name) == SUBCLASS_OF:
@@ -173,8 +182,8 @@ class XmlText:
         third = indentation(self.text, inner.start) or second + "    "
         lines = [
             f"{second}<{owl}Restriction>",
-            f'{third}<{owl}onProperty {rdf}resource="{constraint}"/>',
-            f'{third}<{owl}hasValue {rdf}resource="{name}"/>',
+            f'{third}<{owl}onProperty {rdf}resource="{property_name}"/>',
+            f'{third}<{owl}{kind} {rdf}resource="{filler}"/>',
             f"{second}</{owl}Restriction>",
         ]
         if outer:

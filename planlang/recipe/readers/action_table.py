@@ -2,20 +2,24 @@
 
 A chunk is an individual of a class of actions. ``nextAction`` and ``previousAction`` are the only orders; what no
 chain leads to but ``subAction`` names is unordered. The objects of a table have roles: the main object is acted on, the
-secondary one is where it goes.
+secondary one is where it goes. A chunk acts on what it says itself, else on what stood on its supporting plane, else on
+the table's main object, if actions of its class act on objects at all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from planlang.designators import local_name
 from planlang.ontology import Ontology, expand
+from planlang.recipe.fillings import action_class, fillings
 from planlang.recipe.model import Ordering
 from planlang.recipe.statements import Filling, Statements, SubAction, facts, named
 
 _SUBS = ("subAction", "subEvents")
+_ACTED_ON = "objectActedOn"
 _ROLES = {
-    "objectActedOn": ("adtMainObject", "adtPrimaryObject"),
+    _ACTED_ON: ("adtMainObject", "adtPrimaryObject"),
     "toLocation": ("adtSecondaryObject",),
 }
 """Property of the action -> roles of an object in a table; the first that is filled counts."""
@@ -50,17 +54,45 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
             if other not in chunks:
                 chunks[other] = fact.span
                 reached.append(other)
+    filled = tuple(filling for property_name in _ROLES for filling in _in_role(ontology, iri, property_name))
     return Statements(
         iri,
         "D4",
-        tuple(SubAction(chunk, (), span) for chunk, span in chunks.items()),
+        tuple(SubAction(chunk, tuple(_acted_on(ontology, iri, chunk)), span) for chunk, span in chunks.items()),
         tuple(orderings[pair] for pair in sorted(orderings)),
-        fillings=tuple(
-            Filling(expand(property_name), fact.term, fact.span)
-            for property_name, roles in _ROLES.items()
-            for fact in next(filter(None, (facts(ontology, iri, role) for role in roles)), ())
-        ),
+        fillings=filled,
     )
+
+
+def _in_role(ontology: Ontology, table: str, property_name: str) -> list[Filling]:
+    """What has the role in a table that fills a property of its action."""
+    found = next(filter(None, (facts(ontology, table, role) for role in _ROLES[property_name])), [])
+    return [Filling(expand(property_name), fact.term, fact.span) for fact in found]
+
+
+def _acted_on(ontology: Ontology, table: str, chunk: str) -> list[Filling]:
+    """What a chunk acts on, unless it or its class says that; nothing if actions of its class act on no objects."""
+    acted_on = expand(_ACTED_ON)
+    cls = action_class(ontology, chunk)
+    if cls is None or acted_on not in ontology.valid_properties(cls):
+        return []
+    said = (filling.property for level in fillings(ontology, chunk) for filling in level)
+    if any(acted_on in ontology.superproperties(name) for name in said):
+        return []
+    return _in_role(ontology, chunk, _ACTED_ON) or _supported(ontology, chunk) or _in_role(ontology, table, _ACTED_ON)
+
+
+def _supported(ontology: Ontology, chunk: str) -> list[Filling]:
+    """What stood on the supporting plane of a chunk: tables name one of a log, and describe it by that name."""
+    found: list[Filling] = []
+    for plane in facts(ontology, chunk, "adtChunkSupport"):
+        name = str(plane.term)
+        described = [one for one in ontology.using("supportedObject") if isinstance(one.subject, str)]
+        own = [one for one in described if one.subject == name]
+        alike = own or [one for one in described if local_name(str(one.subject)) == local_name(name)]
+        if len({one.object for one in alike}) == 1:
+            found.append(Filling(expand(_ACTED_ON), alike[0].object, alike[0].span))
+    return found if len(found) == 1 else []
 
 
 def _inverse(predicate: str) -> str:

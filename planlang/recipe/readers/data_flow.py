@@ -51,7 +51,11 @@ def _orders(statements: Statements, flows: tuple[Flow, ...]) -> Iterator[Orderin
 
 def made(ontology: Ontology, statements: Statements) -> frozenset[str]:
     """The individuals (IRIs) that sub-actions create: they need not be defined anywhere else."""
-    return frozenset(name for _, name, _ in _outputs(ontology, statements))
+    key = ("made", statements.iri)
+    if key not in ontology.kept:
+        ontology.kept[key] = frozenset(name for _, name, _ in _outputs(ontology, statements))
+    found: frozenset[str] = ontology.kept[key]
+    return found
 
 
 def _mapped(ontology: Ontology, statements: Statements) -> tuple[list[Flow], list[LooseEnd]]:

@@ -6,24 +6,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 
-from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, Restriction
 from planlang.recipe.model import Ending, StateMachine, Transition
 from planlang.recipe.readers import partial_order
 from planlang.recipe.statements import KINDS, LooseEnd, Statements, SubAction, facts, is_word, named
+from planlang.recipe.words import ending_of
 
 tasks = partial_order.tasks
-
-_WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+|\d+")
-_FAILED = frozenset({"fail", "failed", "failure", "failing", "error", "aborted", "abort", "timeout", "unsuccessful",
-                     "preempted", "cancelled", "canceled", "notok", "nok"})  # fmt: skip
-_DONE = frozenset({"ok", "okay", "success", "succeeded", "successful", "completed", "complete", "done", "finished"})
-_TRUE = frozenset({"true", "yes", "obtains", "holds"})
-_FALSE = frozenset({"false", "no", "not"})
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
@@ -50,18 +42,6 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
         loose=(*loose, *open_constraints),
         foreign=partial_order.foreign_words(ontology, tuple(restrictions)),
     )
-
-
-def ending_of(outcome: str) -> Ending:
-    """What an outcome means, told by the words in its local name, such as COMPLETED_OK or CONDITION_FALSE."""
-    words = {word.lower() for word in _WORDS.findall(local_name(outcome))}
-    if words & _FAILED:
-        return Ending.FAILED
-    if words & _TRUE and not words & _FALSE:
-        return Ending.TRUE
-    if words & _FALSE:
-        return Ending.FAILED if words & _DONE else Ending.FALSE
-    return Ending.DONE if words & _DONE else Ending.OTHER
 
 
 def _transitions(

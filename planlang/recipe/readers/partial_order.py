@@ -101,9 +101,10 @@ def read_constraints(
         constraint = restriction.filler
         if not is_word(restriction.property, "orderingConstraints") or not isinstance(constraint, (str, BNode)):
             continue
-        befores, afters = ontology.linked(constraint, "occursBeforeInOrdering", "occursAfterInOrdering")
-        name = constraint if isinstance(constraint, str) else str(constraint)
-        span = ontology.span(constraint) if isinstance(constraint, str) else None
+        (befores, afters), span = ontology.linked_from(constraint, "occursBeforeInOrdering", "occursAfterInOrdering")
+        name = str(constraint)
+        if isinstance(constraint, BNode):
+            span = None
         if not befores or not afters:
             missing = [("occursBeforeInOrdering", befores), ("occursAfterInOrdering", afters)]
             absent = tuple(word for word, ends in missing if not ends)

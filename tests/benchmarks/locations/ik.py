@@ -13,6 +13,7 @@ import pybullet
 from executive.capabilities import Robot
 from executive.motion import Chain, InverseKinematics
 from planlang.protocols import Array, Pose
+from sim.engine import quiet
 from tests.benchmarks.locations.oracle import angle
 
 SEEDS = 20
@@ -89,7 +90,8 @@ def _trac_ik(robot: Robot, chain: Chain, targets: Array, middle: Array) -> Calla
     arm = robot.arms[0]
     # with a safety_controller pytracik takes all limits to be zero
     urdf = re.sub(r"<safety_controller[^>]*/>", "", robot.urdf.read_text(encoding="utf-8"))
-    solver = pytracik.TRAC_IK(arm.base_link, arm.tip, urdf, TIMEOUT, TIP / 2, pytracik.SolveType.Speed)
+    with quiet():
+        solver = pytracik.TRAC_IK(arm.base_link, arm.tip, urdf, TIMEOUT, TIP / 2, pytracik.SolveType.Speed)
     calls = [(*pose[:3, 3], *Pose.from_matrix(pose).orientation) for pose in targets]
 
     def solve() -> Array:
@@ -101,7 +103,8 @@ def _trac_ik(robot: Robot, chain: Chain, targets: Array, middle: Array) -> Calla
 
 def _pybullet(robot: Robot, chain: Chain, targets: Array, starts: Array) -> Callable[[], Array]:
     client = pybullet.connect(pybullet.DIRECT)
-    uid = pybullet.loadURDF(str(robot.urdf), useFixedBase=True, physicsClientId=client)
+    with quiet():
+        uid = pybullet.loadURDF(str(robot.urdf), useFixedBase=True, physicsClientId=client)
     infos = [pybullet.getJointInfo(uid, i, physicsClientId=client) for i in range(pybullet.getNumJoints(uid, client))]
     links = {info[12].decode(): info[0] for info in infos}
     moving = [info for info in infos if info[2] != pybullet.JOINT_FIXED]

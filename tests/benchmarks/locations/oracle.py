@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pybullet
@@ -15,6 +17,7 @@ import pybullet
 from executive.capabilities import Robot
 from planlang.protocols import Array, Pose
 from sim import Body
+from sim.engine import quiet
 from sim.person import parts_of
 from tests.benchmarks.locations.rooms import Room
 
@@ -22,6 +25,8 @@ TOUCHING = 0.002
 """Penetrations up to this depth are touching [m]: PyBullet's cylinders of a URDF are polyhedra, up to 1 mm wider."""
 PRESSED = 0.0005
 """Beyond this something is pressed into something else [m]: what a search accepts that nobody has to confirm."""
+WITHIN = 0.001
+"""Distances up to this are asked for [m]: asked for none at all, PyBullet does not tell all penetrations."""
 TIP, TURN = 2e-3, 2e-2
 """How far a tip may be from the pose that is claimed [m], [rad]."""
 NEIGHBOURS = 2
@@ -57,7 +62,8 @@ class Oracle:
         self.room, self.robot = room, robot
         self.client = pybullet.connect(pybullet.DIRECT)
         flags = pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_IGNORE_VISUAL_SHAPES
-        self.uid = pybullet.loadURDF(str(robot.urdf), useFixedBase=True, flags=flags, physicsClientId=self.client)
+        with quiet():
+            self.uid = pybullet.loadURDF(str(robot.urdf), useFixedBase=True, flags=flags, physicsClientId=self.client)
         self.joints: dict[str, int] = {}
         self.links = {robot.base_link: -1}
         self.parents: dict[int, int] = {}
@@ -72,6 +78,7 @@ class Oracle:
                 endless = info[2] == pybullet.JOINT_REVOLUTE and info[8] >= info[9]
                 self.limits[name] = (-math.inf, math.inf) if endless else (float(info[8]), float(info[9]))
         self.names = {index: name for name, index in self.links.items()}
+        self.followers = followers(robot.urdf)
         self._inertial = pybullet.getDynamicsInfo(self.uid, -1, physicsClientId=self.client)[3:5]
         self.posture: dict[str, float] = {name: _nearest_zero(ends) for name, ends in self.limits.items()}
         self.posture |= {n: v for n, v in robot.postures.get("carrying", {}).items() if n in self.joints}
@@ -137,7 +144,7 @@ class Oracle:
         return allowed | {pair for pair, count in counts.items() if count > 0.9 * SAMPLES}
 
     def _self_contacts(self, allowed: set[frozenset[int]], depth: float = TOUCHING) -> set[frozenset[int]]:
-        points = pybullet.getClosestPoints(self.uid, self.uid, 0.0, physicsClientId=self.client)
+        points = pybullet.getClosestPoints(self.uid, self.uid, WITHIN, physicsClientId=self.client)
         deep = {frozenset((p[3], p[4])) for p in points if p[8] < -depth and not self._neighbours(p[3], p[4])}
         return deep - allowed
 
@@ -158,11 +165,14 @@ class Oracle:
     # Asking
 
     def place(self, base: Base, joints: Mapping[str, float]) -> None:
-        """Put the robot somewhere; joints not named stay."""
+        """Put the robot somewhere; joints not named stay, those that mimic one go with it."""
         turn = (0.0, 0.0, math.sin(base[2] / 2), math.cos(base[2] / 2))
-        there = pybullet.multiplyTransforms([base[0], base[1], 0.0], turn, *self._inertial)
+        self._put(([base[0], base[1], 0.0], turn), joints)
+
+    def _put(self, frame: tuple[Sequence[float], Sequence[float]], joints: Mapping[str, float]) -> None:
+        there = pybullet.multiplyTransforms(*frame, *self._inertial)
         pybullet.resetBasePositionAndOrientation(self.uid, *there, physicsClientId=self.client)
-        for name, value in joints.items():
+        for name, value in {**joints, **led(joints, self.followers)}.items():
             pybullet.resetJointState(self.uid, self.joints[name], value, physicsClientId=self.client)
 
     def link(self, name: str) -> Array:
@@ -200,7 +210,7 @@ class Oracle:
                 body = self.pieces.get(uid)
                 if body is None or (body == target and link in may):
                     continue
-                points = pybullet.getClosestPoints(self.uid, uid, 0.0, link, physicsClientId=self.client)
+                points = pybullet.getClosestPoints(self.uid, uid, WITHIN, link, physicsClientId=self.client)
                 if any(point[8] < -depth for point in points):
                     return name, body
         if itself:
@@ -212,16 +222,13 @@ class Oracle:
     def hand_alone_is_free(self, arm: str, joints: Mapping[str, float], base: Array, target: str) -> bool:
         """Whether a hand touches nothing but its target while the robot hangs in the air at a pose (4, 4)."""
         pose = Pose.from_matrix(base)
-        there = pybullet.multiplyTransforms(pose.position, pose.orientation, *self._inertial)
-        pybullet.resetBasePositionAndOrientation(self.uid, *there, physicsClientId=self.client)
-        for name, value in joints.items():
-            pybullet.resetJointState(self.uid, self.joints[name], value, physicsClientId=self.client)
+        self._put((pose.position, pose.orientation), joints)
         for link in sorted(self.hand_links(arm)):
             low, high = pybullet.getAABB(self.uid, link, physicsClientId=self.client)
             for uid, _ in pybullet.getOverlappingObjects(low, high, physicsClientId=self.client) or ():
                 if self.pieces.get(uid, target) == target:
                     continue
-                points = pybullet.getClosestPoints(self.uid, uid, 0.0, link, physicsClientId=self.client)
+                points = pybullet.getClosestPoints(self.uid, uid, WITHIN, link, physicsClientId=self.client)
                 if any(point[8] < -TOUCHING for point in points):
                     return False
         return True
@@ -313,7 +320,7 @@ class Oracle:
             for other, owner in self.pieces.items():
                 if other == uid:
                     continue
-                points = pybullet.getClosestPoints(uid, other, 0.0, physicsClientId=self.client)
+                points = pybullet.getClosestPoints(uid, other, WITHIN, physicsClientId=self.client)
                 if any(point[8] < -TOUCHING for point in points):
                     return f"it is in {owner}"
         finally:
@@ -342,6 +349,26 @@ class Oracle:
         if abs(closing[2]) > 0.1:
             return "the fingers do not close horizontally around what stands"
         return None
+
+
+Followers = Mapping[str, tuple[str, float, float]]
+"""Joint that mimics -> the joint it follows, factor, offset."""
+
+
+def followers(urdf: Path) -> Followers:
+    """Joints that mimic another one; PyBullet reads nothing of it."""
+    found = {}
+    for joint in ElementTree.parse(urdf).getroot().iter("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            factor, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+            found[joint.get("name", "")] = mimic.get("joint", ""), factor, offset
+    return found
+
+
+def led(joints: Mapping[str, float], by: Followers) -> dict[str, float]:
+    """Where joints go that mimic some of these."""
+    return {name: joints[to] * factor + offset for name, (to, factor, offset) in by.items() if to in joints}
 
 
 def angle(one: Array, other: Array) -> float:

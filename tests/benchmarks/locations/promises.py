@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -23,6 +23,8 @@ class Report:
 
     promises: list[Promise] = field(default_factory=list)
     wrong: int = 0
+    seconds: float = 0.0
+    """CPU time that it took [s]."""
 
     def add(self, what: str, measured: str, bound: str, kept: bool) -> None:
         """One more line."""
@@ -38,20 +40,36 @@ class Report:
 
     def written(self) -> dict[str, Any]:
         """As JSON has it."""
-        return {"promises": [asdict(promise) for promise in self.promises], "wrong": self.wrong}
+        return {
+            "promises": [asdict(promise) for promise in self.promises],
+            "wrong": self.wrong,
+            "seconds": self.seconds,
+        }
 
     @staticmethod
     def read(written: dict[str, Any]) -> Report:
         """The inverse of :meth:`written`."""
-        return Report([Promise(**promise) for promise in written["promises"]], int(written["wrong"]))
+        promises = [Promise(**promise) for promise in written["promises"]]
+        return Report(promises, int(written["wrong"]), float(written["seconds"]))
 
 
 def table(reports: Iterable[Report]) -> str:
     """All promises, targets beside figures; what is not kept is marked."""
     lines = ["| promise | measured | bound | |", "|---|---|---|---|"]
     lines += [
-        f"| {promise.what} | {promise.measured} | {promise.bound} | {'' if promise.kept else 'missed'} |"
+        f"| {promise.what} | {promise.measured} | {promise.bound} | {_verdict(promise)} |"
         for report in reports
         for promise in report.promises
     ]
     return "\n".join(lines)
+
+
+def _verdict(promise: Promise) -> str:
+    return "missed" if not promise.kept else "kept" if promise.bound else ""
+
+
+def durations(reports: Mapping[str, Report]) -> str:
+    """CPU time of each part."""
+    lines = ["| part | CPU time [s] |", "|---|---|"]
+    lines += [f"| {name} | {report.seconds:.0f} |" for name, report in reports.items()]
+    return "\n".join([*lines, f"| all | {sum(report.seconds for report in reports.values()):.0f} |"])

@@ -49,7 +49,6 @@ def reach(
     rooms: Iterable[Room],
     *,
     peers: Sequence[Peer] = (),
-    only_unsolved: Sequence[Peer] = (),
     classify: bool = False,
 ) -> Iterator[Case]:
     """Ask in every room, judge the answer, let the peers try; ``classify`` searches unsolved rooms through."""
@@ -61,7 +60,7 @@ def reach(
             case = Case(room, stage.ask(location))
             if case.answer.solved:
                 case.objection = judged(stage, oracle, case.answer, location)
-            for ik, samples in (*peers, *(() if case.solved else only_unsolved)):
+            for ik, samples in peers:
                 solve = by_pybullet(chains, oracle) if ik == "PyBullet" else by_levenberg_marquardt(chains)
                 case.sampled[f"{ik} {samples}"] = sample(oracle, chains, solve, "bottle", samples=samples)
             if classify and not case.solved:
@@ -97,11 +96,8 @@ def summary(title: str, cases: Sequence[Case]) -> list[str]:
     count = len(cases)
     lines = [f"| {title} | planlang | {solved} of {count}, {solved / count:.1%} | {median:.1f} | {p95:.1f} | 1 | 1 |"]
     for peer in dict.fromkeys(name for case in cases for name in case.sampled):
-        tried = [case for case in cases if peer in case.sampled]
-        if len(tried) < count:
-            continue
-        found = sum(case.sampled[peer].claim is not None for case in tried)
-        middle, high = milliseconds(tried, lambda case, peer=peer: case.sampled[peer].seconds)  # type: ignore[misc]
+        found = sum(case.sampled[peer].claim is not None for case in cases)
+        middle, high = milliseconds(cases, lambda case, peer=peer: case.sampled[peer].seconds)  # type: ignore[misc]
         times = f"{middle:.1f} | {high:.1f} | {middle / median:.1f} | {high / p95:.1f}"
         lines.append(f"| | sampler, IK of {peer} samples | {found} of {count}, {found / count:.1%} | {times} |")
     for case in cases:

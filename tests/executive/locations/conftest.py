@@ -13,10 +13,14 @@ from executive.capabilities import Robot
 from executive.locations import ReachSolution
 from planlang.protocols import Array
 from sim import PyBulletWorld
+from tests.benchmarks.locations.oracle import followers, led
 from tests.executive.conftest import Stage
 
 TOUCHING = 0.002
 """Penetrations up to this depth are judged as touching [m]: the judge's cylinders are polyhedra, up to 1 mm wider."""
+
+WITHIN = 0.001
+"""Distances up to this are asked for [m]: asked for none at all, PyBullet does not tell all penetrations."""
 
 
 class Judge:
@@ -36,6 +40,7 @@ class Judge:
             if info[2] != pybullet.JOINT_FIXED:
                 self.joints[info[1].decode()] = index
         self.names = {index: name for name, index in self.links.items()}
+        self.followers = followers(robot.urdf)
         self.pieces: dict[int, str] = {}
         for name in world.names():
             if world.scene.body(name).shape not in ("marker", "room") and name not in world.attached():
@@ -64,12 +69,12 @@ class Judge:
         pybullet.disconnect(self.client)
 
     def place(self, base: tuple[float, float, float], joints: Mapping[str, float]) -> None:
-        """Put the robot somewhere."""
+        """Put the robot somewhere; joints that mimic others go with them."""
         turn = pybullet.getQuaternionFromEuler([0.0, 0.0, base[2]])
         inertial = pybullet.getDynamicsInfo(self.uid, -1, physicsClientId=self.client)[3:5]
         there = pybullet.multiplyTransforms([base[0], base[1], 0.0], turn, *inertial)
         pybullet.resetBasePositionAndOrientation(self.uid, *there, physicsClientId=self.client)
-        for name, value in joints.items():
+        for name, value in {**joints, **led(joints, self.followers)}.items():
             pybullet.resetJointState(self.uid, self.joints[name], value, physicsClientId=self.client)
 
     def link(self, name: str) -> Array:
@@ -86,10 +91,10 @@ class Judge:
         """(link, body) pairs that penetrate, and (link, link) pairs of parts that are far apart along the robot."""
         found = set()
         for uid, body in self.pieces.items():
-            for point in pybullet.getClosestPoints(self.uid, uid, 0.0, physicsClientId=self.client):
+            for point in pybullet.getClosestPoints(self.uid, uid, WITHIN, physicsClientId=self.client):
                 if point[8] < -TOUCHING:
                     found.add((self.names[point[3]], body))
-        for point in pybullet.getClosestPoints(self.uid, self.uid, 0.0, physicsClientId=self.client):
+        for point in pybullet.getClosestPoints(self.uid, self.uid, WITHIN, physicsClientId=self.client):
             if point[8] < -TOUCHING and not self._neighbours(point[3], point[4]):
                 found.add((self.names[point[3]], self.names[point[4]]))
         return found - allowed

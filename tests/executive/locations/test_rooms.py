@@ -47,6 +47,19 @@ def test_an_answer_is_right_and_there_is_one_where_sampling_finds_one(kind: str)
         oracle.close()
 
 
+@pytest.mark.parametrize("seed", [1, 3, 14])
+def test_the_hand_that_is_in_reach_of_a_person_in_bed_is_clear_of_their_resting_arms(seed: int) -> None:
+    room, robot = room_of("person in bed", seed), robot_of("amigo")
+    stage, oracle = Stage(room, robot), Oracle(room, robot)
+    try:
+        answer = stage.ask(asked(room))
+        assert answer.solved, answer.failure
+        assert judged(stage, oracle, answer, asked(room)) is None
+    finally:
+        stage.close()
+        oracle.close()
+
+
 @pytest.mark.parametrize(("room", "location"), tuple(infeasible_rooms(1)), ids=list(REASONS))
 def test_what_is_infeasible_for_one_reason_is_refused_with_it(room: Room, location: Location) -> None:
     stage = Stage(room, robot_of("amigo"))

@@ -351,3 +351,19 @@ def test_all_errors_come_in_one_run(compiled: Any) -> None:
         )
     codes = {d.code for d in found.value.diagnostics if d.severity is Severity.ERROR}
     assert codes == {"R011", "R012", "R020", "R021", "R033"}
+
+
+def test_a_step_with_a_recipe_that_is_just_some_action_is_told_by_its_own_class(compiled: Any) -> None:
+    text = task("T", "Part") + step("Part", "k:PurposefulAction", "k:subAction some Look")
+    plan = compiled(text + step("Look", "k:Perceiving"))
+    assert 'await perform_or(action(RECIPE + "Part"), part)' in plan.source
+
+
+def test_a_step_with_a_recipe_of_no_class_of_its_own_is_called(compiled: Any) -> None:
+    frames = [("T", "k:Action", "part"), ("part", "k:Action", "look")]
+    text = "".join(
+        f"\nIndividual: {name}\n    Types: {cls}\n    Facts: k:subAction {sub}\n" for name, cls, sub in frames
+    )
+    plan = compiled(text + "\nIndividual: look\n    Types: k:Perceiving\n", task="T")
+    assert "await part()" in plan.source
+    assert "perform_or" not in plan.source

@@ -240,6 +240,20 @@ def test_keyboard_interrupt_raised_in_plan_code_drains() -> None:
     assert log == ["drained"]
 
 
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, GeneratorExit])
+def test_what_ends_the_run_from_inside_a_branch_has_no_cause_of_our_making(kind: type[BaseException]) -> None:
+    raised = kind("by the plan")
+
+    async def ends() -> None:
+        await sleep(1)
+        raise raised
+
+    with pytest.raises(kind) as caught:
+        go(partial(par, partial(par, ends, partial(sleep, 9)), partial(sleep, 9)))
+    assert caught.value is raised
+    assert (raised.__cause__, raised.__context__) == (None, None)
+
+
 def test_an_async_generator_is_closed_by_the_task_that_iterated_it_before_that_is_dead() -> None:
     log: list[str] = []
 

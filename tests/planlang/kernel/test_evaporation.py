@@ -315,6 +315,22 @@ def test_a_failure_in_the_cleanup_of_an_evaporated_branch_is_attached_to_what_is
     with pytest.raises(PlanFailure, match="first") as caught:
         go(partial(par, fails, partial(unwind_protect, partial(sleep, 10), cleanup)))
     assert [str(failure) for failure in caught.value.cleanup_failures] == ["in cleanup"]
+    (note,) = caught.value.__notes__
+    assert note.startswith("during cleanup: PlanFailure: in cleanup in ")
+    assert "(test_evaporation.py:" in note
+
+
+def test_a_failure_in_the_cleanup_of_an_evaporated_branch_is_a_note_on_a_programming_error() -> None:
+    async def breaks() -> None:
+        await sleep(1)
+        raise ZeroDivisionError
+
+    async def cleanup() -> None:
+        raise PlanFailure("in cleanup")
+
+    with pytest.raises(ZeroDivisionError) as caught:
+        go(partial(par, breaks, partial(unwind_protect, partial(sleep, 10), cleanup)))
+    assert ["during cleanup: PlanFailure: in cleanup" in note for note in caught.value.__notes__] == [True]
 
 
 def test_a_programming_error_in_a_cleanup_comes_before_any_value() -> None:

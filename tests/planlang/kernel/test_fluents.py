@@ -426,5 +426,10 @@ def test_virtual_time_goes_step_by_step_while_anyone_waits_for_a_world_fluent() 
 
 
 def test_missed_is_one_of_three_words() -> None:
-    with pytest.raises(ValueError, match="never, once, always"):
+    with pytest.raises(ValueError, match="'never', 'once', 'always'"):
         Fluent(1).pulsed(missed="sometimes")
+
+
+def test_expressions_read_as_they_were_written() -> None:
+    speed, load = Fluent(1, "speed"), Fluent(2, "load")
+    assert str(~(speed > 3) & (abs(-load) == 1)) == "(~(speed > 3) & (abs(-load) == 1))"

@@ -256,13 +256,13 @@ def test_misuse_is_refused_with_the_right_code() -> None:
     async def called() -> None:
         await in_thread(drives())  # type: ignore[arg-type]
 
-    with pytest.raises(TypeError, match=r"you called drives\(\): write await drives\(\)"):
+    with pytest.raises(TypeError, match=r"is async(.|\n)*await in_thread\(drives\(\)\)\n  right: await drives\(\)"):
         go(called)
-    with pytest.raises(TypeError, match=r"drives is async; write await drives\(\)"):
+    with pytest.raises(TypeError, match=r"is async(.|\n)*await in_thread\(drives\)\n  right: await drives\(\)"):
         go(partial(in_thread, drives))
-    with pytest.raises(TypeError, match=r"but lambda:\d+ is async"):
+    with pytest.raises(TypeError, match=r"lambda:\d+ is async"):
         go(partial(in_thread, lambda: drives()))
-    with pytest.raises(TypeError, match="calls a function, not 7"):
+    with pytest.raises(TypeError, match="has to be a plain function, which blocks, not 7"):
         go(partial(in_thread, 7))  # type: ignore[arg-type]
 
 

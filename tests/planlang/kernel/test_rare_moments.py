@@ -361,7 +361,7 @@ def test_two_tasks_that_use_up_a_budget_at_once_are_decided_about_once() -> None
 
     with pytest.raises(BudgetExceeded) as caught:
         go(partial(budget, partial(par, trying, trying), attempts=0))
-    assert caught.value.used == {"with_failure_handling": 2}
+    assert caught.value.used == {}
 
 
 def test_branches_started_in_the_decision_that_fails_never_begin() -> None:

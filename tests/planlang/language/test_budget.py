@@ -82,7 +82,7 @@ def test_nested_recoveries_share_the_attempts() -> None:
 
     inner = partial(with_failure_handling, body, Recovery(GraspMissed, attempts=2))
     outer = partial(with_failure_handling, inner, Recovery(GraspMissed, attempts=9))
-    with pytest.raises(BudgetExceeded, match="4 attempts is used up: with_failure_handling again 5 times"):
+    with pytest.raises(BudgetExceeded, match="4 attempts is used up: with_failure_handling again 4 times"):
         go(partial(budget, outer, attempts=4))
     assert len(runs) == 5
 
@@ -94,24 +94,31 @@ def test_a_further_place_takes_an_attempt(executive: Any) -> None:
         raise ManipulationPoseUnreachable
 
     scope = partial(at_location, a_location(in_reach_of=an_object("Cup")), body)
-    with pytest.raises(BudgetExceeded, match="at_location again 3 times"):
+    with pytest.raises(BudgetExceeded, match="at_location again 2 times"):
         go(partial(budget, scope, attempts=2), executive)
     assert executive.log == ["at 0", "at 1", "at 2"]
 
 
 def test_an_inner_budget_takes_from_the_outer_one_too() -> None:
-    inner = partial(budget, partial(with_failure_handling, misses, Recovery(GraspMissed, attempts=9)), attempts=3)
+    runs: list[float] = []
+
+    async def body() -> None:
+        runs.append(now())
+        await misses()
+
+    inner = partial(budget, partial(with_failure_handling, body, Recovery(GraspMissed, attempts=9)), attempts=3)
     outer = partial(with_failure_handling, inner, Recovery(BudgetExceeded, attempts=9))
     with pytest.raises(BudgetExceeded) as caught:
         go(partial(budget, outer, attempts=6))
-    assert caught.value.attempts == 6
+    assert (caught.value.attempts, caught.value.used) == (6, {"with_failure_handling": 6})
+    assert len(runs) == 7
 
 
 def test_attempts_inside_an_inner_budget_with_enough_left_use_up_the_outer_one() -> None:
     inner = partial(budget, partial(with_failure_handling, misses, Recovery(GraspMissed, attempts=9)), attempts=8)
     with pytest.raises(BudgetExceeded) as caught:
         go(partial(budget, inner, attempts=2))
-    assert (caught.value.attempts, caught.value.used) == (2, {"with_failure_handling": 3})
+    assert (caught.value.attempts, caught.value.used) == (2, {"with_failure_handling": 2})
 
 
 @pytest.mark.parametrize("schedule", [None, *range(30)])
@@ -146,6 +153,17 @@ def test_a_shielded_retry_goes_on_when_the_budget_is_used_up() -> None:
     with pytest.raises(BudgetExceeded):
         go(partial(budget, plan, attempts=0))
     assert len(runs) == 2
+
+
+def test_a_shielded_retry_takes_from_the_budgets_that_have_attempts_left() -> None:
+    async def shielded() -> None:
+        with shield():
+            await with_failure_handling(misses, Recovery(GraspMissed, attempts=2))
+
+    outer = partial(with_failure_handling, partial(budget, shielded, attempts=0), Recovery(BudgetExceeded, attempts=1))
+    with pytest.raises(BudgetExceeded) as caught:
+        go(partial(budget, outer, attempts=2))
+    assert (caught.value.attempts, caught.value.used) == (2, {"with_failure_handling": 2})
 
 
 def test_other_failures_pass_through() -> None:

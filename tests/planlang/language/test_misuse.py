@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import functools
-import gc
-import subprocess
-import sys
 import threading
-import warnings
 from functools import partial
 from typing import Any
 
@@ -21,10 +17,12 @@ from planlang import (
     Policy,
     Recovery,
     VirtualHost,
+    achieve,
     action,
+    an_object,
     checkpoint,
+    holding,
     monitor,
-    now,
     par,
     par_each,
     partial_order,
@@ -43,8 +41,8 @@ from planlang import (
     wait_for,
     with_failure_handling,
 )
-from planlang.failures import GraspMissed
-from planlang.kernel.errors import contrast
+from planlang.misuse import contrast
+from planlang.testing import explore, run_plan
 
 
 def go(body: Any, **options: Any) -> Any:
@@ -72,246 +70,40 @@ def test_an_error_shows_wrong_and_right_code_on_lines_of_their_own() -> None:
     assert contrast("no", "a()", "await a()") == "no\n  wrong: a()\n  right: await a()"
 
 
-# -- a forgotten await
-
-
-def test_a_forgotten_await_is_an_error_at_the_next_checkpoint_with_its_line() -> None:
-    times: list[float] = []
-
-    async def body() -> None:
-        await sleep(1)
-        sleep(5)  # the mistake
-        times.append(now())
-        await sleep(1)
-        times.append(now())
-
-    with pytest.raises(PlanStructureError, match=r"test_misuse\.py:\d+ calls sleep\(\) without await") as caught:
-        go(body)
-    assert "  wrong: sleep(5)  # the mistake\n  right: await sleep(5)  # the mistake" in str(caught.value)
-    assert times == [1.0]
-
-
-def test_a_forgotten_await_of_a_plan_function_is_named_by_the_plan() -> None:
-    async def body() -> None:
-        serve(cup="b")
-        await sleep(1)
-
-    with pytest.raises(PlanStructureError, match=shows('serve(cup="b")', 'await serve(cup="b")')):
-        go(body)
-
-
-def test_a_forgotten_await_of_a_name_in_a_module_is_shown_as_a_whole() -> None:
-    async def body() -> None:
-        planlang.par(reach, reach)
-        await sleep(1)
-
-    with pytest.raises(
-        PlanStructureError, match=shows("planlang.par(reach, reach)", "await planlang.par(reach, reach)")
-    ):
-        go(body)
-
-
-def test_a_forgotten_await_at_the_end_of_a_branch_is_an_error_too() -> None:
-    async def body() -> None:
-        await sleep(1)
-        sleep(1)
-
-    with pytest.raises(PlanStructureError, match=shows("sleep(1)", "await sleep(1)")):
-        go(partial(par, body, partial(sleep, 9)))
-
-
-def test_a_forgotten_await_before_a_failure_beats_the_failure() -> None:
-    async def body() -> None:
-        reach()
-        raise GraspMissed
-
-    with pytest.raises(PlanStructureError, match="reach"):
-        go(partial(try_all, body, partial(sleep, 9)))
-
-
-def test_a_forgotten_await_in_a_branch_evaporates_the_others() -> None:
-    log: list[str] = []
-
-    async def forgets() -> None:
-        await sleep(1)
-        reach()
-        await checkpoint()
-        log.append("went on")
-
-    async def other() -> None:
-        try:
-            await sleep(9)
-        finally:
-            log.append(f"stopped {now():g}")
-
-    with pytest.raises(PlanStructureError):
-        go(partial(par, forgets, other))
-    assert log == ["stopped 1"]
-
-
-def test_every_checkpoint_raises_what_was_forgotten_before_it() -> None:
-    fluent = planlang.Fluent(True)
-    for waits in (checkpoint, partial(sleep, 0), partial(wait_for, fluent), partial(par, reach), partial(seq)):
-
-        async def body(waits: Any = waits) -> None:
-            reach()
-            await waits()
-            raise AssertionError
-
-        with pytest.raises(PlanStructureError, match=r"without await"):
-            go(body)
-
-
-def test_a_forgotten_await_of_an_evaporated_task_is_left_to_python() -> None:
-    async def body() -> None:
-        try:
-            await sleep(9)
-        finally:
-            reach()
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        go(partial(pursue, body, partial(sleep, 1)))
-    assert [str(one.message) for one in caught] == ["coroutine 'reach' was never awaited"]
-
-
-def test_outside_of_plans_python_warns_as_ever() -> None:
-    go(reach)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        reach()
-        gc.collect()
-    assert [str(one.message) for one in caught] == ["coroutine 'reach' was never awaited"]
-
-
-def test_a_coroutine_that_is_closed_is_not_forgotten() -> None:
-    async def body() -> str:
-        reach().close()
-        await sleep(1)
-        return "done"
-
-    assert go(body) == "done"
-
-
-def test_a_coroutine_kept_and_awaited_later_is_not_forgotten() -> None:
-    async def body() -> str:
-        later = reach()
-        await sleep(1)
-        return await later
-
-    assert go(body) == "reached"
-
-
-def test_a_coroutine_in_a_reference_cycle_is_not_blamed_on_who_runs_when_it_is_collected() -> None:
-    class Cycle:
-        def __init__(self) -> None:
-            self.me = self
-            self.coroutine = reach()
-
-    async def body() -> str:
-        Cycle()
-        gc.collect()  # reach( is not made here
-        await sleep(1)
-        return "done"
-
-    with warnings.catch_warnings(record=True):
-        warnings.simplefilter("always")
-        assert go(body) == "done"
-
-
-def test_without_source_the_name_alone_tells() -> None:
-    space: dict[str, Any] = {"sleep": sleep}
-    exec("async def body():\n    sleep(3)\n    await sleep(1)\n", space)
-    with pytest.raises(PlanStructureError, match=shows("sleep(...)", "await sleep(...)")):
-        go(space["body"])
-
-
-def test_returning_a_call_instead_of_its_result_is_an_error() -> None:
-    async def body() -> Any:
-        return reach()
-
-    with pytest.raises(PlanStructureError, match=shows("return reach(...)", "return await reach(...)")):
-        go(partial(par, body))
-
-
-def test_a_forgotten_await_prints_nothing_and_leaves_nothing_unclosed() -> None:
-    code = (
-        "from planlang import *\n"
-        "async def body():\n    sleep(1)\n    await sleep(1)\n"
-        "try:\n    run(body, host=VirtualHost())\nexcept PlanStructureError as error:\n    print(type(error))\n"
-    )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
-    assert (ended.stdout, ended.stderr) == ("<class 'planlang.kernel.errors.PlanStructureError'>\n", "")
-
-
-def test_a_coroutine_dropped_elsewhere_than_where_it_was_made_is_left_to_python() -> None:
-    async def body() -> str:
-        kept = [reach()]
-        kept.clear()
-        await sleep(1)
-        return "done"
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        assert go(body) == "done"
-    assert len(caught) == 1
-
-
-def test_results_that_are_coroutines_are_left_to_python_where_the_language_drops_them() -> None:
-    async def returns() -> Any:
-        return reach()
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        with pytest.raises(GraspMissed):
-            go(partial(seq, returns, fails))
-        gc.collect()
-    assert len(caught) == 1
-
-
-async def fails() -> None:
-    raise GraspMissed
-
-
-def test_without_the_interpreters_hook_nothing_is_watched(monkeypatch: pytest.MonkeyPatch) -> None:
-    from planlang.kernel import forgotten
-
-    monkeypatch.setattr(forgotten._Watch, "warn", None)
-    monkeypatch.delattr(warnings, "_warn_unawaited_coroutine")
-    forgotten.watch()
-    assert not hasattr(warnings, "_warn_unawaited_coroutine")
-    coroutine = reach()
-    forgotten._dropped(coroutine)
-    coroutine.close()
-
-
 # -- a called coroutine where a callable is meant
 
 
 @pytest.mark.parametrize(
-    ("name", "call"),
+    ("call", "wrong"),
     [
-        ("par", lambda: par(reach, reach())),
-        ("seq", lambda: seq(reach())),
-        ("pursue", lambda: pursue(reach())),
-        ("race", lambda: race(only=reach())),
-        ("try_all", lambda: try_all(reach())),
-        ("try_in_order", lambda: try_in_order(reach())),
-        ("par_each", lambda: par_each([1], reach())),
-        ("partial_order", lambda: partial_order({"a": reach()}, [])),
-        ("timeout", lambda: timeout(1, reach())),
-        ("tag", lambda: tag("a", reach())),
-        ("unwind_protect", lambda: unwind_protect(reach, reach())),
-        ("with_failure_handling", lambda: with_failure_handling(reach())),
+        (lambda: par(reach, reach()), "await par(reach())"),
+        (lambda: seq(reach()), "await seq(reach())"),
+        (lambda: pursue(reach()), "await pursue(reach())"),
+        (lambda: race(only=reach()), "await race(reach())"),
+        (lambda: try_all(reach()), "await try_all(reach())"),
+        (lambda: try_in_order(reach()), "await try_in_order(reach())"),
+        (lambda: par_each([1], reach()), "await par_each(cups, reach())"),
+        (lambda: partial_order({"a": reach()}, []), 'await partial_order({\'a\': reach()}, [("look", "grasp")])'),
+        (lambda: timeout(1, reach()), "await timeout(2, reach())"),
+        (lambda: tag("a", reach()), 'await tag("reach", reach())'),
+        (lambda: unwind_protect(reach, reach()), "await unwind_protect(reach, reach())"),
+        (lambda: with_failure_handling(reach()), "await with_failure_handling(reach(), Recovery(GraspMissed))"),
+        (lambda: achieve(holding(an_object("Cup")), reach()), "await achieve(holding(cup), reach())"),
+        (lambda: run(reach(), host=VirtualHost()), "run(reach(), host=VirtualHost())"),
+        (lambda: run_plan(reach()), "run_plan(reach())"),
+        (lambda: explore(reach()), "explore(reach())"),
+        (lambda: Policy("p", None, reach()), 'Policy("keep away", init=reach())'),
+        (lambda: Recovery(PlanFailure, reach()), "Recovery(GraspMissed, reach())"),
     ],
 )
-def test_a_called_coroutine_is_refused_and_closed(name: str, call: Any) -> None:
-    with pytest.raises(TypeError) as caught:
+def test_a_called_coroutine_is_refused_and_closed_and_shown_in_a_whole_call(call: Any, wrong: str) -> None:
+    with pytest.raises(PlanStructureError) as caught:
         go(call)
+    assert isinstance(caught.value, TypeError)
+    name = wrong.removeprefix("await ").partition("(")[0]
+    right = f"{wrong.replace('reach()', 'reach')}    or    {wrong.replace('reach()', 'partial(reach, ...)')}"
     assert str(caught.value) == (
-        f"you called reach(); pass reach or partial(reach, ...) to {name}\n"
-        f"  wrong: await {name}(reach())\n"
-        f"  right: await {name}(reach)    or    await {name}(partial(reach, ...))"
+        f"you called reach(); pass reach or partial(reach, ...) to {name}\n  wrong: {wrong}\n  right: {right}"
     )
 
 
@@ -330,16 +122,9 @@ def test_a_result_where_a_branch_is_meant_is_refused_with_the_right_form() -> No
         await par(await reach())  # type: ignore[arg-type]
 
     with pytest.raises(
-        TypeError, match=r"par takes branches.*not 'reached'" + shows("await par(await reach(cup))", "")
+        TypeError, match=r"has to be a branch, .*, not 'reached'" + shows("await par('reached')", "await par(reach)")
     ):
         go(body)
-
-
-def test_called_coroutines_in_policies_and_recoveries_are_refused() -> None:
-    with pytest.raises(TypeError, match=r"you called reach\(\).* to policy 'a'"):
-        Policy("a", None, reach())  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match=r"you called reach\(\).* to Recovery"):
-        Recovery(PlanFailure, reach())  # type: ignore[arg-type]
 
 
 def test_a_plain_function_as_branch_is_refused_with_the_right_form() -> None:
@@ -433,5 +218,5 @@ def test_a_future_of_another_loop_is_refused_at_its_line() -> None:
 
 
 def test_monitoring_what_is_no_request_is_refused() -> None:
-    with pytest.raises(TypeError, match="monitor takes a request"):
+    with pytest.raises(TypeError, match="request of monitor has to be a request"):
         go(functools.partial(monitor, "x"))

@@ -291,7 +291,7 @@ def test_a_deadlock_over_nested_resources_is_reported_by_name() -> None:
             async with using(second):
                 pass
 
-    with pytest.raises(DeadlockError, match="waits for right at test_performing"):
+    with pytest.raises(DeadlockError, match=r"user waits for right \(held by par/par/user#2\) at test_performing"):
         go(partial(par, partial(user, "left", "right"), partial(user, "right", "left")))
 
 

@@ -253,6 +253,41 @@ def test_a_failing_clean_up_of_an_evaporated_body_is_attached_to_what_is_raised(
     assert caught.value.cleanup_failures == (slipped,)
 
 
+def test_evaporation_waits_for_the_recovery_and_the_clean_ups() -> None:
+    log: list[str] = []
+
+    async def slow(part: str) -> None:
+        log.append(f"{part} from {now():g}")
+        await sleep(2)
+        log.append(f"{part} to {now():g}")
+
+    policy = Policy("a", Fluent(True), recover=partial(slow, "recover"), clean_up=partial(slow, "clean_up"))
+
+    async def plan() -> None:
+        await pursue(partial(sleep, 1), partial(with_policies, [policy], partial(sleep, 9)))
+
+    go(plan)
+    assert log == ["recover from 0", "recover to 2", "clean_up from 2", "clean_up to 4"]
+
+
+def test_an_endless_recovery_is_a_programming_error_and_the_clean_ups_run_all_the_same() -> None:
+    log: list[str] = []
+    policy = Policy("a", Fluent(True), recover=partial(sleep, 99), clean_up=notes(log, "clean_up"))
+    with pytest.raises(CleanupOverrun):
+        go(partial(with_policies, [policy], notes(log, "body")))
+    assert log == ["clean_up 10"]
+
+
+def test_failures_of_recovery_and_clean_ups_are_notes_on_what_is_raised_whatever_that_is() -> None:
+    policies = [full([], "a", Fluent(True), recover=ObjectNotFound()), full([], "b", clean_up=GraspSlipped())]
+    with pytest.raises(PolicyViolated) as violated:
+        go(partial(with_policies, policies, notes([], "body")))
+    assert [note.partition(":")[0] for note in violated.value.__notes__] == ["during cleanup"] * 2
+    with pytest.raises(ZeroDivisionError) as crashed:
+        go(partial(with_policies, policies[1:], notes([], "body", ZeroDivisionError())))
+    assert [note.split(":")[1].strip() for note in crashed.value.__notes__] == ["GraspSlipped"]
+
+
 def test_an_endless_clean_up_is_a_programming_error() -> None:
     with pytest.raises(CleanupOverrun):
         go(partial(with_policies, [Policy("a", clean_up=partial(sleep, 99))], notes([], "body")))

@@ -264,7 +264,7 @@ def test_a_request_in_a_cleanup_is_refused_with_the_right_form(robot: Any) -> No
 
 def test_monitor_takes_a_request(robot: Any) -> None:
     async def body() -> None:
-        with pytest.raises(TypeError, match=r"monitor takes a request(.|\n)*wrong(.|\n)*right"):
+        with pytest.raises(TypeError, match=r"has to be a request(.|\n)*wrong(.|\n)*right"):
             await monitor("Left")  # type: ignore[arg-type]
 
     go(partial(with_requests, body), robot)

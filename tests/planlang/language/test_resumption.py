@@ -289,7 +289,7 @@ def test_attempts_that_were_used_stay_used() -> None:
 
     whole = run_plan(bounded, resumable=True)
     assert isinstance(whole.failure, BudgetExceeded)
-    assert whole.failure.used == {"with_failure_handling": 4}
+    assert whole.failure.used == {"with_failure_handling": 3}
     again = run_plan(bounded, resume=cut(whole, completed(whole)[0]))
     assert isinstance(again.failure, BudgetExceeded)
     assert again.failure.used == whole.failure.used

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from planlang import (
+    DeadlockError,
     Handle,
     PlanStructureError,
     Status,
@@ -210,7 +211,9 @@ def test_two_live_tags_of_one_name_are_refused_with_the_right_form() -> None:
 
 
 def test_a_tag_is_named_by_a_string() -> None:
-    with pytest.raises(TypeError, match="named by a string"):
+    with pytest.raises(TypeError, match="name of tag has to be a string"):
+        go(partial(tag, 3, partial(sleep, 1)))
+    with pytest.raises(TypeError, match="body of tag"):
         go(partial(tag, partial(sleep, 1), "name"))
 
 
@@ -247,3 +250,22 @@ def test_a_handle_and_a_plan_tell_what_they_are() -> None:
         return [before, repr(handle), repr(named)]
 
     assert go(body) == ["<task drive, created>", "<task body/drive, succeeded>", "<plan named>"]
+
+
+def test_a_deadlock_tells_for_the_end_of_which_task_a_join_waits() -> None:
+    async def body() -> None:
+        await join(task("never"))
+
+    with pytest.raises(DeadlockError, match=r"body waits for the end of task 'never' at test_tag_lookup\.py"):
+        run(body, host=VirtualHost())
+
+
+def test_a_deadlock_tells_of_a_task_that_was_suspended_before_it_began() -> None:
+    async def body() -> None:
+        suspend(task("held"))
+        await par(partial(tag, "held", partial(sleep, 1)), lambda: join(task("held")))
+
+    with pytest.raises(DeadlockError) as caught:
+        run(body, host=VirtualHost())
+    assert "  body/par/tag/held is suspended" in str(caught.value)
+    assert "waits for the end of task 'held'" in str(caught.value)

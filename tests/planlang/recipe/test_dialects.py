@@ -25,8 +25,8 @@ from planlang.recipe import (
 )
 from planlang.recipe.intervals import Intervals, implied_by_overlaps
 from planlang.recipe.model import Reason
-from planlang.recipe.readers.finite_state import ending_of
 from planlang.recipe.units import si_unit, unit
+from planlang.recipe.words import ending_of
 
 HEAD = """\
 Prefix: : <http://planlang.org/test#>
@@ -299,3 +299,66 @@ def test_a_value_with_a_unit_is_a_number_in_si_units(tmp_path: Path) -> None:
     assert recipe.steps[0].fillers("duration") == (120.0,)
     assert unit("Parsnip") is None
     assert Literal("2", "http://qudt.org/vocab/unit#MinuteTime").number() == 2.0
+
+
+@pytest.mark.parametrize(
+    ("written", "value"), [('"0.3"', 0.3), ('" 2 "^^xsd:string', 2.0), ("7", 7), ('"0.3"@en', 0.3)]
+)
+def test_text_in_a_property_of_numbers_is_the_number_that_it_spells(tmp_path: Path, written: str, value: float) -> None:
+    text = "\nClass: T\n    SubClassOf: k:Action, k:subAction some E\n\nClass: E\n    SubClassOf: k:Reaching, "
+    recipe = read(tmp_path, text + f"k:linearVelocity value {written}\n")
+    assert recipe.steps[0].fillers("linearVelocity") == (value,)
+
+
+ACTED_ON = """
+Individual: table
+    Types: k:Action
+    Facts: k:subAction grasp, acat:adtMainObject bottle1, acat:adtSecondaryObject table1
+
+Individual: grasp
+    Types: k:GraspingSomething
+    Facts: {grasp}k:nextAction look
+
+Individual: look
+    Types: k:LookingForSomething
+    Facts: k:nextAction put
+
+Individual: put
+    Types: k:PuttingDownAnObject
+    Facts: {put}k:nextAction think
+
+Individual: think
+    Types: k:Reasoning
+
+Individual: plane
+    Types: k:SupportingPlane
+    Facts: k:supportedObject cup1
+
+Individual: bottle1
+    Types: k:DrinkingBottle
+
+Individual: cup1
+    Types: k:Cup
+
+Individual: table1
+    Types: k:Table-PieceOfFurniture
+"""
+
+
+def test_chunks_act_on_the_main_object_of_their_table_unless_they_say_something_else(tmp_path: Path) -> None:
+    def acted_on(**facts: str) -> dict[str, list[str]]:
+        recipe = read(tmp_path, ACTED_ON.format(**({"grasp": "", "put": ""} | facts)), "table")
+        return {step.name: [thing.name for thing in step.fillers("objectActedOn")] for step in recipe.steps}
+
+    assert acted_on() == {"grasp": ["bottle1"], "look": ["bottle1"], "put": ["bottle1"], "think": []}
+    assert acted_on(put="k:objectActedOn cup1, ")["put"] == ["cup1"]
+    assert acted_on(grasp="acat:adtChunkSupport plane, ")["grasp"] == ["cup1"], "it stood on the plane"
+    assert acted_on(put="acat:adtMainObject cup1, ")["put"] == ["cup1"]
+
+
+def test_a_supporting_plane_is_found_by_its_name_in_the_namespace_of_a_log(corpus: Path) -> None:
+    path = corpus / "recipes" / "acat-adt_example_pipetting@master.owl"
+    reading = read_recipe(Actions(load(path)), allow_abstract=True)
+    assert reading.recipes is not None
+    (pipette,) = {thing for step in reading.recipes.main.steps for thing in step.fillers("objectActedOn")}
+    assert pipette.name == "ActionObjectDescription_dfgINiret8h"

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from planlang.compiler import compile_recipe
-from planlang.diagnostics import BadInput
+from planlang.diagnostics import CODES, BadInput
 from planlang.ontology.writing import Target, convert
-from planlang.recipe.fixes import ACCEPTABLE, Fixed, fix_recipe
+from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT, Fixed, fix_recipe
 
 MANCHESTER = """\
 Prefix: : <http://planlang.org/test#>
@@ -174,7 +174,7 @@ STEPS = "knowrob:subAction some Give, knowrob:subAction some {step}, knowrob:ord
 
 
 def test_a_misspelt_step_in_an_ordering_is_corrected_when_only_one_can_be_meant(folder: Path) -> None:
-    text = MANCHESTER.format(items=STEPS.format(step="Take"), frames=MISSPELT.format(before="Takee"))
+    text = MANCHESTER.format(items=STEPS.format(step="Take"), frames=MISSPELT.format(before="Takeee"))
     found = fixed(folder, text, name="r.omn")
     assert codes(found) == ["R010"]
     assert compiled(folder, found)[1] == []
@@ -265,9 +265,10 @@ DIAGNOSTICS = Path(__file__).parents[2] / "diagnostics"
 OTHERWISE = {"R036_hand_without_place": "R038"}
 """Files of which something else is fixed than what they are named for."""
 
-IN_XML = ("R013_repeated_ordering", "R024_repeated_step", "R031_unknown_property", "R033_undefined_filler",
-          "R038_fact_left_out", "R049_class_unknown", "R057_orders_of_states", "O042_some_individual",
-          "O043_value_class")  # fmt: skip
+IN_XML = ("R034_only_individual", "R039_unused", "R051_unlisted_state",
+          "R013_repeated_ordering", "R024_repeated_step", "R033_undefined_filler", "R049_class_unknown",
+          "R057_orders_of_states", "R058_declared_property", "R058_misspelt_names", "R058_misspelt_outcomes",
+          "R058_misspelt_words", "O042_some_individual", "O043_value_class")  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -321,13 +322,86 @@ def test_a_name_that_is_like_two_others_is_not_guessed(folder: Path) -> None:
     text += "Individual: cup1 Types: knowrob:Cup\nIndividual: cup2 Types: knowrob:Cup\n"
     found = fixed(folder, text, name="r.omn")
     assert found.done == ()
-    assert [fix.code for fix in found.unaccepted] == ["R033"]
+    assert [fix.code for fix in found.unaccepted] == ["R033", "R039", "R039"], "and the cups are not used"
 
 
 def test_a_suggestion_is_told_to_machines(folder: Path) -> None:
-    path = DIAGNOSTICS / "R033_undefined_filler.omn"
+    path = DIAGNOSTICS / "R058_misspelt_names.omn"
     with pytest.raises(BadInput) as caught:
         compile_recipe(path)
-    (told,) = (one.as_json()["suggestion"] for one in caught.value.diagnostics if one.code == "R033")
+    (told,) = (one.as_json()["suggestion"] for one in caught.value.diagnostics if one.code == "R058")
     base = "http://planlang.org/test#"
     assert told == {"written": f"{base}botle1", "meant": f"{base}bottle1", "is_sure": True}
+
+
+@pytest.mark.parametrize("syntax", [Target.MANCHESTER, Target.RDFXML])
+def test_a_missing_order_of_sub_events_is_written(folder: Path, syntax: Target) -> None:
+    text = MANCHESTER.format(items="        knowrob:subEvents some Give, knowrob:subEvents some Take", frames="")
+    if syntax is not Target.MANCHESTER:
+        (folder / "r.omn").write_text(text, encoding="utf-8")
+        text = convert(folder / "r.omn", syntax).text
+    found = fixed(folder, text)
+    assert codes(found) == ["R042"]
+    source, left = compiled(folder, found)
+    assert "R042" not in left
+    assert source.index("Take") < source.index("HandingOverAnObject")
+
+
+def test_the_real_recipe_of_sub_events_gets_the_orders_that_are_missing(corpus: Path, folder: Path) -> None:
+    found = fix_recipe(corpus / "recipes" / "GetFromRefrigerator@2010-11.owl", allow_abstract=True)
+    assert codes(found).count("R042") == 2
+    assert "R042" not in compiled(folder, found)[1]
+
+
+def test_of_an_order_that_is_missing_in_a_table_of_chunks_it_is_told_that_it_is_not_written(folder: Path) -> None:
+    chunks = "Individual: give Types: Give\nIndividual: take Types: Take\n"
+    table = "Individual: t Types: knowrob:PurposefulAction Facts: knowrob:subAction give, knowrob:subAction take\n"
+    steps = "knowrob:subAction some Take"
+    text = MANCHESTER.format(items=steps, frames=table + chunks).replace("Class: Serve\n", "Class: Unused\n", 1)
+    text = text.replace(f"        knowrob:PurposefulAction,\n{steps}", "        knowrob:PurposefulAction")
+    found = fixed(folder, text, name="r.omn")
+    assert found.done == ()
+    assert [(fix.code, why) for fix, why in found.impossible] == [
+        ("R042", "no restrictions of a class list its sub-actions")
+    ]
+
+
+def test_taking_a_thing_for_the_only_individual_of_its_class_changes_nothing_of_the_plan(folder: Path) -> None:
+    path = DIAGNOSTICS / "R034_only_individual.omn"
+    found = fixed(folder, path.read_text(encoding="utf-8"), "R034", name="r.omn")
+    assert changed(found) == [
+        "-         knowrob:objectActedOn some knowrob:DrinkingBottle",
+        "+         knowrob:objectActedOn value <http://planlang.org/test#bottle1>",
+    ]
+    assert functions(compiled(folder, found)[0]) == functions(compile_recipe(path).source)
+
+
+def test_a_state_becomes_a_sub_action_behind_the_last_one(folder: Path) -> None:
+    path = DIAGNOSTICS / "R051_unlisted_state.omn"
+    found = fixed(folder, path.read_text(encoding="utf-8"), name="r.omn")
+    assert "+         knowrob:subAction some Tell," in changed(found)
+    assert functions(compiled(folder, found)[0]) == functions(compile_recipe(path).source)
+
+
+def test_what_nothing_uses_is_taken_out_only_if_that_is_accepted(folder: Path) -> None:
+    text = (DIAGNOSTICS / "R039_unused.omn").read_text(encoding="utf-8")
+    found = fixed(folder, text, name="r.omn")
+    assert (found.done, [fix.code for fix in found.unaccepted]) == ((), ["R039", "R039"])
+    found = fixed(folder, text, "R039", name="r.omn")
+    assert codes(found) == ["R039"] * 3, "the cup is unused once the place that it was for is gone"
+    assert "Individual:" not in found.after
+
+
+def test_every_code_of_recipes_has_a_fix_or_a_reason_for_having_none() -> None:
+    fixing = {*SAFE, *ACCEPTABLE}
+    assert not fixing & WITHOUT.keys()
+    assert {code for code in fixing | WITHOUT.keys() if code.startswith("R")} == {
+        code for code in CODES if code.startswith("R")
+    }
+
+
+@pytest.mark.parametrize("path", sorted(DIAGNOSTICS.glob("R*.omn")), ids=lambda path: path.stem)
+def test_fixes_are_of_the_codes_that_say_so(path: Path) -> None:
+    found = fix_recipe(path, allow_abstract=True)
+    assert {fix.code for fix in (*found.done, *(fix for fix, _ in found.impossible))} <= {*SAFE}
+    assert {fix.code for fix in found.unaccepted} <= {*ACCEPTABLE}

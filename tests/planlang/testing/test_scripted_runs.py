@@ -9,6 +9,7 @@ import pytest
 from planlang import (
     Action,
     Condition,
+    Fluent,
     Recovery,
     a_device,
     a_location,
@@ -24,6 +25,7 @@ from planlang import (
     sleep,
     suspend,
     tag,
+    wait_for,
     wake_up,
     with_failure_handling,
 )
@@ -75,12 +77,14 @@ def test_what_is_no_plan_failure_is_raised_at_once() -> None:
         raise KeyError("mistake")
 
     async def stuck() -> None:
-        await tag("forever", partial(sleep, float("inf")))
+        await tag("forever", partial(wait_for, Fluent(False)))
 
     with pytest.raises(KeyError, match="mistake"):
         run_plan(mistaken)
-    with pytest.raises((DeadlockError, StepLimit)):
+    with pytest.raises(DeadlockError):
         run_plan(stuck, within=10)
+    with pytest.raises(StepLimit):
+        run_plan(partial(sleep, 11), within=10)
 
 
 def test_the_compiled_plan_of_a_recipe_serves_the_drink_without_a_robot() -> None:

@@ -1,0 +1,104 @@
+"""Whether a robot fits where it stands with its heading: outlines of its links from above against upright boxes.
+
+A silhouette tells how much room a robot takes that turns on the spot. One that is not round stands closer to things
+than that with the right heading: its corners point where there is room.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.motion.clearance import Band, Boxes
+from planlang.protocols import Array
+
+TOUCHING = 0.002
+"""How deep an outline is in a box to count [m]: less is left to exact queries."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """A link from above, between two heights ``low`` and ``high`` [m]: a convex polygon in the base frame."""
+
+    low: float
+    high: float
+    corners: Array
+    """(n, 2), counter-clockwise."""
+    normals: Array
+    """Of the edges, outward, (n, 2)."""
+    offsets: Array
+    """Of the edges from the base's origin along the normals (n,) [m]."""
+
+    @staticmethod
+    def of(low: float, high: float, corners: Array) -> Outline:
+        """From corners (n, 2) in counter-clockwise order."""
+        edges = np.roll(corners, -1, axis=0) - corners
+        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1)[:, None]
+        return Outline(low, high, corners, normals, np.einsum("nk,nk->n", normals, corners))
+
+    @property
+    def radius(self) -> float:
+        """Of the smallest circle about the base's origin that holds it [m]."""
+        return float(np.linalg.norm(self.corners, axis=1).max())
+
+    @property
+    def inner(self) -> float:
+        """Of the largest circle about the base's origin inside it [m], below zero where the origin is outside."""
+        return float(self.offsets.min())
+
+
+def outlines(shapes: Iterable[tuple[float, float, Array]]) -> tuple[Outline, ...]:
+    """Those of links (z_low, z_high, corners) that take room which no single other one takes anyway."""
+    every = [Outline.of(*shape) for shape in shapes if len(shape[2]) > 2]
+    kept: list[Outline] = []
+    for one in sorted(every, key=lambda one: -one.radius):
+        if not any(k.low <= one.low and one.high <= k.high and one.radius <= k.inner for k in kept):
+            kept.append(one)
+    return tuple(kept)
+
+
+def cores(shapes: Sequence[Outline]) -> tuple[Band, ...]:
+    """What a robot takes with any heading: the circles inside its outlines."""
+    return tuple((one.low, one.high, one.inner) for one in shapes if one.inner > 0.0)
+
+
+def stands_in_none(bases: Array, boxes: Boxes, shapes: Sequence[Outline]) -> NDArray[np.bool_]:
+    """At which bases (m, 3) no outline is in a box, by separating axes (m,)."""
+    free = np.ones(len(bases), bool)
+    bottom = boxes.centres[:, 2] - boxes.half_extents[:, 2]
+    top = boxes.centres[:, 2] + boxes.half_extents[:, 2]
+    reach = np.linalg.norm(boxes.half_extents[:, :2], axis=1)
+    away = bases[:, None, :2] - boxes.centres[:, :2]
+    squares = np.einsum("mkc,mkc->mk", away, away)
+    for one in shapes:
+        met = (bottom < one.high) & (top > one.low)
+        rows, columns = np.nonzero((squares < (reach + one.radius) ** 2) & met & free[:, None])
+        if len(rows):
+            inside = _overlap(bases[rows], boxes.only(columns), one)
+            free[rows[inside]] = False
+    return free
+
+
+def _overlap(bases: Array, boxes: Boxes, one: Outline) -> NDArray[np.bool_]:
+    """Whether an outline at a base (p, 3) is in the box beside it (p,)."""
+    turn = bases[:, 2] - boxes.yaws
+    c, s = np.cos(boxes.yaws), np.sin(boxes.yaws)
+    x, y = (bases[:, :2] - boxes.centres[:, :2]).T
+    half_x, half_y = (boxes.half_extents[:, :2] - TOUCHING).T
+    cosine, sine = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    # the outline in the box's frame
+    along = (c * x + s * y)[:, None] + cosine * one.corners[:, 0] - sine * one.corners[:, 1]
+    across = (c * y - s * x)[:, None] + sine * one.corners[:, 0] + cosine * one.corners[:, 1]
+    inside = (along.min(axis=1) < half_x) & (along.max(axis=1) > -half_x)
+    inside &= (across.min(axis=1) < half_y) & (across.max(axis=1) > -half_y)
+    # the box along the outline's normals
+    c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
+    ahead, left = -(c * x + s * y)[:, None], -(c * y - s * x)[:, None]
+    middle = ahead * one.normals[:, 0] + left * one.normals[:, 1]
+    in_box_x = cosine * one.normals[:, 0] - sine * one.normals[:, 1]
+    in_box_y = sine * one.normals[:, 0] + cosine * one.normals[:, 1]
+    nearest = middle - np.abs(in_box_x) * half_x[:, None] - np.abs(in_box_y) * half_y[:, None]
+    return np.asarray(inside & (nearest < one.offsets).all(axis=1))

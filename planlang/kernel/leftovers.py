@@ -1,0 +1,98 @@
+"""Coroutines that are held by something to the end of a run and were never awaited."""
+
+from __future__ import annotations
+
+import gc
+import inspect
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from types import CellType, CoroutineType, FrameType, FunctionType, ModuleType
+from typing import TYPE_CHECKING, Any
+
+from planlang.kernel.errors import PlanStructureError
+from planlang.kernel.forgotten import calls_of, judged, watch
+from planlang.kernel.listing import is_own
+
+if TYPE_CHECKING:
+    from planlang.kernel.scheduler import Scheduler
+    from planlang.kernel.task import Task
+
+    Coroutine = CoroutineType[Any, Any, Any]
+
+_HOLDERS = (list, tuple, dict, set, CellType)
+_EVERYWHERE = (ModuleType, FunctionType, type)
+_FAR = 4
+"""Through how many things that hold each other a frame is looked for."""
+_runs: set[int] = set()
+"""The runs of the process that go on, in whatever thread. What is made beside others is nobody's in particular."""
+
+
+class Found:
+    """What one run knows about coroutines that never ran: those that were there before it, and by whom it is spoilt."""
+
+    def __init__(self, root: Task) -> None:
+        self.root = root
+        """The top-level task."""
+        self.collections = [one["collections"] for one in gc.get_stats()]
+        self.before = {id(one) for one in _unbegun(0)}
+
+    def left(self) -> list[Coroutine]:
+        """Coroutines that were made since then and never ran."""
+        now = [one["collections"] for one in gc.get_stats()]
+        collected = [before != after for before, after in zip(self.collections, now, strict=True)]
+        generations = [0, *(min(age + 1, 2) for age, since in enumerate(collected) if since)]
+        found = [one for age in sorted(set(generations)) for one in _unbegun(age)]
+        return [one for one in found if id(one) not in self.before]
+
+
+def _unbegun(age: int) -> list[Coroutine]:
+    things = gc.get_objects(generation=age)
+    if CoroutineType not in map(type, things):
+        return []
+    coroutines = (one for one in things if one.__class__ is CoroutineType)
+    return [one for one in coroutines if inspect.getcoroutinestate(one) == inspect.CORO_CREATED]
+
+
+@contextmanager
+def watching(scheduler: Scheduler, root: Task) -> Iterator[None]:
+    """While the run lasts. Of one that fails, what was never awaited is closed: why it fails is more important."""
+    watch()
+    scheduler.coroutines = Found(root)
+    _runs.add(id(scheduler))
+    try:
+        yield
+    except BaseException:
+        if len(_runs) == 1:
+            for coroutine in scheduler.coroutines.left():
+                if is_own(coroutine.cr_code.co_filename) or calls_of(root, coroutine, []):
+                    coroutine.close()
+        raise
+    finally:
+        _runs.discard(id(scheduler))
+
+
+def last_look(scheduler: Scheduler, root: Task) -> PlanStructureError | None:
+    """The error of a run whose top-level task has succeeded, while a coroutine is left that nobody has awaited."""
+    for coroutine in scheduler.coroutines.left() if len(_runs) == 1 else ():
+        calls = calls_of(root, coroutine, [])
+        if calls or is_own(coroutine.cr_code.co_filename):
+            error = judged(root, coroutine, calls, [], _in_a_frame(coroutine))
+            scheduler.spoilt = scheduler.spoilt or error
+            coroutine.close()
+    return scheduler.spoilt if isinstance(scheduler.spoilt, PlanStructureError) else None
+
+
+def _in_a_frame(coroutine: Coroutine) -> bool:
+    """Whether a call that has ended holds it, as those do through which an exception has gone that somebody keeps."""
+    held: list[object] = [coroutine]
+    for _ in range(_FAR):
+        referrers = [one for one in gc.get_referrers(*held) if one is not held]
+        if any(isinstance(one, FrameType) for one in referrers):
+            return True
+        held = [one for one in referrers if isinstance(one, _HOLDERS) or hasattr(one, "__dict__")]
+        held = [one for one in held if not isinstance(one, _EVERYWHERE) and "__builtins__" not in _names(one)]
+    return False
+
+
+def _names(thing: object) -> Mapping[Any, Any]:
+    return thing if isinstance(thing, dict) else {}

@@ -1,0 +1,202 @@
+"""Which line made a coroutine: the calls in the source of a plan that nothing awaits.
+
+A coroutine does not know who made it, and having the interpreter note it costs each of them a search in its maker's
+table of lines, the longer the function the more. So the source is searched when a coroutine was dropped: for calls of
+its function, under the names that the file has for it, that stand in no ``await`` and do not contradict its arguments.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import inspect
+import linecache
+import os
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass
+from types import BuiltinFunctionType, CoroutineType, FunctionType, ModuleType
+from typing import Any
+
+_FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+_SCOPES = (*_FUNCTIONS, ast.Lambda, ast.ClassDef, ast.Module)
+_DISPLAYS = (ast.List, ast.Tuple, ast.Set, ast.Dict, ast.Starred)
+_PASSING = (ast.NamedExpr, ast.BoolOp, ast.IfExp, *_DISPLAYS)
+_USES = (ast.FormattedValue, ast.Compare, ast.BinOp, ast.UnaryOp, ast.Subscript, ast.Attribute)
+_TESTS = (ast.If, ast.While, ast.IfExp, ast.Assert)
+_HANDLED = frozenset({"close", "send", "throw"})
+_CONSTANTS = (str, int, float, bool, bytes, type(None))
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """A call that nothing awaits. ``certain``: no code could await it later, for nothing keeps or reads it."""
+
+    file: str
+    line: int
+    function: int
+    """First line of the function that it stands in; 0 outside of functions."""
+    statement: tuple[int, int]
+    """First and last line of its statement; of one with a body, of what comes before the body."""
+    wrong: str
+    right: str
+    certain: bool
+    before_await: bool
+    """Its statement goes on to await something else; when that fails, the coroutine is dropped in this line."""
+
+    @property
+    def where(self) -> str:
+        """File and line."""
+        return f"{os.path.basename(self.file)}:{self.line}"
+
+    def covers(self, file: str, line: int | None) -> bool:
+        """Whether a line is one of its statement's; None: of code that stands in no line."""
+        return file == self.file and line is not None and self.statement[0] <= line <= self.statement[1]
+
+
+def suspects(
+    coroutine: CoroutineType[Any, Any, Any], files: Mapping[str, Mapping[str, Any]], near: Set[str]
+) -> list[Suspect]:
+    """Calls that may have made the coroutine, in files given with the global names of each.
+
+    Names that are not global are believed to be the function's in ``near`` files; elsewhere those of methods are.
+    """
+    method = "." in coroutine.__qualname__.rpartition("<locals>.")[2]
+    found = []
+    for file, space in files.items():
+        lines = linecache.getlines(file, dict(space))
+        tree = _parsed("".join(lines))
+        for call in tree.calls:
+            believed = file in near or (method and isinstance(call.func, ast.Attribute))
+            if _makes(call.func, coroutine, space, believed) and not _contradicts(call, coroutine):
+                found.append(tree.judged(call, file, lines))
+    return [suspect for suspect in found if suspect is not None]
+
+
+def _makes(
+    function: ast.expr, coroutine: CoroutineType[Any, Any, Any], space: Mapping[str, Any], believed: bool
+) -> bool:
+    """Whether calling this expression may give the coroutine."""
+    known, made = _resolved(function, space)
+    if not known:
+        return believed and _last(function) == coroutine.__name__
+    if isinstance(made, FunctionType):
+        return getattr(inspect.unwrap(made), "__code__", None) is coroutine.cr_code
+    named = getattr(made, "__name__", None) == coroutine.__name__
+    return named and not isinstance(made, (BuiltinFunctionType, type))
+
+
+def _resolved(function: ast.expr, space: Mapping[str, Any]) -> tuple[bool, Any]:
+    if isinstance(function, ast.Name):
+        return function.id in space, space.get(function.id)
+    if isinstance(function, ast.Attribute):
+        known, around = _resolved(function.value, space)
+        if known and isinstance(around, ModuleType):
+            return function.attr in vars(around), vars(around).get(function.attr)
+    return False, None
+
+
+def _last(function: ast.expr) -> str | None:
+    if isinstance(function, ast.Name):
+        return function.id
+    return function.attr if isinstance(function, ast.Attribute) else None
+
+
+def _contradicts(call: ast.Call, coroutine: CoroutineType[Any, Any, Any]) -> bool:
+    """Whether the call hands over a constant that the coroutine did not get."""
+    got: list[object] = []
+    frame = coroutine.cr_frame
+    for value in () if frame is None else frame.f_locals.values():
+        got += value if isinstance(value, tuple) else value.values() if isinstance(value, dict) else (value,)
+    given = [*call.args, *(keyword.value for keyword in call.keywords)]
+    constants = [one.value for one in given if isinstance(one, ast.Constant) and isinstance(one.value, _CONSTANTS)]
+    return any(not any(type(one) is type(other) and one == other for other in got) for one in constants)
+
+
+class _Tree:
+    """A parsed file: who stands in what."""
+
+    def __init__(self, module: ast.Module) -> None:
+        self.calls: list[ast.Call] = []
+        self.around: dict[ast.AST, ast.AST] = {}
+        for node in ast.walk(module):
+            if isinstance(node, ast.Call):
+                self.calls.append(node)
+            for child in ast.iter_child_nodes(node):
+                self.around[child] = node
+
+    def judged(self, call: ast.Call, file: str, lines: list[str]) -> Suspect | None:
+        """What may become of the coroutine that the call gives; None if it is awaited or its own methods are called."""
+        name: str | None = None
+        node: ast.AST = call
+        outer = self.around[call]
+        while isinstance(outer, _PASSING) and not (isinstance(outer, ast.IfExp) and node is outer.test):
+            name = outer.target.id if isinstance(outer, ast.NamedExpr) else name
+            node, outer = outer, self.around[outer]
+        if isinstance(outer, ast.Await) or (isinstance(outer, ast.Attribute) and outer.attr in _HANDLED):
+            return None
+        certain = isinstance(outer, (ast.Expr, *_USES)) or (isinstance(outer, _TESTS) and node is outer.test)
+        target = outer.targets[0] if isinstance(outer, ast.Assign) else getattr(outer, "target", None)
+        if node is call and isinstance(outer, (ast.Assign, ast.AnnAssign)) and isinstance(target, ast.Name):
+            certain, name = True, target.id
+        certain = certain and (name is None or not self._read(name, call))
+        wrong, right = self._shown(call, lines)
+        span, before_await = self._statement(call)
+        function = next((outer for outer in self._outward(call) if isinstance(outer, (*_FUNCTIONS, ast.Lambda))), None)
+        decorators = getattr(function, "decorator_list", [])
+        first = 0 if function is None else min([function.lineno, *(one.lineno for one in decorators)])
+        return Suspect(file, call.lineno, first, span, wrong, right, certain, before_await)
+
+    def _outward(self, node: ast.AST) -> Iterator[ast.AST]:
+        while node in self.around:
+            node = self.around[node]
+            yield node
+
+    def _read(self, name: str, call: ast.Call) -> bool:
+        """Whether anything in the function around the call reads the name, or others may."""
+        scope = next(outer for outer in self._outward(call) if isinstance(outer, _SCOPES))
+        if not isinstance(scope, _FUNCTIONS):
+            return True
+        return any(
+            (isinstance(node, ast.Name) and node.id == name and not isinstance(node.ctx, ast.Store))
+            or (isinstance(node, (ast.Global, ast.Nonlocal)) and name in node.names)
+            for node in ast.walk(scope)
+        )
+
+    def _statement(self, call: ast.Call) -> tuple[tuple[int, int], bool]:
+        """First and last line of the statement, and whether it awaits something that is written after the call."""
+        around = list(self._outward(call))
+        statement = next(node for node in around if isinstance(node, ast.stmt))
+        if isinstance(getattr(statement, "body", None), list):
+            return (call.lineno, call.end_lineno or call.lineno), False
+        end = (call.end_lineno, call.end_col_offset)
+        awaits = (node for node in ast.walk(statement) if isinstance(node, ast.Await) and node not in around)
+        later = any((node.lineno, node.col_offset) >= end for node in awaits)
+        return (statement.lineno, statement.end_lineno or statement.lineno), later
+
+    def _shown(self, call: ast.Call, lines: list[str]) -> tuple[str, str]:
+        """The line as it is, and with the ``await``."""
+        line = lines[call.lineno - 1].rstrip()
+        begin = len(line.encode()[: call.col_offset].decode(errors="replace"))
+        name = ast.unparse(call.func)
+        around = list(self._outward(call))
+        inner = next((outer for outer in around if isinstance(outer, (*_SCOPES, ast.GeneratorExp))), None)
+        generic = f"await {name}(...)"
+        if isinstance(inner, ast.Lambda):
+            return line.strip(), f"{generic}, or await what the lambda gives"
+        if isinstance(inner, ast.FunctionDef) and any(outer in inner.body for outer in around):
+            return line.strip(), f"{generic}    in async def {inner.name}, and await {inner.name}(...)"
+        if isinstance(inner, ast.GeneratorExp):
+            return line.strip(), f"{generic}    in a loop or in brackets: [await ... for ... in ...]"
+        end = call.end_col_offset if call.end_lineno == call.lineno else None
+        if isinstance(around[0], (ast.Attribute, ast.Subscript)) and around[0].value is call and end is not None:
+            last = len(line.encode()[:end].decode(errors="replace"))
+            return line.strip(), f"{line[:begin]}(await {line[begin:last]}){line[last:]}".strip()
+        return line.strip(), f"{line[:begin]}await {line[begin:]}".strip()
+
+
+@functools.lru_cache(maxsize=64)
+def _parsed(text: str) -> _Tree:
+    try:
+        return _Tree(ast.parse(text))
+    except (SyntaxError, ValueError, RecursionError):  # what runs is no longer what the file says
+        return _Tree(ast.Module([], []))

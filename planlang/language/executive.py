@@ -1,0 +1,71 @@
+"""What the language asks of an executive, which grounds what plans describe, and of its process modules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+from planlang.designators import Action, Condition, Location
+
+if TYPE_CHECKING:
+    from planlang.protocols import Solution
+
+
+class ProcessModule(Protocol):
+    """Performs actions of some classes, one at a time, and raises typed failures."""
+
+    @property
+    def name(self) -> str:
+        """Shown in the trace."""
+
+    @property
+    def actions(self) -> Sequence[str]:
+        """Action classes (local names of the vocabulary) that it performs, descendants included."""
+
+    @property
+    def failures(self) -> Sequence[type[Exception]]:
+        """Failure classes that it may raise; any other exception is a programming error."""
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Names of what the action needs exclusively: "base", "head", "torso", "right_arm", ..."""
+
+    async def execute(self, action: Action) -> Any:
+        """Perform the action; on evaporation stop the robot."""
+
+
+class Executive(Protocol):
+    """Grounds what plans describe. One is current while a plan runs."""
+
+    @property
+    def modules(self) -> Sequence[ProcessModule]:
+        """The registered process modules."""
+
+    def ancestors(self, action_type: str) -> Sequence[str]:
+        """The class itself and its superclasses, nearest first."""
+
+    def revision(self) -> int:
+        """Counts changes of the belief."""
+
+    def solutions(self, location: Location) -> Iterator[Solution]:
+        """Places for the base, lazily, best first; raises LocationUnresolvable (with counts) when there are no more."""
+
+    def move_to(self, solution: Solution) -> Action:
+        """The base motion that goes to a solution."""
+
+    def is_at(self, solution: Solution) -> bool:
+        """True while the base is where the solution put it."""
+
+    def holds(self, condition: Condition) -> bool:
+        """Whether the belief says so."""
+
+    def before_retry(self) -> Iterable[Action]:
+        """What brings the robot into a posture from which another place can be tried."""
+
+    def held(self) -> Sequence[str]:
+        """Names of the objects that the robot holds."""
+
+    def releases(self, action: Action) -> bool:
+        """Whether the action lets go of something; it is not repeated while that is still to be delivered."""
+
+    def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
+        """Give the executive a way to write its own events (belief changes, solutions) into the trace."""

@@ -1,0 +1,215 @@
+"""Misuse of the language: errors that show the wrong and the right code, and the checks of arguments that raise them.
+
+A function says once, as a :class:`Usage`, how it is called; what is wrong with an argument is shown in that call.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Iterable, Mapping
+from functools import partial
+from types import FunctionType, MethodType
+from typing import Any
+
+LONGEST = 60
+"""Characters of a value that are shown."""
+
+
+class PlanStructureError(Exception):
+    """The plan breaks a rule of the language; the message names the rule and the right form."""
+
+
+class WrongType(PlanStructureError, TypeError):
+    """What was given is not the kind of thing that is meant."""
+
+
+class WrongValue(PlanStructureError, ValueError):
+    """What was given is of the right kind, but makes no sense."""
+
+
+def contrast(message: str, wrong: str, right: str) -> str:
+    """A message that shows the wrong and the right code."""
+    return f"{message}\n  wrong: {wrong}\n  right: {right}"
+
+
+class Usage:
+    """A function and how it is called: code for each argument that is required, and for those that may be given.
+
+    The name of a required argument that is given by keyword ends with ``=``.
+    """
+
+    def __init__(self, function: str, required: Mapping[str, str], optional: Mapping[str, str] | None = None) -> None:
+        self.function = function
+        self.name = function.rpartition(" ")[2]
+        self._required = required
+        self._examples = {key.rstrip("="): code for key, code in required.items()} | dict(optional or {})
+
+    def shown(self, parameter: str, code: str | None = None) -> str:
+        """The call with this code for one argument; without code, as it may be right."""
+        example = self._examples.get(parameter) or next(iter(self._examples.values()))
+        codes = {**self._examples, parameter: example if code is None else code}
+        names = {key.rstrip("="): key if key.endswith("=") else "" for key in self._required}
+        arguments = [f"{keyword}{codes[name]}" for name, keyword in names.items()]
+        if parameter not in names:
+            arguments.append(f"{parameter}={codes[parameter]}")
+        return f"{self.function}({', '.join(arguments)})"
+
+    def wrong(
+        self, parameter: str, value: object, meant: str, kind: type[WrongType] | type[WrongValue] = WrongType
+    ) -> WrongType | WrongValue:
+        """The error of an argument that is not what is meant; a coroutine is closed."""
+        code = written(value)
+        message = f"{parameter} of {self.name} has to be {meant}, not {code}"
+        return kind(contrast(message, self.shown(parameter, code), self.shown(parameter)))
+
+    def instance(self, parameter: str, value: object, kinds: Any, meant: str) -> None:
+        """Refuse what is of none of these classes."""
+        if not isinstance(value, kinds):
+            raise self.wrong(parameter, value, meant)
+
+    def text(self, parameter: str, value: object) -> None:
+        """Refuse what is no string with something in it."""
+        self.instance(parameter, value, str, "a string")
+        if not value:
+            raise self.empty(parameter)
+
+    def empty(self, parameter: str) -> WrongType | WrongValue:
+        """The error of an empty string."""
+        return self.wrong(parameter, "", "a string with something in it", WrongValue)
+
+    def whole(self, parameter: str, value: object, least: int | None, what: str) -> None:
+        """Refuse what is no whole number, or less than ``least``."""
+        meant = f"a number of {what}, a whole one" + ("" if least is None else f", at least {least}")
+        if not isinstance(value, (int, float)):
+            raise self.wrong(parameter, value, meant)
+        if not isinstance(value, int) or isinstance(value, bool) or (least is not None and value < least):
+            raise self.wrong(parameter, value, meant, WrongValue)
+
+    def seconds(self, parameter: str, value: object) -> None:
+        """Refuse what is no duration."""
+        if not is_amount(value):
+            raise self.not_seconds(parameter, value)
+
+    def not_seconds(self, parameter: str, value: object) -> WrongType | WrongValue:
+        """The error of an argument that is no duration."""
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        return self.wrong(
+            parameter, value, "a duration, a finite number of seconds >= 0", WrongValue if number else WrongType
+        )
+
+    def iterable(self, parameter: str, value: object, meant: str) -> None:
+        """Refuse what has nothing in it to take, and a string, which has letters."""
+        if isinstance(value, (str, type)) or not isinstance(value, Iterable):
+            raise self.wrong(parameter, value, meant)
+
+    def mapping(self, parameter: str, value: object, what: str) -> None:
+        """Refuse what is no mapping from names to branches."""
+        if not isinstance(value, Mapping):
+            raise self.wrong(parameter, value, f"a mapping from names to {what}")
+        for key, branch in value.items():
+            if key.__class__ is str and branch.__class__ in _USUAL:
+                continue
+            if not isinstance(key, str):
+                discard(value.values())
+                raise self.wrong(parameter, value, f"a mapping from names, which are strings, to {what}")
+            if not _is_branch(branch):
+                discard(value.values())
+                raise self._no_branch(parameter, branch, f"{{{key!r}: %s}}")
+
+    def refused(self, parameter: str, message: str, value: object) -> WrongValue:
+        """The error of an argument with something wrong in it, as the message says."""
+        return WrongValue(contrast(message, self.shown(parameter, written(value)), self.shown(parameter)))
+
+    def at_once(self, parameter: str, function: object, result: object) -> None:
+        """Refuse a result that has to be awaited, of a function whose results are used as they are."""
+        if inspect.iscoroutine(result):
+            result.close()
+            raise self.wrong(parameter, function, "a function that gives its result at once, without await")
+
+    def plain(self, parameter: str, value: object, meant: str, arguments: int | None = None) -> None:
+        """Refuse what is no function that gives its result at once, or one that does not take so many arguments."""
+        if not callable(value) or inspect.iscoroutinefunction(value):
+            raise self.wrong(parameter, value, meant)
+        if arguments is None:
+            return
+        try:
+            inspect.signature(value).bind(*[None] * arguments)
+        except TypeError:
+            raise self.wrong(parameter, value, meant) from None
+        except ValueError:  # written in C, and does not tell
+            pass
+
+    def branch(self, parameter: str, *values: object) -> None:
+        """Refuse what is no branch; coroutines are closed, with the right form in the message."""
+        for value in values:
+            if value.__class__ not in _USUAL and not _is_branch(value):
+                discard(values)
+                raise self._no_branch(parameter, value)
+
+    def branches(self, **values: object) -> None:
+        """As :meth:`branch`, for several parameters."""
+        for parameter, value in values.items():
+            if value.__class__ not in _USUAL and not _is_branch(value):
+                discard(values.values())
+                raise self._no_branch(parameter, value)
+
+    def _no_branch(self, parameter: str, value: object, form: str = "%s") -> WrongType | WrongValue:
+        if not inspect.iscoroutine(value):
+            return self.wrong(parameter, value, "a branch, an async function that is called without arguments")
+        name = value.__name__
+        message = f"you called {name}(); pass {name} or partial({name}, ...) to {self.name}"
+        wrong, plain, bound = (
+            self.shown(parameter, form % code) for code in (f"{name}()", name, f"partial({name}, ...)")
+        )
+        return WrongType(contrast(message, wrong, f"{plain}    or    {bound}"))
+
+
+_USUAL = frozenset({FunctionType, MethodType, partial})
+
+
+def _is_branch(value: object) -> bool:
+    return callable(value) and (not isinstance(value, type) or hasattr(value, "__await__"))
+
+
+def is_amount(value: Any) -> bool:
+    """Whether a value is a finite number, at least 0."""
+    try:
+        return value.__class__ is not bool and bool(0 <= value < math.inf)
+    except (TypeError, ValueError):
+        return False
+
+
+def written(value: object) -> str:
+    """A value as it may stand in the plan, the same in each run; a coroutine is closed, since nobody awaits it."""
+    if inspect.iscoroutine(value):
+        value.close()
+        return f"{value.__name__}()"
+    name = getattr(value, "__name__", None)
+    if isinstance(name, str) and callable(value):
+        return "lambda: ..." if name == "<lambda>" else name
+    text = _inside(value)
+    if not text or "\n" in text or " at 0x" in text:
+        return f"{type(value).__name__}(...)"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def _inside(value: object) -> str:
+    """What ``repr`` gives, but of what is in a container as it may stand in the plan; empty if that raises."""
+    try:
+        if value.__class__ is dict:
+            return f"{{{', '.join(f'{written(key)}: {written(item)}' for key, item in value.items())}}}"
+        if value.__class__ is list:
+            return f"[{', '.join(map(written, value))}]"
+        if value.__class__ is tuple and len(value) > 1:
+            return f"({', '.join(map(written, value))})"
+        return repr(value)
+    except Exception:
+        return ""
+
+
+def discard(values: Iterable[object]) -> None:
+    """Close what coroutines there are: what was called with them is refused, so nobody awaits them."""
+    for value in values:
+        if inspect.iscoroutine(value):
+            value.close()

@@ -1,0 +1,297 @@
+"""Misspelt names of a recipe's file: words of the recipe vocabulary, classes, individuals, outcomes.
+
+Each is told once, as an error that names it. The recipe is then read as if the names were right, so that only what is
+wrong besides is told. A name is misspelt if nothing defines it and exactly one slip makes it a name that is known;
+what is merely foreign is left alone.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
+from functools import cached_property
+
+from planlang.designators import RELATIONS, local_name
+from planlang.diagnostics import Diagnostic, Rename, Span, error
+from planlang.ontology import Ontology, shorten
+from planlang.ontology.terms import (
+    EQUIVALENT_CLASS,
+    FIRST,
+    KNOWROB,
+    NIL,
+    ON_PROPERTY,
+    OWL,
+    RDF,
+    RDFS,
+    SUBCLASS_OF,
+    TYPE,
+    VOCABULARIES,
+    XSD,
+    is_vocabulary,
+)
+from planlang.recipe.fillings import action_properties
+from planlang.recipe.guesses import SURE, Neighbours
+from planlang.recipe.readers.data_flow import OUTPUTS
+from planlang.recipe.readers.workflow import RELATIONS as INTERVALS
+from planlang.recipe.readers.workflow import is_interval_relation
+from planlang.recipe.statements import is_word
+from planlang.recipe.words import MEANINGS, WORDS, ending_of, words_of
+
+_W3C = (OWL, RDF, RDFS, XSD)
+_NAMING = (
+    TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, FIRST,
+    *(OWL + name for name in ("someValuesFrom", "hasValue", "allValuesFrom", "onClass")),
+)  # fmt: skip
+"""Properties of OWL whose objects are names that something should define."""
+
+_OUTCOMES = {word: ending for ending, words in MEANINGS.items() for word in words}
+
+
+def misspellings(ontology: Ontology) -> tuple[Diagnostic, ...]:
+    """An error for each misspelt name of the main document, with what was meant, in the order of the file."""
+    names = _Names(ontology)
+    found = [*_properties(ontology, names), *_things(ontology, names), *_outcomes(ontology)]
+    return tuple(sorted(found, key=lambda one: one.span or Span("")))
+
+
+def corrected(ontology: Ontology, found: Iterable[Diagnostic], *, guessing: bool = False) -> Ontology:
+    """The ontology with what was meant in the place of what is misspelt, where that is sure or one is ``guessing``.
+
+    It is the same ontology if nothing is changed.
+    """
+    renames = [one.suggestion for one in found if isinstance(one.suggestion, Rename)]
+    names = {one.written: one.meant for one in renames if one.is_sure or guessing}
+    return ontology.renamed(names) if names else ontology
+
+
+class _Names:
+    """The names that a recipe may use, and which of those that it uses nothing defines."""
+
+    def __init__(self, ontology: Ontology) -> None:
+        self._ontology = ontology
+        self._store = ontology.store
+        self._main = ontology.store.ranges[0]
+        spaces = Counter(_space(name) for name in map(self._store.name, self._own_defined) if name is not None)
+        self.own = tuple(space for space, _ in spaces.most_common() if space not in _W3C)
+        """The namespaces in which the main document defines something, the one with the most names first."""
+
+    @cached_property
+    def _own_defined(self) -> dict[int, None]:
+        return {self._store.subjects[row]: None for row in self._defining() if row in self._main}
+
+    @cached_property
+    def _defined(self) -> frozenset[int]:
+        return frozenset(map(self._store.subjects.__getitem__, self._defining()))
+
+    def _defining(self) -> Iterable[int]:
+        return self._store.by(TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, RDFS + "subPropertyOf")
+
+    @cached_property
+    def properties(self) -> dict[int, int]:
+        """The properties that the main document uses, each with the row of its first use."""
+        store, on = self._store, self._store.numbers.get(ON_PROPERTY)
+        found: dict[int, int] = {}
+        for row in self._main:
+            number = store.objects[row] if store.predicates[row] == on else store.predicates[row]
+            found.setdefault(number, row)
+        return found
+
+    def is_known_property(self, number: int) -> bool:
+        """True for a property about which a document says more than that it is one."""
+        name = self._store.name(number)
+        if name is None or name.startswith(_W3C) or is_vocabulary(shorten(name)) or _is_read(name):
+            return True
+        rows = list(self._store.about(number))
+        return any(row not in self._main or self._store.name(self._store.predicates[row]) != TYPE for row in rows)
+
+    @cached_property
+    def spaces_of_words(self) -> frozenset[str]:
+        """The namespaces in which words of the recipe vocabulary may stand in this file."""
+        names = (self._store.name(number) or "" for number in self.properties)
+        return frozenset((*VOCABULARIES.values(), *self.own, *(_space(name) for name in names if _is_read(name))))
+
+    @cached_property
+    def undefined(self) -> dict[str, int]:
+        """The names (IRIs) that the main document uses and nothing defines, each with the row of its first use."""
+        store = self._store
+        made = {store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS))}
+        naming = {store.numbers.get(name) for name in _NAMING}
+        naming |= {number for number in self.properties if self._links(number)}
+        defined, found = self._defined, dict[str, int]()
+        for row in self._main:
+            number = store.objects[row]
+            if number not in defined and number not in made and store.predicates[row] in naming:
+                name = store.name(number)
+                if name is not None and name != NIL and not name.startswith(_W3C):
+                    found.setdefault(name, row)
+        return {name: row for name, row in found.items() if not self._ontology.defined(name)}
+
+    def _links(self, number: int) -> bool:
+        """True for a property of the vocabulary of recipes that links things; its objects are names."""
+        name = self._store.name(number) or ""
+        return not name.startswith(_W3C) and (_is_read(name) or is_vocabulary(shorten(name)))
+
+    def span(self, row: int) -> Span:
+        return self._store.span(row)
+
+    @cached_property
+    def _known(self) -> dict[str, list[str]]:
+        """Local name -> the classes and individuals (IRIs) that are known by it."""
+        store = self._store
+        made = (store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS)))
+        found: dict[str, list[str]] = {}
+        for number in dict.fromkeys((*sorted(self._defined), *made)):
+            name = store.name(number)
+            if name is not None and not name.startswith(_W3C) and not self._ontology.is_property(name):
+                found.setdefault(local_name(name), []).append(name)
+        return found
+
+    @cached_property
+    def _neighbours(self) -> Neighbours:
+        return Neighbours(self._known)
+
+    def meant(self, written: str) -> list[str]:
+        """The names (IRIs) that are meant by one that nothing defines: the same elsewhere, or nearly the same.
+
+        A name of a thing (``cup``) is not meant for that of its class (``Cup``), nor the other way round.
+        """
+        kinds = {self._store.numbers.get(TYPE), self._store.numbers.get(SUBCLASS_OF)}
+        is_kind = self._store.predicates[self.undefined[written]] in kinds
+        space, short = _space(written), local_name(written)
+        same = [name for name in self._known.get(short, ()) if self._are_mixed(space, _space(name))]
+        near = (name for other in self._neighbours.of(short) for name in self._known[other])
+        return same or [
+            name
+            for name in near
+            if _space(name) == space
+            and (local_name(name)[1:] != short[1:] or (is_kind and self._ontology.is_class(name)))
+        ]
+
+    def _are_mixed(self, written: str, meant: str) -> bool:
+        """True for namespaces that are easily taken for each other: the file's own and those of the vocabulary."""
+        first, vocabulary = next(iter(self.own), None), VOCABULARIES.values()
+        return (meant in vocabulary and (written == first or written in vocabulary)) or (
+            written in vocabulary and meant == first
+        )
+
+
+def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
+    """Properties that are nearly words of the recipe vocabulary, or properties of KnowRob's."""
+    unknown = {number: row for number, row in names.properties.items() if not names.is_known_property(number)}
+    if not unknown:
+        return
+    listed = {local_name(name): name for name in _vocabulary(ontology)}
+    neighbours = Neighbours((*listed, *WORDS, *RELATIONS.values()))
+    spoken = (*WORDS, *RELATIONS.values(), *map(local_name, action_properties(ontology)))
+    for number, row in unknown.items():
+        written = ontology.store.name(number) or ""
+        space, short = _space(written), local_name(written)
+        if space not in names.spaces_of_words:
+            continue
+        near = neighbours.of(short) or get_close_matches(short, spoken, n=2, cutoff=SURE)
+        if not near and _relates_tasks(ontology, written):
+            near = [_like(short, word) for word in Neighbours(INTERVALS).of(_plain(short))]
+        if near:
+            meant = [_stated(ontology, space, word, listed) for word in near]
+            message = f"`{short}` is no property that is known: what it says would be lost"
+            yield _misspelt(written, meant, names.span(row), message)
+
+
+def _vocabulary(ontology: Ontology) -> Iterator[str]:
+    """The properties that the bundled vocabulary declares."""
+    kinds = (OWL + kind for kind in ("ObjectProperty", "DatatypeProperty", "AnnotationProperty"))
+    for kind in kinds:
+        for triple in ontology.triples(p=TYPE, o=kind):
+            if isinstance(triple.subject, str) and is_vocabulary(shorten(triple.subject)):
+                yield triple.subject
+
+
+def _stated(ontology: Ontology, space: str, word: str, listed: dict[str, str]) -> str:
+    """The word in the namespace in which it was meant: that of what is written if it is used there, else KnowRob's."""
+    if space + word in ontology.properties_named(word):
+        return space + word
+    return listed.get(word) or (space if space in VOCABULARIES.values() else KNOWROB) + word
+
+
+def _relates_tasks(ontology: Ontology, name: str) -> bool:
+    """True for a property that links steps of workflows with each other."""
+    steps = {
+        term for triple in ontology.using("hasStep", "isStepOf", "stepOf") for term in (triple.subject, triple.object)
+    }
+    return bool(steps) and any(
+        triple.subject in steps and triple.object in steps for triple in ontology.triples(p=name)
+    )
+
+
+def _plain(short: str) -> str:
+    return short.lower().removeprefix("interval").removeprefix("temporally")
+
+
+def _like(short: str, word: str) -> str:
+    """The word with what stands before it in what is written."""
+    before = short[: len(short) - len(_plain(short))]
+    return before + (word.capitalize() if before else word)
+
+
+def _is_read(name: str) -> bool:
+    return is_word(name, *WORDS, *OUTPUTS) or is_interval_relation(name)
+
+
+def _things(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
+    """Names of classes and individuals that nothing defines, and nearly the same something does."""
+    outcomes = {triple.object for triple in ontology.using("causedBy")}
+    for written, row in names.undefined.items():
+        if written not in outcomes:
+            meant = names.meant(written)
+            if meant:
+                yield _misspelt(written, meant, names.span(row), f"nothing defines `{_shown(written, meant)}`")
+
+
+def _shown(written: str, meant: list[str]) -> str:
+    short = local_name(written)
+    return written if any(local_name(name) == short for name in meant) else short
+
+
+def _misspelt(written: str, meant: list[str], span: Span, message: str) -> Diagnostic:
+    renames = [Rename(written, name, is_sure=len(meant) == 1) for name in meant]
+    advice = f"did you mean {' or '.join(map(str, renames))}?"
+    return error("R058", message, span, advice, renames[0])
+
+
+def _outcomes(ontology: Ontology) -> Iterator[Diagnostic]:
+    """Outcomes with a word that is nearly one that says how a state ends."""
+    seen: set[object] = set()
+    for triple in ontology.using("causedBy"):
+        outcome = triple.object
+        if triple.span.file != str(ontology.documents[0].path) or outcome in seen:
+            continue
+        seen.add(outcome)
+        if isinstance(outcome, str):
+            yield from _outcome(outcome, triple.span)
+
+
+def _outcome(outcome: str, span: Span) -> Iterator[Diagnostic]:
+    short = local_name(outcome)
+    readings = [short]
+    for word in words_of(outcome):
+        if word.lower() not in _OUTCOMES:
+            near = Neighbours(_OUTCOMES).of(word.lower())
+            near = near or get_close_matches(word.lower(), _OUTCOMES, n=len(_OUTCOMES), cutoff=SURE)
+            meanings = {_OUTCOMES[one]: one for one in sorted(near, key=list(_OUTCOMES).index, reverse=True)}
+            readings = [
+                reading.replace(word, _cased(one, word), 1)
+                for reading in readings
+                for one in reversed(meanings.values())
+            ] or readings
+    if readings != [short]:
+        message = f"`{short}` is no outcome that is known: it would be taken for {ending_of(outcome).value}"
+        yield _misspelt(outcome, [_space(outcome) + reading for reading in readings], span, message)
+
+
+def _cased(word: str, like: str) -> str:
+    return word.upper() if like.isupper() else word.capitalize() if like[0].isupper() else word
+
+
+def _space(iri: str) -> str:
+    return iri.removesuffix(local_name(iri))
