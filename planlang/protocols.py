@@ -8,7 +8,7 @@ Frames: ``map`` is right-handed with z up and the floor at z = 0. Lengths in met
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
