@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,38 +39,57 @@ def solids(bodies: Bodies, left_out: Iterable[str]) -> Iterator[Solid]:
         yield Solid(piece.body, piece.part.kind, (x, y, z), piece.pose, piece.yields)
 
 
-def bands(
-    robot: Robot, bodies: Bodies, held: Mapping[str, Held], without: Collection[str] = ()
-) -> tuple[tuple[float, float, float], ...]:
-    """(z_low, z_high, radius) [m] around the vertical through the base, for each solid link and held body.
+Band = tuple[float, float, float]
+"""z_low, z_high and radius about the vertical through the base [m]."""
+Outline = tuple[float, float, Array]
+"""z_low, z_high [m] and a convex polygon (n, 2), counter-clockwise, in the frame of the base."""
 
-    Links that a joint of ``without`` moves are left out, with what they hold. The robot must be shown with its base at
-    the origin of the map.
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A robot in a posture from above, without some links, one entry for each solid link."""
+
+    bands: tuple[Band, ...]
+    outlines: tuple[Outline, ...]
+    """They hold no more than the links do."""
+
+
+MOST_SHAPES = 64
+"""Postures of which the shape is kept."""
+_shapes: dict[object, Shape] = {}
+
+
+def shape_of(robot: Robot, joints: Mapping[str, float], without: Collection[str], show: Callable[[], None]) -> Shape:
+    """A robot at joint values, without links that a joint of ``without`` moves; worked out once in a process.
+
+    ``show`` is called if it has to be: it shows the robot there, with its base at the origin of the map.
+    """
+    posture = tuple((name, value) for name, value in joints.items() if name not in without)
+    key = robot.key, tuple(sorted(without)), posture
+    if key not in _shapes:
+        show()
+        while len(_shapes) >= MOST_SHAPES:
+            del _shapes[next(iter(_shapes))]
+        _shapes[key] = _shown(robot, frozenset[int]().union(*(robot.moved_by(name) for name in without)))
+    return _shapes[key]
+
+
+def _shown(robot: Robot, left_out: frozenset[int]) -> Shape:
+    numbers = [number for number in range(len(robot.solid)) if number not in left_out]
+    lower, upper = (corners[numbers, 2].round(9).tolist() for corners in robot.boxes())
+    radii = [round(robot.spread(number), 9) for number in numbers]
+    polygons = [hull(points[:, :2].round(9)) for points in robot.points(numbers)]
+    return Shape(tuple(zip(lower, upper, radii, strict=True)), tuple(zip(lower, upper, polygons, strict=True)))
+
+
+def held_bands(robot: Robot, bodies: Bodies, held: Mapping[str, Held], without: Collection[str]) -> Iterator[Band]:
+    """Those of held bodies, without what links hold that a joint of ``without`` moves.
+
+    The robot must be shown with its base at the origin of the map.
     """
     left_out = frozenset[int]().union(*(robot.moved_by(name) for name in without))
-    lower, upper = robot.boxes()
-    found = [
-        (float(lower[number, 2]), float(upper[number, 2]), robot.spread(number))
-        for number in range(len(robot.solid))
-        if number not in left_out
-    ]
     for name, grip in held.items():
         if not robot.carrier(grip.link) & left_out:
             low, high = bodies.box_of(name)
             radius = float(np.hypot(*np.maximum(np.abs(low[:2]), np.abs(high[:2]))))
-            found.append((float(low[2]), float(high[2]), radius))
-    return tuple(found)
-
-
-def outlines(robot: Robot, without: Collection[str] = ()) -> tuple[tuple[float, float, Array], ...]:
-    """z_low, z_high [m] and convex outline from above (n, 2) of each solid link, as :func:`bands` without what is held.
-
-    An outline holds no more than the link does.
-    """
-    left_out = frozenset[int]().union(*(robot.moved_by(name) for name in without))
-    lower, upper = robot.boxes()
-    numbers = [number for number in range(len(robot.solid)) if number not in left_out]
-    return tuple(
-        (float(lower[number, 2]), float(upper[number, 2]), hull(points[:, :2]))
-        for number, points in zip(numbers, robot.points(numbers), strict=True)
-    )
+            yield float(low[2]), float(high[2]), radius

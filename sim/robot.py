@@ -45,13 +45,15 @@ class Robot:
     def __init__(self, client: int, body: RobotBody) -> None:
         self.client, self.body = client, body
         self.description = read_description(body.urdf)
+        self.key = str(body.urdf), self.description.text
+        """What tells its description from others."""
         self.uid = self._load()
         self._read_joints()
         self._read_links()
         self._hulls: dict[int, list[Hulled]] = {}
         while len(_spanning) > MOST_ROBOTS:
             del _spanning[next(iter(_spanning))]
-        self._points = _spanning.setdefault((str(body.urdf), self.description.text), {})
+        self._points = _spanning.setdefault(self.key, {})
         self.shown: dict[str, float] = {}
         self._shapes: dict[int, tuple[Shape, ...]] = {}
         self.base = (0.0, 0.0, 0.0)
@@ -245,11 +247,11 @@ class Robot:
     def moved_apart(self, names: frozenset[str]) -> NDArray[np.bool_]:
         """Which pairs of solid links some joints move against each other, (n, n)."""
         if names not in self._apart:
-            found = np.zeros((len(self.solid), len(self.solid)), bool)
-            for name in names:
-                moved = np.isin(np.arange(len(self.solid)), sorted(self.moved_by(name)))
-                found |= moved[:, None] != moved
-            self._apart[names] = found
+            moved = np.zeros((len(names), len(self.solid)), bool)
+            for row, name in zip(moved, sorted(names), strict=True):
+                row[list(self.moved_by(name))] = True
+            moved = np.unique(moved, axis=0)
+            self._apart[names] = np.asarray((moved[:, :, None] != moved[:, None]).any(axis=0))
         return self._apart[names]
 
     def carrier(self, link: str) -> frozenset[int]:

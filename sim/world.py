@@ -16,7 +16,7 @@ from sim.contact import PARTED, Contacts, Held, Ignored, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
 from sim.geometry import rotations
-from sim.outline import Solid, bands, outlines, solids
+from sim.outline import Band, Outline, Shape, Solid, held_bands, shape_of, solids
 from sim.people import People
 from sim.person import Reach, parts_of
 from sim.playback import BASE, Playback, advance, begin
@@ -175,27 +175,34 @@ class PyBulletWorld:
         near = self._bodies.near(lower, upper).any(axis=0)
         return frozenset(self._bodies.pieces[index].body for index in np.flatnonzero(near).tolist())
 
-    def silhouette(self, without: Collection[str] = ()) -> tuple[tuple[float, float, float], ...]:
+    def silhouette(self, without: Collection[str] = ()) -> tuple[Band, ...]:
         """What the robot, with what it holds, needs of room when it turns on the spot in its present posture.
 
         Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object;
         what a joint of ``without`` moves is left out.
         """
-        self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
-        found = bands(self.robot, self._bodies, self._held, without)
+        found = self._shape(without).bands
+        if self._held:
+            self._at_origin()
+            found = (*found, *held_bands(self.robot, self._bodies, self._held, without))
         self._here()
         return found
 
-    def outlines(self, without: Collection[str] = ()) -> tuple[tuple[float, float, Array], ...]:
+    def outlines(self, without: Collection[str] = ()) -> tuple[Outline, ...]:
         """The robot from above in its present posture: z_low, z_high [m] and a convex polygon for each solid link.
 
         Polygons (n, 2) are in the frame of the base, counter-clockwise, and hold no more than the link does; what a
         joint of ``without`` moves is left out.
         """
-        self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
-        found = outlines(self.robot, without)
+        found = self._shape(without).outlines
         self._here()
         return found
+
+    def _shape(self, without: Collection[str]) -> Shape:
+        return shape_of(self.robot, self._now.joints, without, self._at_origin)
+
+    def _at_origin(self) -> None:
+        self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
 
     def solids(self) -> tuple[Solid, ...]:
         """The convex pieces of all bodies not held, where they are, floors left out."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from executive.motion import Boxes, clearance_at
 from executive.motion.clearance import Band, clearances_at
-from executive.motion.footprint import Outline, cores, stands_in_none
+from executive.motion.footprint import TOUCHING, Outline, cores, stands_in_none
 from planlang.protocols import Array
 
 CELL = 0.05
@@ -78,11 +78,11 @@ class Floor:
 
     def holds(self, bases: Array) -> NDArray[np.bool_]:
         """At which bases (m, 3) the robot, as it is turned there, stands in nothing (m,)."""
-        room = self.at(bases[:, :2])
+        room, least = clearances_at(bases[:, :2], self.boxes, (self.silhouette, cores(self.outlines)))
         free = room > 0.0
-        tight = np.flatnonzero(~free & (room > -np.inf))
+        tight = np.flatnonzero(~free & (least > -TOUCHING))
         free[tight] = stands_in_none(bases[tight], self.boxes, self.outlines)
-        return np.asarray(free)
+        return np.asarray(free & self._on_map(bases[:, :2]))
 
     def field(self, centre: tuple[float, float], yaw: float, reach: float) -> Field:
         """The grid around a place that covers a circle of radius ``reach`` [m]."""

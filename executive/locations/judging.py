@@ -24,6 +24,7 @@ from executive.locations.rejections import Rejections, first_body
 from executive.locations.relations import KINDS, BaseDemand, block_of, is_held
 from executive.locations.solving import unblocked
 from executive.locations.surroundings import ArmModel, Base, Surroundings
+from executive.motion import QuickCheck
 from planlang.protocols import Array, Solution
 
 PLACES = 6
@@ -97,17 +98,18 @@ class BaseJudge:
         demand: BaseDemand,
         blind: Blind,
         log: Rejections,
+        check: QuickCheck,
     ) -> Solution | str | None:
-        """The exact judgement of a place whose first reach is solved as far as spheres tell.
+        """The exact judgement of a place whose first reach is solved as far as spheres tell, by a check of the arm.
 
         If it will not do because the arm meets something, the name of that.
         """
         # the arm first, where it takes hold: it is what most often meets something
-        body = touched_at(np.roll(solution.joints, -1, axis=0), solution, base, self.around)
+        body = touched_at(np.roll(solution.joints, -1, axis=0), solution, base, self.around, check)
         if body is None:
             if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, blind):
                 return None
-            body = touched_on_the_way(solution, base, self.around)
+            body = touched_on_the_way(solution, base, self.around, check)
         if body is not None:
             log.collision(body)
             log.judge(base, score, "in collision", body)

@@ -16,6 +16,7 @@ from executive.locations.rejections import COLLISION, OUT_OF_REACH, Reason, Reje
 from executive.locations.solving import base_matrices, solve
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.locations.ways import CLASSES, HandPlan, Ways
+from executive.motion import QuickCheck
 from planlang.protocols import Array
 
 CHUNK = 48
@@ -60,22 +61,34 @@ def is_among(known: ReachSolution, ways: Ways) -> bool:
     return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
 
 
-def touched_by(solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
-    """The body that is in the way of a solution, judged exactly; None if it is free."""
-    return touched_at(solution.joints, solution, base, around) or touched_on_the_way(solution, base, around)
+def touched_by(
+    solution: ReachSolution, base: Base, around: Surroundings, check: QuickCheck | None = None
+) -> str | None:
+    """The body that is in the way of a solution, judged exactly; None if it is free.
+
+    ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
+    """
+    found = touched_at(solution.joints, solution, base, around, check)
+    return found or touched_on_the_way(solution, base, around, check)
 
 
-def touched_on_the_way(solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
+def touched_on_the_way(
+    solution: ReachSolution, base: Base, around: Surroundings, check: QuickCheck | None = None
+) -> str | None:
     """The body that is in the way between the poses of a solution, or of the fingers that close on a thing."""
-    body = touched_at(between(solution.joints), solution, base, around)
+    body = touched_at(between(solution.joints), solution, base, around, check)
     if body is None and solution.reach.kind == "grasp":
         return around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body)
     return body
 
 
-def touched_at(rows: Array, solution: ReachSolution, base: Base, around: Surroundings) -> str | None:
+def touched_at(
+    rows: Array, solution: ReachSolution, base: Base, around: Surroundings, check: QuickCheck | None = None
+) -> str | None:
     """The body that is in the way at some joint values (m, d) of a solution; None if all are free."""
     plan = solution.plan
+    if check is not None:
+        rows = rows[~check.clear(np.repeat(base_matrices(np.array([base])), len(rows), axis=0), rows)]
     for q in rows:
         if contacts := around.contacts(base, solution.arm, q, plan.touches, plan.opened):
             return first_body(contacts)
@@ -149,7 +162,7 @@ def from_base(
                     continue
                 if reason is None:
                     solution = ReachSolution(reach, arm, ways.plan(number), joints)
-                    body = touched_by(solution, base, around)
+                    body = touched_by(solution, base, around, check)
                     if body is None:
                         done.add(number)
                         yield solution

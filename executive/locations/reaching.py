@@ -182,7 +182,7 @@ class ReachingSearch:
                 log.add("not looked at")
                 return
             score = float(found.scores[row])
-            answer = self.judge.complete(place, score, solution, self.wanted, self.demand, blind, log)
+            answer = self.judge.complete(place, score, solution, self.wanted, self.demand, blind, log, checks[number])
             if isinstance(answer, Solution):
                 yield answer
                 continue

@@ -141,6 +141,7 @@ class Room:
             np.cumsum([0, *sizes.tolist(), 1]).astype(np.int32),
             Solids.joined([solids.only(np.argsort(of_piece, kind="stable")), Solids.of([ground])]),
             np.zeros(count),
+            (None,) * count,
         )
         return Room(bodies, np.array([*(limb for _, limb in keys), False], bool))
 
@@ -172,7 +173,9 @@ class ArmShapes:
         moving = [number for number in numbers if every[number] >= FIRST_JOINT]
         self._movers, self._of_mover = _movers(links, moving, every)
         pieces = [(number, *links[number].pieces) for number in numbers]
-        self._own = Obstacles.of([(links[k].name, every[k], solids, slack) for k, solids, slack in pieces])
+        self._own = Obstacles.of(
+            [(links[k].name, every[k], solids, slack, links[k].faces) for k, solids, slack in pieces]
+        )
         self._of_piece = np.repeat(numbers, [len(solids) for _, solids, _ in pieces]).astype(np.intp)
         self._obstacle_of = {number: k for k, number in enumerate(numbers)}
         hands = frozenset[int]().union(*(robot.hand_of(link) for link in robot.body.hands))
@@ -211,14 +214,18 @@ class ArmShapes:
         back = np.linalg.inv(whole)
         local = back[self._frames] @ placed
         movers, own = _moved(self._movers, local[self._of_mover]), self._own
-        own = Obstacles(own.names, own.frames, own.first, own.solids.moved(local[self._of_piece]), own.slack)
+        faces = [
+            None if one is None else one.moved(local[k]) for k, one in zip(self._obstacle_of, own.faces, strict=True)
+        ]
+        solids = own.solids.moved(local[self._of_piece])
+        own = Obstacles(own.names, own.frames, own.first, solids, own.slack, tuple(faces))
         hands, grounded, watched, held = self._hands, self._grounded, self._watched, {}
         before: list[_Part] = []
         for name, (link, offset) in _held(world).items():
             frame = self.frame_of(world, link)
             at = back[frame] @ from_base @ world.link_pose(link, there).matrix() @ offset
             thing = thing_in(world, name)
-            more = Movers.of([(name, frame, rows, slack) for rows, slack in thing.spheres] if frame > BASE else [])
+            more = Movers.of([(name, frame, *shape) for shape in thing.spheres] if frame > BASE else [])
             solids, slack = thing.pieces
             part = _Part(frame, tuple(range(len(movers), len(movers) + len(more))), len(own), thing.exact)
             hand = robot.hand_of(link)
@@ -227,7 +234,7 @@ class ArmShapes:
             watched = watched.followed_by(Watched.of(pairs))
             movers = Movers.joined([movers, _moved(more, np.tile(at, (len(more), 1, 1)))])
             piece = solids.moved(np.tile(at, (len(solids), 1, 1)))
-            own = own.followed_by(Obstacles.of([(name, frame, piece, slack)]))
+            own = own.followed_by(Obstacles.of([(name, frame, piece, slack, None)]))
             hands, grounded = (np.append(mask, np.zeros(len(more), bool)) for mask in (hands, grounded))
             held[name] = world.touched_since_grasp(name)
             before.append(part)
@@ -273,8 +280,8 @@ def _held(world: PyBulletWorld) -> dict[str, tuple[str, Array]]:
 
 def _movers(links: Sequence[Shaped], numbers: Sequence[int], frames: Sequence[int]) -> tuple[Movers, NDArray[np.intp]]:
     """Each shape of some links a mover, in the frame of its link; and of which link each is (m,)."""
-    rows = [(number, spheres, slack) for number in numbers for spheres, slack in links[number].spheres]
-    movers = Movers.of([(links[k].name, frames[k], spheres, slack) for k, spheres, slack in rows])
+    rows = [(number, shape) for number in numbers for shape in links[number].spheres]
+    movers = Movers.of([(links[k].name, frames[k], *shape) for k, shape in rows])
     return movers, np.array([number for number, *_ in rows], np.intp)
 
 
@@ -283,7 +290,8 @@ def _moved(movers: Movers, places: Array) -> Movers:
     of_sphere = np.repeat(np.arange(len(movers)), np.diff(movers.first))
     turned = np.einsum("sij,sj->si", places[of_sphere, :3, :3], movers.spheres[:, :3]) + places[of_sphere, :3, 3]
     spheres = np.column_stack([turned, movers.spheres[:, 3]])
-    return Movers(movers.names, movers.frames, movers.first, spheres, movers.slack)
+    faces = [None if one is None else one.moved(at) for one, at in zip(movers.faces, places, strict=True)]
+    return Movers(movers.names, movers.frames, movers.first, spheres, movers.slack, tuple(faces))
 
 
 def _extent(chain: Chain) -> tuple[Array, Array]:

@@ -43,6 +43,8 @@ class Solver(Protocol):
 
 SURE, UNSURE = -2, -1
 """What a checker says of a configuration: nothing is hit for sure, or as far as spheres tell."""
+ALSO_SURE = -1.0
+"""As the depth that is asked for: what is sure may be told, too."""
 
 
 class Checker(Protocol):
@@ -52,13 +54,13 @@ class Checker(Protocol):
         """For each configuration (n, d) SURE, UNSURE, or the number of a pair that is hit."""
 
     def hits(self, q: Array, bases: Array, deeper: float) -> NDArray[np.int32]:
-        """For each (n, d) the first pair that is hit by ``deeper`` [m] or more, else negative.
+        """For each (n, d) the first pair that is hit by ``deeper`` [m] or more, else negative: SURE where it is told.
 
         ``bases`` (n, 12): rotation row by row, and position, of the base of the chain in the map.
         """
 
-    def judge_edge(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
-        """The first hit at points ``order`` of 0 .. pieces of the line between configurations (d,), else the worst."""
+    def edge_hit(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
+        """The first pair hit at points ``order`` of 0 .. pieces of a line between configurations (d,), or negative."""
 
     def doubtful(self, q: Array) -> NDArray[np.int32]:
         """The pairs that are not free for sure at a configuration (d,)."""

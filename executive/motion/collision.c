@@ -31,6 +31,13 @@ struct bodies {
     const double *sure;          /* a gap above it is none for sure */
     const int *piece_kind;       /* how many axes count together: 1 box, 2 cylinder, 3 sphere */
     const double *piece;         /* centre (3), axes (9, columns), half extents (3), radius of a sphere around it */
+    const int *part_faces;       /* the number of a part's polyhedron, negative without */
+    const int *piece_faces;      /* that of a piece, or of the thing whose piece it is */
+    const int *corner_first;     /* whose are which: polyhedron i has corners [i] to [i + 1] - 1 */
+    const double *corners;
+    const int *plane_first;
+    const double *planes;        /* outward normal (3), offset */
+    const double *beyond;        /* how far from a polyhedron something has to stay */
 };
 
 static void to_map(const double *frame, const double *local, double *point)
@@ -133,6 +140,41 @@ static double gap(const double (*points)[3], const double *spheres, int count, c
     return least;
 }
 
+/* Whether a plane of one polyhedron has all corners of another, which is in another frame, far enough beyond it. */
+static int beyond_plane(const struct bodies *all, int one, const double *here, int other, const double *there)
+{
+    double away = all->beyond[one] + all->beyond[other], turn[9], shift[3];
+    const double *corners = all->corners + 3 * all->corner_first[other];
+    int count = all->corner_first[other + 1] - all->corner_first[other], near = 0;
+    for (int i = 0; i < 3; ++i)  /* the other's frame as the one sees it */
+        for (int j = 0; j < 3; ++j)
+            turn[3 * i + j] = here[i] * there[j] + here[3 + i] * there[3 + j] + here[6 + i] * there[6 + j];
+    to_local(here, there + 9, shift);
+    for (int p = all->plane_first[one]; p < all->plane_first[one + 1]; ++p) {
+        const double *n = all->planes + 4 * p;
+        double x = turn[0] * n[0] + turn[3] * n[1] + turn[6] * n[2];
+        double y = turn[1] * n[0] + turn[4] * n[1] + turn[7] * n[2];
+        double z = turn[2] * n[0] + turn[5] * n[1] + turn[8] * n[2];
+        double offset = n[3] + away - n[0] * shift[0] - n[1] * shift[1] - n[2] * shift[2];
+        int c = 0;
+        if (x * corners[3 * near] + y * corners[3 * near + 1] + z * corners[3 * near + 2] <= offset)
+            continue;  /* that corner is not beyond this plane either */
+        while (c < count && x * corners[3 * c] + y * corners[3 * c + 1] + z * corners[3 * c + 2] > offset)
+            ++c;
+        if (c == count)
+            return 1;
+        near = c;
+    }
+    return 0;
+}
+
+/* Whether two are polyhedra, with a plane of one of them between the two. */
+static int planes_between(const struct bodies *all, int one, const double *mine, int two, const double *other)
+{
+    return one >= 0 && two >= 0 &&
+           (beyond_plane(all, one, mine, two, other) || beyond_plane(all, two, other, one, mine));
+}
+
 /* The first hit, else SURE or UNSURE; with `gaps` all of them are told, with `doubtful` the pairs that are not sure.
  * Where spheres have to be `deeper` inside than the limits say, nothing is said to be sure. */
 static int judged(const double *q, const double *base, const struct bodies *all, double deeper, double *gaps,
@@ -153,7 +195,7 @@ static int judged(const double *q, const double *base, const struct bodies *all,
         for (int g = first; g < all->cluster_group[c + 1]; ++g) {
             int part = all->group_part[g], from = all->part_sphere[part], count = all->part_sphere[part + 1] - from;
             const double *part_ball = all->part_ball + 4 * part, *spheres = all->spheres + 4 * from;
-            int placed = 0;
+            int placed = 0, looked_at = -1, between = 0;
             to_map(frames[mine], part_ball, middle);
             if (!gaps && apart(middle, around, part_ball[3] + ball[3] + all->group_width[2 * g + 1]))
                 continue;
@@ -177,12 +219,19 @@ static int judged(const double *q, const double *base, const struct bodies *all,
                     continue;
                 }
                 double least = gap(points, spheres, count, piece, all->piece_kind[number], other, centre, far, limit);
-                if (doubtful && least <= far)
-                    doubtful[found++] = p;
                 if (least < limit && !doubtful)
                     return p;
-                if (least <= all->sure[p])
-                    state = UNSURE;
+                if (least > (doubtful ? far : all->sure[p]) || (state != SURE && !doubtful))
+                    continue;
+                if (all->piece_faces[number] != looked_at) {  /* the pieces of one polyhedron follow each other */
+                    looked_at = all->piece_faces[number];
+                    between = planes_between(all, all->part_faces[part], frames[mine], looked_at, other);
+                }
+                if (between && looked_at >= 0)
+                    continue;
+                if (doubtful)
+                    doubtful[found++] = p;
+                state = UNSURE;
             }
         }
     }
@@ -203,22 +252,20 @@ void hit_rows(const double *q, const double *bases, ptrdiff_t rows, double deepe
         found[i] = judged(q + i * JOINTS, bases + i * 12, all, deeper, NULL, NULL);
 }
 
-/* Judges points order[0 .. inner) of an edge in `pieces` pieces, up to the first hit, which is returned. */
-int judge_edge(const double *from, const double *to, ptrdiff_t pieces, const int *order, ptrdiff_t inner,
-               const struct bodies *all)
+/* The first pair that is hit at points order[0 .. inner) of an edge in `pieces` pieces, else UNSURE. */
+int edge_hit(const double *from, const double *to, ptrdiff_t pieces, const int *order, ptrdiff_t inner,
+             const struct bodies *all)
 {
     double q[JOINTS];
-    int state = SURE;
     for (ptrdiff_t i = 0; i < inner; ++i) {
         double share = (double)order[i] / (double)pieces;
         for (int j = 0; j < JOINTS; ++j)
             q[j] = from[j] + (to[j] - from[j]) * share;
-        int one = judged(q, all->base, all, ALSO_SURE, NULL, NULL);
+        int one = judged(q, all->base, all, 0.0, NULL, NULL);
         if (one >= 0)
             return one;
-        state = one > state ? one : state;
     }
-    return state;
+    return UNSURE;
 }
 
 /* The smallest gap of every pair. */

@@ -1,9 +1,9 @@
 """Whether a chain, with all that moves with it, hits something: spheres against convex pieces, without PyBullet.
 
 Frames are numbered: 0 is the map, 1 the base of the chain, then come the children of its moving joints. A sphere that
-is inside a piece means a hit. Where all gaps are wider than what shapes stick out of their spheres, nothing is hit for
-sure. What is in between an exact query has to decide; where it finds a hit, :meth:`QuickCheck.learn` keeps the two
-bodies farther apart from then on.
+is inside a piece means a hit. Where all gaps are wider than what shapes stick out of their spheres, or the plane of a
+face is between them, nothing is hit for sure. What is left an exact query has to decide; where it finds a hit,
+:meth:`QuickCheck.learn` keeps the two bodies farther apart from then on.
 
 Searches for places of the base ask about many bases at once by :meth:`QuickCheck.hit`, searches for ways of an arm
 about edges from one base.
@@ -14,14 +14,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import compress
+from itertools import compress, pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.backends import SURE
+from executive.motion.backends import ALSO_SURE, SURE
 from executive.motion.kinematics import Chain
 from executive.motion.solids import Solids
+from executive.motion.spheres import Faceted
 from planlang.protocols import Array
 
 MAP, BASE, FIRST_JOINT = 0, 1, 2
@@ -49,16 +51,19 @@ class Movers:
     """Centres and radii (s, 4) [m]."""
     slack: Array
     """How far each sticks out of its spheres (m,) [m]."""
+    faces: tuple[Faceted | None, ...]
+    """The polyhedron of each, if that is known."""
 
     @staticmethod
-    def of(rows: Sequence[tuple[str, int, Array, float]]) -> Movers:
-        """From name, frame, spheres (k, 4) and slack of each."""
+    def of(rows: Sequence[tuple[str, int, Array, float, Faceted | None]]) -> Movers:
+        """From name, frame, spheres (k, 4), slack and faces of each."""
         return Movers(
             tuple(name for name, *_ in rows),
             np.array([frame for _, frame, *_ in rows], np.int32),
-            np.cumsum([0, *(len(spheres) for *_, spheres, _ in rows)]).astype(np.int32),
-            np.concatenate([np.zeros((0, 4)), *(spheres for *_, spheres, _ in rows)]),
-            np.array([slack for *_, slack in rows], float),
+            np.cumsum([0, *(len(spheres) for _, _, spheres, *_ in rows)]).astype(np.int32),
+            np.concatenate([np.zeros((0, 4)), *(spheres for _, _, spheres, *_ in rows)]),
+            np.array([slack for *_, slack, _ in rows], float),
+            tuple(faces for *_, faces in rows),
         )
 
     def __len__(self) -> int:
@@ -73,6 +78,7 @@ class Movers:
             np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
             self.spheres[np.repeat(kept, sizes)],
             self.slack[kept],
+            tuple(compress(self.faces, kept.tolist())),
         )
 
     def going_with(self, frame: int) -> Movers:
@@ -89,6 +95,7 @@ class Movers:
             np.append(0, np.cumsum(sizes)).astype(np.int32),
             np.concatenate([movers.spheres for movers in several]),
             np.concatenate([movers.slack for movers in several]),
+            tuple(faces for movers in several for faces in movers.faces),
         )
 
 
@@ -104,16 +111,19 @@ class Obstacles:
     solids: Solids
     slack: Array
     """How much larger than its pieces what is meant is (o,) [m]."""
+    faces: tuple[Faceted | None, ...]
+    """The polyhedron that is meant, if that is known and pieces are not all of it."""
 
     @staticmethod
-    def of(rows: Sequence[tuple[str, int, Solids, float]]) -> Obstacles:
-        """From name, frame, pieces and slack of each."""
+    def of(rows: Sequence[tuple[str, int, Solids, float, Faceted | None]]) -> Obstacles:
+        """From name, frame, pieces, slack and faces of each."""
         return Obstacles(
             tuple(name for name, *_ in rows),
             np.array([frame for _, frame, *_ in rows], np.int32),
-            np.cumsum([0, *(len(solids) for *_, solids, _ in rows)]).astype(np.int32),
-            Solids.joined([solids for *_, solids, _ in rows]),
-            np.array([slack for *_, slack in rows], float),
+            np.cumsum([0, *(len(solids) for _, _, solids, *_ in rows)]).astype(np.int32),
+            Solids.joined([solids for _, _, solids, *_ in rows]),
+            np.array([slack for *_, slack, _ in rows], float),
+            tuple(faces for *_, faces in rows),
         )
 
     def __len__(self) -> int:
@@ -128,6 +138,7 @@ class Obstacles:
             np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
             self.solids.only(np.repeat(kept, sizes)),
             self.slack[kept],
+            tuple(compress(self.faces, kept.tolist())),
         )
 
     def followed_by(self, other: Obstacles) -> Obstacles:
@@ -138,6 +149,7 @@ class Obstacles:
             np.concatenate([self.first, self.first[-1] + other.first[1:]]),
             Solids.joined([self.solids, other.solids]),
             np.concatenate([self.slack, other.slack]),
+            self.faces + other.faces,
         )
 
 
@@ -190,6 +202,13 @@ class Bodies:
     part_frame: NDArray[np.int32]
     pair_part: NDArray[np.int32]
     piece_frame: NDArray[np.int32]
+    part_faces: NDArray[np.int32]
+    piece_faces: NDArray[np.int32]
+    corner_first: NDArray[np.int32]
+    corners: Array
+    plane_first: NDArray[np.int32]
+    planes: Array
+    beyond: Array
 
     def widen(self) -> None:
         """Tell the groups how far pairs have to be looked at, after ``limit`` or ``sure`` have changed."""
@@ -229,16 +248,25 @@ class QuickCheck:
         self._dof = chain.dof
         self._checker = chain.backend.checker(self._bodies)
 
-    @cached_property
+    @property
     def names(self) -> tuple[tuple[str, str], ...]:
         """Who the two of each pair are (p,)."""
-        sizes = np.diff(self._bodies.group_pair).tolist()
-        pairs = zip(self._groups.movers.tolist(), self._groups.obstacles.tolist(), sizes, strict=True)
-        return tuple(
-            (self._movers.names[mover], self._obstacles.names[obstacle])
-            for mover, obstacle, size in pairs
-            for _ in range(size)
-        )
+        groups = self._groups_of(np.arange(len(self._bodies.pair_piece)))
+        return tuple(map(self._pair, groups.tolist()))
+
+    def _groups_of(self, pairs: NDArray[np.integer[Any]]) -> NDArray[np.intp]:
+        return np.searchsorted(self._bodies.group_pair, pairs, side="right") - 1
+
+    def _pair(self, group: int) -> tuple[str, str]:
+        return self._movers.names[self._groups.movers[group]], self._obstacles.names[self._groups.obstacles[group]]
+
+    @cached_property
+    def _pairs_of(self) -> dict[frozenset[str], list[int]]:
+        """The numbers of the pairs of two bodies."""
+        found: dict[frozenset[str], list[int]] = {}
+        for group, span in enumerate(pairwise(self._bodies.group_pair.tolist())):
+            found.setdefault(frozenset(self._pair(group)), []).extend(range(*span))
+        return found
 
     def hit(self, bases: Array, q: Array | None = None, *, deeper: float = 0.0) -> list[str | None]:
         """The first obstacle that is hit from each base pose (n, 4, 4) in the map at configurations (n, d); None: none.
@@ -249,11 +277,14 @@ class QuickCheck:
         count = len(bases)
         if not count or not len(self._bodies.pair_piece):
             return [None] * count
-        places = np.concatenate([bases[:, :3, :3].reshape(-1, 9), bases[:, :3, 3]], axis=1)
-        found = self._checker.hits(np.zeros((count, self._dof)) if q is None else q, places, deeper)
-        groups = np.searchsorted(self._bodies.group_pair, found, side="right") - 1
+        found = self._checker.hits(np.zeros((count, self._dof)) if q is None else q, _rows(bases), deeper)
+        groups = self._groups_of(found)
         names, of_group = self._obstacles.names, self._groups.obstacles
         return [None if pair < 0 else names[of_group[g]] for pair, g in zip(found.tolist(), groups, strict=True)]
+
+    def clear(self, bases: Array, q: Array) -> NDArray[np.bool_]:
+        """From which base poses (n, 4, 4) configurations (n, d) hit nothing for sure, as far as that is told."""
+        return np.asarray(self._checker.hits(q, _rows(bases), ALSO_SURE) == SURE)
 
     def judge(self, q: Array) -> NDArray[np.int32]:
         """For each configuration (n, d) SURE, UNSURE, or the number of a pair that is hit."""
@@ -267,15 +298,16 @@ class QuickCheck:
         """Mover and obstacle that may touch at a configuration (d,), no others do; None if that is not known."""
         if not self.whole:
             return None
-        return list(dict.fromkeys(self.names[number] for number in self._checker.doubtful(q)))
+        groups = self._groups_of(self._checker.doubtful(q))
+        return list(dict.fromkeys(map(self._pair, np.unique(groups).tolist())))
 
     def free(self, q: Array) -> bool:
         """Whether no sphere is inside something at a configuration (d,)."""
-        return int(self._checker.judge(q[None])[0]) < 0
+        return int(self._checker.hits(q[None], self._bodies.base[None], 0.0)[0]) < 0
 
     def edge_free(self, start: Array, end: Array, pieces: int) -> bool:
         """The same for all points between two configurations (d,) that divide the way into so many pieces."""
-        return self._checker.judge_edge(start, end, pieces, bisection(pieces)) < 0
+        return self._checker.edge_hit(start, end, pieces, bisection(pieces)) < 0
 
     def gaps(self, q: Array) -> Array:
         """The smallest gap of each pair (p,) at a configuration (d,) [m]."""
@@ -292,13 +324,17 @@ class QuickCheck:
 
     def learn(self, q: Array, pairs: Iterable[tuple[str, str]]) -> None:
         """At a configuration (d,) bodies were found to touch: keep them farther apart, as far as the ends allow."""
-        found = {frozenset(pair) for pair in pairs}
-        rows = [k for k, names in enumerate(self.names) if frozenset(names) in found]
+        rows = [row for pair in {frozenset(pair): None for pair in pairs} for row in self._pairs_of.get(pair, ())]
         raised = np.minimum(self.gaps(q)[rows] + APART, self._most[rows])
         nearest = raised <= raised.min(initial=np.inf) + 0.01  # of a body's pieces those that may have been hit
         rows_hit = np.array(rows, np.intp)[nearest]
         self._bodies.limit[rows_hit] = np.maximum(self._bodies.limit[rows_hit], raised[nearest])
         self._bodies.widen()
+
+
+def _rows(bases: Array) -> Array:
+    """Poses (n, 4, 4) as checkers take them (n, 12)."""
+    return np.concatenate([bases[:, :3, :3].reshape(-1, 9), bases[:, :3, 3]], axis=1)
 
 
 def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, groups: Watched, whole: bool) -> Bodies:
@@ -313,6 +349,13 @@ def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, gro
     of_frames = np.searchsorted(movers.frames[by_frame], np.arange(frames + 1))
     pieces = np.column_stack([solids.centres, solids.reach])
     slack = np.repeat(movers.slack[groups.movers] + obstacles.slack[groups.obstacles], sizes)
+    polyhedra = [one for one in (*movers.faces, *obstacles.faces) if one is not None]
+    told = np.array([one is not None for one in (*movers.faces, *obstacles.faces)], bool)
+    numbers = np.where(told, np.cumsum(told) - 1, -1).astype(np.int32)
+    of_piece = np.repeat(numbers[len(movers) :], np.diff(first))
+    boxes = np.flatnonzero((of_piece < 0) & (solids.kinds == 1))
+    of_piece[boxes] = len(polyhedra) + np.arange(len(boxes))
+    corners, planes = _box_faces(solids, boxes)
     steps = np.arange(group_pair[-1]) - np.repeat(group_pair[:-1], sizes)
     found = Bodies(
         base=np.concatenate([base[:3, :3].ravel(), base[:3, 3]]),
@@ -336,9 +379,29 @@ def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, gro
         part_frame=movers.frames,
         pair_part=np.repeat(groups.movers, sizes).astype(np.int32),
         piece_frame=np.repeat(obstacles.frames, np.diff(first)),
+        part_faces=numbers[: len(movers)],
+        piece_faces=of_piece,
+        corner_first=np.cumsum([0, *(len(one.corners) for one in polyhedra), *[8] * len(boxes)]).astype(np.int32),
+        corners=np.concatenate([np.zeros((0, 3)), *(one.corners for one in polyhedra), corners]),
+        plane_first=np.cumsum([0, *(len(one.planes) for one in polyhedra), *[6] * len(boxes)]).astype(np.int32),
+        planes=np.concatenate([np.zeros((0, 4)), *(one.planes for one in polyhedra), planes]),
+        beyond=np.array([*(one.beyond for one in polyhedra), *[0.0] * len(boxes)]) + BEYOND / 2,
     )
     found.widen()
     return found
+
+
+_SIDES = np.array([[side * (axis == k) for k in range(3)] for axis in range(3) for side in (-1.0, 1.0)])
+_ENDS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+
+
+def _box_faces(solids: Solids, boxes: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Corners (8 b, 3) and planes (6 b, 4) of pieces that are boxes (b,)."""
+    centres, axes, half = solids.centres[boxes, None], solids.axes[boxes], solids.half[boxes, None]
+    corners = centres + np.einsum("bij,bcj->bci", axes, _ENDS * half)
+    normals = np.einsum("bij,fj->bfi", axes, _SIDES)
+    offsets = np.einsum("bfi,bki->bf", normals, centres) + (np.abs(_SIDES) * half).sum(axis=2)
+    return corners.reshape(-1, 3), np.concatenate([normals, offsets[..., None]], axis=2).reshape(-1, 4)
 
 
 def _balls(spheres: Array, first: ArrayLike) -> Array:

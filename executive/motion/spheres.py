@@ -1,7 +1,7 @@
-"""Spheres inside a convex shape, and how far the shape sticks out of them.
+"""Spheres inside a convex shape, and how far the shape sticks out of them; its corners and the planes of its faces.
 
 What one of the spheres is inside of, the shape is inside of too. What is farther from all of them than ``slack``, the
-shape does not touch. In between only an exact query can tell.
+shape does not touch; nor does what is beyond one of the planes. In between only an exact query can tell.
 """
 
 from __future__ import annotations
@@ -36,6 +36,27 @@ class Spheres:
     centres: Array
     radii: Array
     slack: float
+    faces: Faceted | None = None
+    """None of a ball."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Faceted:
+    """A convex polyhedron: corners (c, 3), and faces (f, 4), outward normals n and offsets d: n x <= d inside [m].
+
+    What is meant goes ``beyond`` it [m].
+    """
+
+    corners: Array
+    planes: Array
+    beyond: float
+
+    def moved(self, place: Array) -> Faceted:
+        """From the frame in which it is told to one that sees that frame at a place (4, 4)."""
+        turn, shift = place[:3, :3], place[:3, 3]
+        normals = self.planes[:, :3] @ turn.T
+        planes = np.column_stack([normals, self.planes[:, 3] + normals @ shift])
+        return Faceted(self.corners @ turn.T + shift, planes, self.beyond)
 
 
 def kept_spheres(hull: Hull) -> Spheres:
@@ -65,7 +86,16 @@ def spheres_in(hull: Hull) -> Spheres:
         chosen.append(best)
         nearest = np.minimum(nearest, away[:, best])
         points, away, nearest = (array[nearest > OUT] for array in (points, away, nearest))
-    return Spheres(centres[chosen], radii[chosen], _slack(hull, centres[chosen], radii[chosen]) + hull.beyond)
+    slack = _slack(hull, centres[chosen], radii[chosen]) + hull.beyond
+    return Spheres(centres[chosen], radii[chosen], slack, _faceted(hull))
+
+
+def _faceted(hull: Hull) -> Faceted:
+    assert hull.faces is not None
+    rows = np.column_stack([hull.faces.normals, hull.faces.offsets])
+    _, first = np.unique(rows.round(6), axis=0, return_index=True)  # faces of many triangles
+    corners = np.unique(hull.faces.triangles.reshape(-1, 3), axis=0)
+    return Faceted(corners, rows[np.sort(first)], hull.beyond)
 
 
 def _slack(hull: Hull, centres: Array, radii: Array) -> float:
@@ -113,12 +143,24 @@ def _kept(points: bytes, radius: float, beyond: float) -> Spheres:
         return spheres_in(hull)
     try:
         rows = np.load(entry, allow_pickle=False)
-        if rows.ndim == 2 and rows.shape[1] == 4 and len(rows) > 1 and np.isfinite(rows).all():
-            return Spheres(rows[1:, :3], rows[1:, 3], float(rows[0, 0]))
-    except (OSError, ValueError, EOFError):
+        if rows.ndim == 2 and rows.shape[1] == 4 and np.isfinite(rows).all():
+            balls, corners = int(rows[0, 1]), int(rows[0, 2])
+            if min(balls, corners) > 0 and 1 + balls + corners < len(rows):
+                spheres, ends, planes = np.split(rows[1:], [balls, balls + corners])
+                return Spheres(spheres[:, :3], spheres[:, 3], float(rows[0, 0]), Faceted(ends[:, :3], planes, beyond))
+    except (OSError, ValueError, EOFError, IndexError):
         pass
     found = spheres_in(hull)
-    table = np.vstack([[found.slack, 0.0, 0.0, 0.0], np.column_stack([found.centres, found.radii])])
+    polyhedron = found.faces
+    assert polyhedron is not None
+    table = np.vstack(
+        [
+            [found.slack, len(found.radii), len(polyhedron.corners), 0.0],
+            np.column_stack([found.centres, found.radii]),
+            np.column_stack([polyhedron.corners, np.zeros(len(polyhedron.corners))]),
+            polyhedron.planes,
+        ]
+    )
 
     def write(path: Path) -> None:
         with path.open("wb") as file:

@@ -177,7 +177,7 @@ class VirtualChecker:
         """As ``Checker`` says."""
         gaps = self._gaps(q)
         hit = gaps < self._bodies.limit
-        sure = (gaps > self._bodies.sure).all(axis=1)
+        sure = self._apart(q, gaps > self._bodies.sure).all(axis=1)
         found = np.where(hit.any(axis=1), hit.argmax(axis=1), np.where(sure, SURE, UNSURE))
         return found.astype(np.int32)
 
@@ -196,23 +196,21 @@ class VirtualChecker:
             columns = np.flatnonzero(near.any(axis=0))
             compared = pieces.only(near.any(axis=0))
             gaps = (compared.gaps(points[rows, 1:]) - spheres[:, 3, None]).min(axis=1)
-            hit = gaps < all_.limit[pairs[columns]] - deeper
+            hit = gaps < all_.limit[pairs[columns]] - max(deeper, 0.0)
             lowest = np.where(hit, pairs[columns], never).min(axis=1)
             first[rows] = np.minimum(first[rows], lowest)
         return np.where(first < never, first, UNSURE).astype(np.int32)
 
-    def judge_edge(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
+    def edge_hit(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
         """As ``Checker`` says."""
-        if not len(order):
-            return SURE
-        found = self.judge(start + (end - start) * (order / pieces)[:, None])
-        hit = np.flatnonzero(found >= 0)
-        return int(found[hit[0]] if len(hit) else found.max())
+        rows = start + (end - start) * (order / pieces)[:, None]
+        found = self.hits(rows, np.tile(self._bodies.base, (len(rows), 1)), 0.0)
+        return int(next((pair for pair in found.tolist() if pair >= 0), UNSURE))
 
     def doubtful(self, q: Array) -> NDArray[np.int32]:
         """As ``Checker`` says."""
         far = np.maximum(self._bodies.limit, self._bodies.sure)
-        return np.flatnonzero(self._gaps(q[None])[0] <= far).astype(np.int32)
+        return np.flatnonzero(~self._apart(q[None], self._gaps(q[None]) > far)[0]).astype(np.int32)
 
     def gaps(self, q: Array) -> Array:
         """As ``Checker`` says."""
@@ -228,6 +226,33 @@ class VirtualChecker:
             local = self._seen_from(frames, part, frame, spheres)
             found[:, pairs] = (pieces.gaps(local) - spheres[:, 3, None]).min(axis=1)
         return found
+
+    def _apart(self, q: Array, apart: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Pairs (n, p) that are apart by their gaps, or because a plane of a polyhedron is between the two."""
+        all_ = self._bodies
+        frames = self._frames(q, np.broadcast_to(all_.base, (len(q), 12)))
+        numbers = all_.piece_faces[all_.pair_piece]
+        for group, part in enumerate(all_.group_part.tolist()):
+            begin, end = all_.group_pair[group : group + 2].tolist()
+            one, frame = int(all_.part_faces[part]), int(all_.piece_frame[all_.pair_piece[begin]])
+            for two in np.unique(numbers[begin:end]).tolist() if one >= 0 else ():
+                pairs = begin + np.flatnonzero(numbers[begin:end] == two)
+                rows = np.flatnonzero(~apart[:, pairs].all(axis=1)) if two >= 0 else np.zeros(0, np.intp)
+                if len(rows):
+                    mine, other = frames[rows, all_.part_frame[part]], frames[rows, frame]
+                    between = self._beyond(one, mine, two, other) | self._beyond(two, other, one, mine)
+                    apart[np.ix_(rows, pairs)] |= between[:, None]
+        return apart
+
+    def _beyond(self, one: int, here: Array, other: int, there: Array) -> NDArray[np.bool_]:
+        """Whether a plane of one polyhedron has all corners of another far enough beyond it, for frames (n, 3, 4)."""
+        all_ = self._bodies
+        planes = all_.planes[slice(*all_.plane_first[one : one + 2].tolist())]
+        corners = all_.corners[slice(*all_.corner_first[other : other + 2].tolist())]
+        points = np.einsum("nij,cj->nci", there[..., :3], corners) + (there[..., 3] - here[..., 3])[:, None]
+        heights = np.einsum("nci,nij,pj->ncp", points, here[..., :3], planes[:, :3], optimize=True)
+        away = all_.beyond[one] + all_.beyond[other]
+        return np.asarray((heights.min(axis=1) > planes[:, 3] + away).any(axis=1))
 
     def _frames(self, q: Array, bases: Array) -> Array:
         """All frames (n, f, 3, 4) in the map, with the base of the chain at (n, 12)."""

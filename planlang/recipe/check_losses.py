@@ -64,6 +64,8 @@ def _of_no_recipe(actions: Actions, cls: str, stated: tuple[Restriction, ...]) -
 
 def _permitted(ontology: Ontology, cls: str, stated: tuple[Restriction, ...]) -> Iterator[Diagnostic]:
     """What may be there (only, max) of which nothing says that it is there: sub-actions, constraints, parameters."""
+    if all(one.kind in KINDS for one in stated):
+        return
     there = {(one.property, one.filler) for one in stated if one.kind in KINDS}
     filled = {one.property for one in stated if one.kind in KINDS}
     parameters = frozenset(action_properties(ontology))
@@ -83,12 +85,10 @@ def _inside_expressions(ontology: Ontology, read: set[Span]) -> Iterator[Diagnos
     words = (*_STEPS, *_DESCRIBED_BY)
     for word in ontology.properties_named(*words) + tuple(map(expand, words)):
         for one in ontology.triples(p=ON_PROPERTY, o=word):
+            if not _is_here(ontology, one) or not read.isdisjoint(t.span for t in ontology.triples(s=one.subject)):
+                continue
             fillers = [other for other in ontology.triples(s=one.subject) if other.predicate in _FILLERS]
-            if (
-                fillers
-                and _is_here(ontology, one)
-                and read.isdisjoint(other.span for other in ontology.triples(s=one.subject))
-            ):
+            if fillers:
                 message = f"{local_name(word)} stands in an expression that does not say for certain what is done"
                 advice = "write alternatives as recipes of their own: classes below one that is the sub-action"
                 yield error("R059", message, fillers[0].span, advice)
