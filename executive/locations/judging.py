@@ -16,11 +16,11 @@ from executive.locations.reach import (
     ReachSolution,
     from_base,
     is_among,
+    stopped_by,
+    stopped_on_the_way,
     touched_at,
-    touched_by,
-    touched_on_the_way,
 )
-from executive.locations.rejections import Rejections, first_body
+from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
 from executive.locations.relations import KINDS, BaseDemand, block_of, is_held
 from executive.locations.solving import unblocked
 from executive.locations.surroundings import ArmModel, Base, Surroundings
@@ -106,14 +106,15 @@ class BaseJudge:
         """
         # the arm first, where it takes hold: it is what most often meets something
         body = touched_at(np.roll(solution.joints, -1, axis=0), solution, base, self.around, check)
-        if body is None:
+        reason = None if body is None else Reason(COLLISION, body)
+        if reason is None:
             if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, blind):
                 return None
-            body = touched_on_the_way(solution, base, self.around, check)
-        if body is not None:
-            log.collision(body)
-            log.judge(base, score, "in collision", body)
-            return body
+            reason = stopped_on_the_way(solution, base, self.around, check)
+        if reason is not None:
+            log.count([reason])
+            log.judge(base, score, reason.text, reason.body)
+            return reason.body
         reached = {wanted[0]: solution}
         for reach in wanted[1:]:
             options = self.arms_for(reach, [solution.arm])
@@ -203,7 +204,7 @@ class BaseJudge:
                 way = next(from_base(reach, base, arm, ways, self.around, self.inverse, counted), None)
                 if way is None:
                     known = self.reached(arm.name, base).get(reach)  # for an arm that can do little else from here
-                    if known is not None and is_among(known, ways) and touched_by(known, base, self.around) is None:
+                    if known is not None and is_among(known, ways) and stopped_by(known, base, self.around) is None:
                         way = known
                 if way is not None:
                     log.include(counted)

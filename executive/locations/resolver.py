@@ -18,7 +18,7 @@ from executive.locations.hand_terms import hand_holds
 from executive.locations.hand_ways import ways_of
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.judging import BaseJudge
-from executive.locations.reach import Reach, ReachSolution, from_base, is_among, touched_by
+from executive.locations.reach import Reach, ReachSolution, from_base, is_among, stopped_by
 from executive.locations.reaching import ReachingSearch
 from executive.locations.rejections import Rejections
 from executive.locations.relations import base_demand, hand_demand, thing_demand
@@ -31,7 +31,7 @@ from planlang.failures import LocationUnresolvable
 from planlang.protocols import Array, Pose, Solution
 
 APART = 0.05
-"""Solutions are at least this far apart [m]."""
+"""Solutions are farther apart than this [m]; to four decimals, as maps have places just so far apart."""
 MOST_VIEWERS = 256
 """Locations of which is remembered from where they were looked for."""
 
@@ -89,7 +89,7 @@ class Resolver:
                 else standing_places(judge, demand, log)
             )
             for solution in places:
-                if any(math.dist(solution.base[:2], other[:2]) <= APART for other in found):
+                if any(round(math.dist(solution.base[:2], other[:2]), 4) <= APART for other in found):
                     continue
                 found.append(solution.base)
                 yield solution
@@ -132,7 +132,7 @@ class Resolver:
             known is not None
             and stated is not None
             and is_among(known, stated)
-            and touched_by(known, base, around) is None
+            and stopped_by(known, base, around) is None
         ):
             yield known  # still a way: what it is about has not moved since
         begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
