@@ -107,18 +107,25 @@ def touched_at(
 ) -> str | None:
     """The body that is in the way at some joint values (m, d) of a solution; None if all are free."""
     plan = solution.plan
-    if check is not None:
-        rows = rows[~check.clear(np.repeat(base_matrices(np.array([base])), len(rows), axis=0), rows)]
-    for q in rows:
+    for q in rows if check is None else _unsure(rows, base, check):
         if contacts := around.contacts(base, solution.arm, q, plan.touches, plan.opened):
             return first_body(contacts)
     return None
 
 
-def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings) -> bool:
-    """Whether the hand itself is in something at a pose of a solution, or when it closes: wherever the base stands."""
+def _unsure(rows: Array, base: Base, check: QuickCheck) -> Array:
+    """Those of some joint values (m, d) at which something may be hit, as far as a check of the arm tells."""
+    return rows[~check.clear(np.repeat(base_matrices(np.array([base])), len(rows), axis=0), rows)]
+
+
+def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings, check: QuickCheck) -> bool:
+    """Whether the hand itself is in something on the way of a solution, or when it closes: wherever the base stands.
+
+    ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
+    """
     plan, hand, bodies = solution.plan, solution.arm.hand_links, around.names()
-    for q in solution.joints:
+    line = straight(solution, base)
+    for q in _unsure(solution.joints if line is None else np.concatenate([solution.joints, line]), base, check):
         contacts = around.contacts(base, solution.arm, q, plan.touches, plan.opened)
         if any(contact.part in hand and contact.body in bodies for contact in contacts):
             return True

@@ -47,7 +47,7 @@ def test_an_answer_is_right_and_there_is_one_where_sampling_finds_one(kind: str)
         oracle.close()
 
 
-@pytest.mark.parametrize("seed", [8, 24])
+@pytest.mark.parametrize("seed", [1, 8])
 def test_the_hand_can_go_straight_from_pose_to_pose_between_things_that_stand_close(seed: int) -> None:
     room, robot = room_of("hard", seed), robot_of("amigo")
     stage, oracle = Stage(room, robot), Oracle(room, robot)
