@@ -152,10 +152,11 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
     """A location designator with its relations in the order of the file.
 
     As an individual its facts count, as a class its restrictions. A place that refers to itself, directly or through
-    others, loses the reference that closes the circle; so does one that is :data:`MOST_PLACES` references away.
+    others, loses the reference that closes the circle; so does one that is :data:`MOST_PLACES` references away. What it
+    relates to is an object if nothing says what kind of thing it is.
     """
     relations: list[tuple[str, Thing | Place]] = []
-    for relation, term in _references(ontology, iri):
+    for relation, term in references(ontology, iri):
         if not isinstance(term, str) or term in seen | {iri}:
             continue
         if is_place(ontology, term):
@@ -164,6 +165,8 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
             relations.append((relation, read_place(ontology, term, seen | {iri})))
         elif (thing := read_thing(ontology, term)) is not None:
             relations.append((relation, thing))
+        elif ontology.defined(term) and is_of_unknown_kind(ontology, term):
+            relations.append((relation, _unknown(ontology, term)))
     return Place(iri, tuple(dict.fromkeys(relations)), ontology.label(iri))
 
 
@@ -172,16 +175,27 @@ def is_relation(property_name: str) -> bool:
     return property_name in _RELATION_OF
 
 
-def unread_references(ontology: Ontology, place: str) -> list[str]:
-    """IRIs that a location designator relates to but that nothing defines."""
+def references_of_unknown_kind(ontology: Ontology, place: str) -> list[tuple[str, str]]:
+    """The relations of a location designator to what is defined, but as nothing of which it is known what it is."""
     return [
-        term
-        for _, term in _references(ontology, place)
-        if isinstance(term, str) and read_filler(ontology, term) is None
+        (relation, term)
+        for relation, term in references(ontology, place)
+        if isinstance(term, str)
+        and not isinstance(term, BNode)
+        and ontology.defined(term)
+        and not is_place(ontology, term)
+        and is_of_unknown_kind(ontology, term)
     ]
 
 
-def _references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
+def unread_references(ontology: Ontology, place: str) -> list[str]:
+    """IRIs that a location designator relates to but that nothing defines."""
+    return [
+        term for _, term in references(ontology, place) if isinstance(term, str) and read_filler(ontology, term) is None
+    ]
+
+
+def references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
     """Relations of a location designator and what they relate to: its facts, and its restrictions if it is a class."""
     for triple in ontology.triples(s=place):
         if triple.predicate in _RELATION_OF:
