@@ -35,6 +35,9 @@ _CARDINALITIES = {
     OWL + "maxQualifiedCardinality": "max",
     OWL + "qualifiedCardinality": "exactly",
 }
+RESTRICTING = (*_FILLERS, *_CARDINALITIES)
+"""The words of OWL whose triples say what a restriction asks for; where they stand is the restriction's span."""
+
 _SUPERCLASS_FORMS = {SUBCLASS_OF: "flat", EQUIVALENT_CLASS: "equivalent", INTERSECTION_OF: "equivalent"}
 
 
