@@ -72,7 +72,7 @@ class _Names:
         self._ontology = ontology
         self._store = ontology.store
         self._main = ontology.store.ranges[0]
-        spaces = Counter(_space(name) for name in map(self._store.name, self._own_defined) if name is not None)
+        spaces = Counter(map(_space, filter(None, map(self._store.name, self._own_defined))))
         self.own = tuple(space for space, _ in spaces.most_common() if space not in _W3C)
         """The namespaces in which the main document defines something, the one with the most names first."""
 
@@ -299,4 +299,4 @@ def _cased(word: str, like: str) -> str:
 
 
 def _space(iri: str) -> str:
-    return iri.removesuffix(local_name(iri))
+    return iri[: len(iri) - len(local_name(iri))]
