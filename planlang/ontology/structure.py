@@ -48,7 +48,7 @@ def _bounded(found: Iterable[Diagnostic]) -> list[Diagnostic]:
 def _said(triples: Triples, rows: Iterable[int], subjects: set[int]) -> list[list[Triple]]:
     """Of those rows the triples of each of these subjects, in document order."""
     said: dict[int, list[Triple]] = {}
-    for row in sorted(rows):
+    for row in sorted(rows) if subjects else ():
         if triples.subjects[row] in subjects:
             said.setdefault(triples.subjects[row], []).append(triples.triple(row))
     return list(said.values())
@@ -62,7 +62,9 @@ def _not_once(triples: Triples, *columns: Sequence[int]) -> set[int]:
         if len(rows) > len(unique):
             numbers = Counter(map(triples.subjects.__getitem__, rows))
             found.update(subject for subject, number in numbers.items() if number > 1)
-    return found | (sets[0].union(*sets) - sets[0].intersection(*sets))
+    if any(one != sets[0] for one in sets):
+        found |= sets[0].union(*sets) - sets[0].intersection(*sets)
+    return found
 
 
 def _column(column: Sequence[int], rows: Iterable[int]) -> set[int]:

@@ -9,7 +9,7 @@ of its own: it is read as it is written, with a warning.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from functools import cached_property
 
@@ -81,30 +81,32 @@ class _Names:
         self._ontology = ontology
         self._store = ontology.store
         self._main = ontology.store.ranges[0]
-        spaces = Counter(_space(name) for name in map(self._store.name, self._own_defined) if name is not None)
+        spaces = Counter(map(_space, filter(None, map(self._store.name, self._own_defined))))
         self.own = tuple(space for space, _ in spaces.most_common() if space not in _W3C)
         """The namespaces in which the main document defines something, the one with the most names first."""
 
     @cached_property
     def _own_defined(self) -> dict[int, None]:
-        return {self._store.subjects[row]: None for row in self._defining() if row in self._main}
+        return {self._store.subjects[row]: None for row in self._defining if row in self._main}
 
     @cached_property
     def _defined(self) -> frozenset[int]:
-        return frozenset(map(self._store.subjects.__getitem__, self._defining()))
+        return frozenset(map(self._store.subjects.__getitem__, self._defining))
 
-    def _defining(self) -> Iterable[int]:
+    @cached_property
+    def _defining(self) -> Sequence[int]:
         return self._store.by(TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, RDFS + "subPropertyOf")
 
     @cached_property
     def properties(self) -> dict[int, int]:
         """The properties that the main document uses, each with the row of its first use."""
-        store, on = self._store, self._store.numbers.get(ON_PROPERTY)
-        found: dict[int, int] = {}
-        for row in self._main:
-            number = store.objects[row] if store.predicates[row] == on else store.predicates[row]
-            found.setdefault(number, row)
-        return found
+        store, main = self._store, self._main
+        restricted = {store.objects[row]: row for row in reversed(store.by(ON_PROPERTY)) if row in main}
+        stated = {number: rows[0] for number in store.used if (rows := store.by(store.name(number) or ""))}
+        found = restricted | {
+            number: min(row, restricted.get(number, row)) for number, row in stated.items() if row in main
+        }
+        return dict(sorted(found.items(), key=lambda one: one[1]))
 
     def is_known_property(self, number: int) -> bool:
         """True for a property about which a document says more than that it is one."""
@@ -125,16 +127,19 @@ class _Names:
         """The names (IRIs) that the main document uses and nothing defines, each with the row of its first use."""
         store = self._store
         made = {store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS))}
-        naming = {store.numbers.get(name) for name in _NAMING}
+        naming = {store.numbers[name] for name in _NAMING if name in store.numbers}
         naming |= {number for number in self.properties if self._links(number)}
-        defined, found = self._defined, dict[str, int]()
-        for row in self._main:
-            number = store.objects[row]
-            if number not in defined and number not in made and store.predicates[row] in naming:
-                name = store.name(number)
-                if name is not None and name != NIL and not name.startswith(_W3C):
-                    found.setdefault(name, row)
-        return {name: row for name, row in found.items() if not self._ontology.defined(name)}
+        words = (store.name(number) or "" for number in naming)
+        used = frozenset[int]().union(*(map(store.objects.__getitem__, store.by(word)) for word in words))
+        found: dict[str, int] = {}
+        for number in used - self._defined - made:
+            name = store.name(number)
+            if name is not None and name != NIL and not name.startswith(_W3C) and not self._ontology.defined(name):
+                rows = (row for row in store.with_object(number) if store.predicates[row] in naming)
+                row = next(rows)
+                if row in self._main:
+                    found[name] = row
+        return dict(sorted(found.items(), key=lambda one: one[1]))
 
     def _links(self, number: int) -> bool:
         """True for a property of the vocabulary of recipes that links things; its objects are names."""
@@ -325,4 +330,4 @@ def _cased(word: str, like: str) -> str:
 
 
 def _space(iri: str) -> str:
-    return iri.removesuffix(local_name(iri))
+    return iri[: len(iri) - len(local_name(iri))]
