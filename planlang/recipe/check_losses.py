@@ -9,7 +9,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, warning
 from planlang.ontology import Literal, Ontology, Restriction
 from planlang.ontology.classes import RESTRICTING
-from planlang.ontology.terms import EQUIVALENT_CLASS, ON_PROPERTY, OWL, SUBCLASS_OF, THING
+from planlang.ontology.terms import COMPLEMENT_OF, EQUIVALENT_CLASS, ON_PROPERTY, OWL, SUBCLASS_OF, THING
 from planlang.recipe.actions import Actions
 from planlang.recipe.fillings import action_properties
 from planlang.recipe.statements import KINDS, is_word
@@ -23,6 +23,7 @@ _DESCRIBED_BY = {
 """Word by which a task has something -> the words that describe it."""
 
 _STEPS = ("subAction", "subEvents")
+_NEGATIVE = frozenset({COMPLEMENT_OF, OWL + "disjointWith"})
 _FILLERS = (OWL + "someValuesFrom", OWL + "hasValue", OWL + "onClass")
 
 
@@ -40,7 +41,7 @@ def check_losses(actions: Actions) -> Iterator[Diagnostic]:
                 if isinstance(one.filler, Literal):
                     yield from _text(local_name(cls), one.property, one.filler, one.span)
     yield from _texts_of_individuals(ontology)
-    yield from _inside_expressions(ontology, every)
+    yield from _inside_expressions(actions, every)
     for holder, words in _DESCRIBED_BY.items():
         yield from _held_by_nothing(ontology, holder, words, every)
     yield from _crossed(ontology)
@@ -97,8 +98,13 @@ def _permitted(ontology: Ontology, cls: str, stated: tuple[Restriction, ...]) ->
             yield warning("R059", message, one.span, f"write `{right}` if it is meant to be there")
 
 
-def _inside_expressions(ontology: Ontology, read: list[Restriction]) -> Iterator[Diagnostic]:
-    """Sub-actions and constraints in alternatives and complements, which say nothing certain."""
+def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[Diagnostic]:
+    """Sub-actions and constraints in alternatives, which say nothing certain.
+
+    In a complement they say what is not there, and in the definition of a class without a recipe what tasks it is of:
+    neither is lost.
+    """
+    ontology = actions.ontology
     store = ontology.store
     subjects, objects, lines, columns = store.subjects, store.objects, store.lines, store.columns
     restricting = _here(ontology, store.by(ON_PROPERTY))
@@ -111,11 +117,26 @@ def _inside_expressions(ontology: Ontology, read: list[Restriction]) -> Iterator
         node = subjects[row]
         if objects[row] in wanted and node not in certain:
             filled = [other for other in store.about(node) if store.predicates[other] in fillers]
-            if filled:
+            if filled and not _is_about_others(actions, node):
                 word = wanted[objects[row]]
                 message = f"{word} stands in an expression that does not say for certain what is done"
                 advice = "write alternatives as recipes of their own: classes below one that is the sub-action"
                 yield error("R059", message, store.span(filled[0]), advice)
+
+
+def _is_about_others(actions: Actions, node: int) -> bool:
+    """True if an expression (number of its node) says what is not, or defines a class of which no recipe is."""
+    store, through = actions.ontology.store, set[int]()
+    word: str | None = None
+    while store.name(node) is None and node not in through:
+        through.add(node)
+        holding = store.with_object(node)
+        if not holding:
+            return False
+        word, node = store.name(store.predicates[holding[0]]), store.subjects[holding[0]]
+        if word in _NEGATIVE:
+            return True
+    return word == EQUIVALENT_CLASS and actions.statements(store.name(node) or "") is None
 
 
 def _texts_of_individuals(ontology: Ontology) -> Iterator[Diagnostic]:
