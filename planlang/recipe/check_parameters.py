@@ -18,6 +18,7 @@ from planlang.recipe.repairs import ranges_of, violates_range
 from planlang.recipe.statements import Filling, Statements, is_word
 from planlang.recipe.terms import (
     NUMERIC,
+    OBJECT_PROPERTY,
     classes_of,
     is_of_unknown_kind,
     is_place,
@@ -31,7 +32,6 @@ from planlang.recipe.terms import (
 )
 from planlang.recipe.units import dimension_of, si_unit, unit, unit_of
 
-OBJECT_PROPERTY = OWL + "ObjectProperty"
 DATA_PROPERTY = OWL + "DatatypeProperty"
 AGENTS = frozenset({"performedBy", "doneBy"})
 """Properties whose filler is not looked up to perform the action: the robot is known without it."""

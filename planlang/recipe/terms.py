@@ -6,9 +6,11 @@ from collections.abc import Iterator
 
 from planlang.designators import RELATIONS, local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
-from planlang.ontology.terms import RANGE, XSD, is_vocabulary
+from planlang.ontology.terms import OWL, RANGE, TYPE, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Place, Thing
 from planlang.recipe.units import dimension_of, unit, unit_of
+
+OBJECT_PROPERTY = OWL + "ObjectProperty"
 
 PLACES = ("Point2D", "Point3D")
 """Classes of location designators: of the base, of the hand or an object."""
@@ -115,16 +117,26 @@ def takes_things(ontology: Ontology, property_name: str) -> bool:
 def takes_numbers(ontology: Ontology, property_name: str) -> bool:
     """True for a property whose range, or that of one above it, is a type of numbers, or that has a physical dimension.
 
-    The last is told by the local name, as some recipes have the vocabulary in a namespace of their own.
+    The last is told by the local name, as some recipes have the vocabulary in a namespace of their own; but not of a
+    property that a file declares as one of things, or of other values.
     """
     key = ("takes numbers", property_name)
     if key not in ontology.kept:
         above = ontology.superproperties(property_name)
         ranges = [range_ for one in above for range_ in ontology.values(one, RANGE) if isinstance(range_, str)]
         is_ranged = any(range_.startswith(XSD) and range_.removeprefix(XSD) in NUMERIC for range_ in ranges)
-        ontology.kept[key] = is_ranged or any(dimension_of(local_name(one)) is not None for one in above)
+        ontology.kept[key] = is_ranged or any(
+            dimension_of(local_name(one)) is not None and not _is_declared_otherwise(ontology, one) for one in above
+        )
     known: bool = ontology.kept[key]
     return known
+
+
+def _is_declared_otherwise(ontology: Ontology, property_name: str) -> bool:
+    """True for a property outside of the vocabulary that is declared as one of things, or has a range."""
+    if shorten(property_name) != property_name:
+        return False
+    return OBJECT_PROPERTY in ontology.values(property_name, TYPE) or bool(ontology.values(property_name, RANGE))
 
 
 def _individual(ontology: Ontology, iri: str) -> str | None:
