@@ -114,9 +114,10 @@ def _is_number(term: Term) -> bool:
 
 def _lists(triples: Triples) -> Iterator[Diagnostic]:
     firsts, rests = triples.by(FIRST), triples.by(REST)
-    known = _column(triples.subjects, firsts) | _column(triples.subjects, rests) | {triples.numbers.get(NIL, -1)}
+    known = {triples.numbers.get(NIL, -1), *_column(triples.subjects, firsts)}
+    known.update(map(triples.subjects.__getitem__, rests))
     odd = _not_once(triples, firsts, rests)
-    if not _column(triples.objects, rests) <= known:
+    if not known.issuperset(map(triples.objects.__getitem__, rests)):
         odd.update(triples.subjects[row] for row in rests if triples.objects[row] not in known)
     for said in _said(triples, (*firsts, *rests), odd):
         yield from _list(said, lambda term: triples.find(term) in known)
