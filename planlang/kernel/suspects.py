@@ -23,6 +23,11 @@ _DISPLAYS = (ast.List, ast.Tuple, ast.Set, ast.Dict, ast.Starred)
 _PASSING = (ast.NamedExpr, ast.BoolOp, ast.IfExp, *_DISPLAYS)
 _USES = (ast.FormattedValue, ast.Compare, ast.BinOp, ast.UnaryOp, ast.Subscript, ast.Attribute)
 _TESTS = (ast.If, ast.While, ast.IfExp, ast.Assert)
+_COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
+_WITH = (ast.With, ast.AsyncWith)
+_HEADERS = (ast.For, ast.AsyncFor, *_WITH)
+_LETS_THROUGH = frozenset({"using", "shield", "task_suspended", "on_suspension"})
+"""What is used as ``with`` and keeps no error from going on."""
 _HANDLED = frozenset({"close", "send", "throw"})
 _CONSTANTS = (str, int, float, bool, bytes, type(None))
 
@@ -40,8 +45,12 @@ class Suspect:
     wrong: str
     right: str
     certain: bool
-    before_await: bool
-    """Its statement goes on to await something else; when that fails, the coroutine is dropped in this line."""
+    goes_on: bool
+    """Its statement goes on with what may fail; then the coroutine is dropped in this line."""
+    stored: bool
+    """Its statement keeps it, and what it has kept before is dropped in this line."""
+    catches: bool
+    """Its function may go on after an error that has kept the coroutine from being awaited."""
 
     @property
     def where(self) -> str:
@@ -140,11 +149,22 @@ class _Tree:
             certain, name = True, target.id
         certain = certain and (name is None or not self._read(name, call))
         wrong, right = self._shown(call, lines)
-        span, before_await = self._statement(call)
+        statement = next(node for node in self._outward(call) if isinstance(node, ast.stmt))
         function = next((outer for outer in self._outward(call) if isinstance(outer, (*_FUNCTIONS, ast.Lambda))), None)
         decorators = getattr(function, "decorator_list", [])
         first = 0 if function is None else min([function.lineno, *(one.lineno for one in decorators)])
-        return Suspect(file, call.lineno, first, span, wrong, right, certain, before_await)
+        return Suspect(
+            file=file,
+            line=call.lineno,
+            function=first,
+            statement=_span(statement, call),
+            wrong=wrong,
+            right=right,
+            certain=certain,
+            goes_on=self._goes_on(statement, call, certain),
+            stored=isinstance(statement, (ast.Assign, ast.AnnAssign)),
+            catches=function is not None and any(map(_catches, ast.walk(function))),
+        )
 
     def _outward(self, node: ast.AST) -> Iterator[ast.AST]:
         while node in self.around:
@@ -162,16 +182,19 @@ class _Tree:
             for node in ast.walk(scope)
         )
 
-    def _statement(self, call: ast.Call) -> tuple[tuple[int, int], bool]:
-        """First and last line of the statement, and whether it awaits something that is written after the call."""
-        around = list(self._outward(call))
-        statement = next(node for node in around if isinstance(node, ast.stmt))
+    def _goes_on(self, statement: ast.stmt, call: ast.Call, certain: bool) -> bool:
+        """Whether the statement awaits something after the call, or calls something if the coroutine is kept for it."""
         if isinstance(getattr(statement, "body", None), list):
-            return (call.lineno, call.end_lineno or call.lineno), False
+            return isinstance(statement, _HEADERS)
+        around = set(self._outward(call))
         end = (call.end_lineno, call.end_col_offset)
-        awaits = (node for node in ast.walk(statement) if isinstance(node, ast.Await) and node not in around)
-        later = any((node.lineno, node.col_offset) >= end for node in awaits)
-        return (statement.lineno, statement.end_lineno or statement.lineno), later
+        for node in ast.walk(statement):
+            if node in around or not isinstance(node, ast.Await if certain else (ast.Await, ast.Call)):
+                continue
+            turned = any(isinstance(outer, _COMPREHENSIONS) and outer in around for outer in self._outward(node))
+            if isinstance(node, ast.Await) if turned else (node.lineno, node.col_offset) >= end:
+                return True
+        return False
 
     def _shown(self, call: ast.Call, lines: list[str]) -> tuple[str, str]:
         """The line as it is, and with the ``await``."""
@@ -192,6 +215,20 @@ class _Tree:
             last = len(line.encode()[:end].decode(errors="replace"))
             return line.strip(), f"{line[:begin]}(await {line[begin:last]}){line[last:]}".strip()
         return line.strip(), f"{line[:begin]}await {line[begin:]}".strip()
+
+
+def _span(statement: ast.stmt, call: ast.Call) -> tuple[int, int]:
+    """First and last line of a statement; of one with a body, of the call."""
+    node = call if isinstance(getattr(statement, "body", None), list) else statement
+    return node.lineno, node.end_lineno or node.lineno
+
+
+def _catches(node: ast.AST) -> bool:
+    """Whether errors may end here."""
+    if isinstance(node, _WITH):
+        opened = [item.context_expr for item in node.items]
+        return any(not isinstance(one, ast.Call) or _last(one.func) not in _LETS_THROUGH for one in opened)
+    return isinstance(node, (ast.Try, ast.TryStar)) and bool(node.handlers)
 
 
 @functools.lru_cache(maxsize=64)

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
+import queue
 import subprocess
 import sys
 import textwrap
@@ -397,6 +399,11 @@ MISTAKES = {
         "await sleep(...)    in a loop or in brackets: [await ... for ... in ...]",
     ),
     "another name": ("nap = sleep\nnap(3)\nawait sleep(1)", "sleep(...)", "await sleep(...)"),
+    "held beside our own with": (
+        "async with using('arm'):\n    HELD.append(sleep(5))",
+        "HELD.append(sleep(5))",
+        "HELD.append(await sleep(5))",
+    ),
     "thread": (
         "await in_thread(lambda: [sleep(1)] and None)",
         "await in_thread(lambda: [sleep(1)] and None)",
@@ -479,6 +486,24 @@ LEGITIMATE = {
     "an error with a name": "async def b():\n    x = reach()\n    await errs()\n    await x\n"
     "try:\n    await b()\nexcept ValueError as e: str(e)\nawait sleep(1)",
     "branches": "await par(lambda: reach(), lambda: serve(cup='x'))",
+    "failed among several": "cs = [reach(), misses(), reach('c')]\ntry: return [await c for c in cs] and None\n"
+    "except GraspMissed: return",
+    "failed in a loop": "try:\n    for c in [reach(), misses(), reach('c')]: await c\n"
+    "except GraspMissed: pass\nawait sleep(1)",
+    "failed in a loop over what is left": "cs = [reach(), misses(), reach('c')]\ntry:\n    while cs: await cs.pop(0)\n"
+    "except GraspMissed: pass\nawait sleep(1)",
+    "left a loop at a failure": "for c in [reach(), misses(), reach('c')]:\n    try: await c\n"
+    "    except GraspMissed: break\nawait sleep(1)",
+    "made anew in a loop": "for n in range(3):\n    c = reach()\n    try:\n        if n < 2: await misses()\n        await c\n"
+    "    except GraspMissed: pass\nawait sleep(1)",
+    "evaporated in a comprehension": "async def b(): return [await c for c in [reach(), reach('b')]]\n"
+    "await pursue(b, partial(sleep, 0.5))\nawait sleep(1)",
+    "suppressed": "import contextlib\nwith contextlib.suppress(GraspMissed):\n    c = reach()\n    await misses()\n    await c\n"
+    "await sleep(1)",
+    "failed in the next argument": "def boom(): raise GraspMissed\nasync def two(a, b): await a\n"
+    "try: await two(reach(), boom())\nexcept GraspMissed: pass\nawait sleep(1)",
+    "handed to what does not enter": "class M:\n    def __init__(self, c): self.c = c\n    async def __aenter__(self): raise GraspMissed\n"
+    "    async def __aexit__(self, *_): pass\ntry:\n    async with M(reach()): pass\nexcept GraspMissed: pass\nawait sleep(1)",
 }
 
 
@@ -534,6 +559,53 @@ def test_a_run_beside_another_in_a_thread_leaves_alone_what_may_be_the_others() 
         other.join()
     for one in held:
         one.close()
+
+
+@pytest.mark.parametrize("fails", [False, True])
+@pytest.mark.parametrize("how", ["queue", "loop", "running"])
+def test_what_was_handed_to_another_thread_is_awaited_there_after_the_run(how: str, fails: bool) -> None:
+    ran: list[str] = []
+    ended, taken = threading.Event(), threading.Event()
+    waiting: queue.Queue[Any] = queue.Queue()
+
+    async def work() -> None:
+        ran.append(how)
+
+    def works() -> None:
+        if how == "queue":
+            ended.wait(10)
+        coroutine = waiting.get()
+        taken.set()
+        ended.wait(10)
+        asyncio.run(coroutine)
+
+    loop = asyncio.new_event_loop()
+
+    async def body() -> str:
+        if how == "loop":
+            asyncio.run_coroutine_threadsafe(work(), loop)
+        else:
+            waiting.put(work())
+        if how == "running":
+            taken.wait(10)
+        if fails:
+            raise GraspMissed
+        return "done"
+
+    other = threading.Thread(target=works if how != "loop" else lambda: None)
+    other.start()
+    if fails:
+        with pytest.raises(GraspMissed):
+            go(body)
+    else:
+        assert go(body) == "done"
+    ended.set()
+    other.join()
+    loop.call_soon(loop.stop)
+    loop.run_forever()
+    loop.run_until_complete(asyncio.sleep(0))
+    loop.close()
+    assert ran == [how]
 
 
 def test_what_was_made_before_the_run_is_pythons_own_matter() -> None:
