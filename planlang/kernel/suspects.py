@@ -8,7 +8,6 @@ its function, under the names that the file has for it, that stand in no ``await
 from __future__ import annotations
 
 import ast
-import functools
 import inspect
 import linecache
 import os
@@ -73,11 +72,11 @@ def suspects(
     found = []
     for file, space in files.items():
         lines = linecache.getlines(file, dict(space))
-        tree = _parsed("".join(lines))
-        for call in tree.calls:
-            believed = file in near or (method and isinstance(call.func, ast.Attribute))
-            if _makes(call.func, coroutine, space, believed) and not _contradicts(call, coroutine):
-                found.append(tree.judged(call, file, lines))
+        tree = _parsed(file, lines)
+        for function, calls in tree.calls.values():
+            believed = file in near or (method and isinstance(function, ast.Attribute))
+            if _makes(function, coroutine, space, believed):
+                found += [tree.judged(call, file, lines) for call in calls if not _contradicts(call, coroutine)]
     return [suspect for suspect in found if suspect is not None]
 
 
@@ -125,11 +124,12 @@ class _Tree:
     """A parsed file: who stands in what."""
 
     def __init__(self, module: ast.Module) -> None:
-        self.calls: list[ast.Call] = []
+        self.calls: dict[str, tuple[ast.expr, list[ast.Call]]] = {}
+        """What is called, by how it is written, and the calls of it."""
         self.around: dict[ast.AST, ast.AST] = {}
         for node in ast.walk(module):
             if isinstance(node, ast.Call):
-                self.calls.append(node)
+                self.calls.setdefault(_name(node.func), (node.func, []))[1].append(node)
             for child in ast.iter_child_nodes(node):
                 self.around[child] = node
 
@@ -231,9 +231,23 @@ def _catches(node: ast.AST) -> bool:
     return isinstance(node, (ast.Try, ast.TryStar)) and bool(node.handlers)
 
 
-@functools.lru_cache(maxsize=64)
-def _parsed(text: str) -> _Tree:
-    try:
-        return _Tree(ast.parse(text))
-    except (SyntaxError, ValueError, RecursionError):  # what runs is no longer what the file says
-        return _Tree(ast.Module([], []))
+def _name(function: ast.expr) -> str:
+    """How a function is written; of one that is computed only what is known of it."""
+    if isinstance(function, ast.Attribute):
+        return f"{_name(function.value)}.{function.attr}"
+    return function.id if isinstance(function, ast.Name) else ""
+
+
+_trees: dict[str, tuple[list[str], _Tree]] = {}
+
+
+def _parsed(file: str, lines: list[str]) -> _Tree:
+    """The tree of a file, parsed anew when it is read anew."""
+    known = _trees.get(file)
+    if known is None or known[0] is not lines:
+        try:
+            tree = _Tree(ast.parse("".join(lines)))
+        except (SyntaxError, ValueError, RecursionError):  # what runs is no longer what the file says
+            tree = _Tree(ast.Module([], []))
+        known = _trees[file] = lines, tree
+    return known[1]

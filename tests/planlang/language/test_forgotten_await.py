@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import ast
 import asyncio
 import gc
 import queue
@@ -15,6 +16,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -35,7 +37,7 @@ from planlang import (
     wait_for,
 )
 from planlang.failures import GraspMissed
-from planlang.kernel import forgotten
+from planlang.kernel import forgotten, suspects
 
 HEAD = """\
 from functools import partial
@@ -651,6 +653,41 @@ def test_coroutines_of_strangers_are_left_alone() -> None:
 def test_the_second_of_two_mistakes_is_not_printed_either(written: Written) -> None:
     with pytest.raises(PlanStructureError, match=shows("reach('b')", "await reach('b')")):
         written("reach('b')\nreach('c')\nawait sleep(1)")
+
+
+def test_each_file_of_a_large_project_is_read_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for number in range(100):
+        name = f"a_part_{number}_of_a_large_project"
+        file = tmp_path / f"{name}.py"
+        file.write_text(f"# {number}")
+        module = ModuleType(name)
+        module.__file__ = str(file)
+        monkeypatch.setitem(sys.modules, name, module)
+    parsed: list[str] = []
+
+    class Counting(suspects._Tree):
+        def __init__(self, module: ast.Module) -> None:
+            parsed.append("once")
+            super().__init__(module)
+
+    async def body() -> int:
+        await drops()
+        before = len(parsed)
+        for _ in range(3):
+            await drops()
+        return len(parsed) - before
+
+    async def drops() -> None:
+        later = reach()
+        try:
+            await fails()
+            await later
+        except GraspMissed:
+            pass
+
+    monkeypatch.setattr(suspects, "_Tree", Counting)
+    assert go(body) == 0
+    assert len(parsed) >= 100
 
 
 def test_without_source_the_name_alone_tells() -> None:
