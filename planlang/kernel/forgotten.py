@@ -141,7 +141,8 @@ def judged(
     if unwound and not here and not (calls and all(call.certain for call in calls)):
         return None
     chosen = here[:1] or _likeliest(calls, frames)
-    if any(call.catches and not call.certain and (call.stored or not here) for call in here[:1] or calls):
+    possible = here[:1] or [call for call in calls if call.near or call in chosen]
+    if any(call.catches and not call.certain and (call.stored or not here) for call in possible):
         return None  # what was to await it may have failed before
     if len({call.where for call in chosen}) == 1:
         return PlanStructureError(

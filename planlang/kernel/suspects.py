@@ -50,6 +50,8 @@ class Suspect:
     """Its statement keeps it, and what it has kept before is dropped in this line."""
     catches: bool
     """Its function may go on after an error that has kept the coroutine from being awaited."""
+    near: bool
+    """Its file is one of those that the running code comes from."""
 
     @property
     def where(self) -> str:
@@ -76,7 +78,9 @@ def suspects(
         for function, calls in tree.calls.values():
             believed = file in near or (method and isinstance(function, ast.Attribute))
             if _makes(function, coroutine, space, believed):
-                found += [tree.judged(call, file, lines) for call in calls if not _contradicts(call, coroutine)]
+                found += [
+                    tree.judged(call, file, lines, file in near) for call in calls if not _contradicts(call, coroutine)
+                ]
     return [suspect for suspect in found if suspect is not None]
 
 
@@ -133,7 +137,7 @@ class _Tree:
             for child in ast.iter_child_nodes(node):
                 self.around[child] = node
 
-    def judged(self, call: ast.Call, file: str, lines: list[str]) -> Suspect | None:
+    def judged(self, call: ast.Call, file: str, lines: list[str], near: bool) -> Suspect | None:
         """What may become of the coroutine that the call gives; None if it is awaited or its own methods are called."""
         name: str | None = None
         node: ast.AST = call
@@ -163,6 +167,7 @@ class _Tree:
             certain=certain,
             goes_on=self._goes_on(statement, call, certain),
             stored=isinstance(statement, (ast.Assign, ast.AnnAssign)),
+            near=near,
             catches=function is not None and any(map(_catches, ast.walk(function))),
         )
 
