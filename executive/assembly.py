@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache, partial
+from itertools import chain, islice
 
 import numpy as np
 
 from executive.arms import arm_models, gaze_of
 from executive.capabilities import Robot
-from executive.knowledge import Belief, SemanticMap, default_start
+from executive.knowledge import Belief, SemanticMap, default_starts
 from executive.locations import Base, Resolver
 from executive.platform import Platform
 from executive.surroundings import BelievedSurroundings
 from planlang.diagnostics import BadInput, error
 from planlang.ontology import Ontology, expand, shorten
 from sim import PyBulletWorld, Scene, perturb
+
+MOST_STARTS = 5000
+"""Places with room for the base that are looked at for one with room for the arms, too."""
 
 
 def real_scene(scene: Scene, seed: int, robot_in: PyBulletWorld) -> Scene:
@@ -27,16 +32,39 @@ def real_scene(scene: Scene, seed: int, robot_in: PyBulletWorld) -> Scene:
     return perturb(scene, seed, radius=radius, height=height)
 
 
-def placed(scene: Scene, robot: Robot, start: Base | None) -> Scene:
-    """The scene with the robot at its start: where the user says, else a free place near the middle."""
-    start = start or default_start(scene, robot.base.radius)
-    if start is None:
-        advice = "say where with --start x,y,yaw"
-        raise BadInput([error("X003", "there is no free place for the robot to start", help=advice)])
-    return replace(scene, start=start)
+def world_at_start(scene: Scene, robot: Robot, start: Base | None, stack: ExitStack) -> PyBulletWorld:
+    """A world with the robot at its start: where the user says, else at a free place near the middle.
+
+    ``stack`` closes the world. Raises BadInput when there is no place, or something stands where the user says.
+    """
+    places = default_starts(scene, robot.base.radius) if start is None else iter((start,))
+    first = next(places, None)
+    if first is None:
+        raise _nowhere()
+    world = PyBulletWorld(replace(scene, start=first), robot.body())
+    stack.callback(world.close)
+    if start is not None:
+        _check_start(world)
+        return world
+    now = world.configuration()
+    for place in chain((first,), islice(places, MOST_STARTS)):
+        if not world.contacts(replace(now, base=place), moving=("base",)):
+            break
+    else:
+        raise _nowhere()
+    if place == first:
+        return world
+    world = PyBulletWorld(replace(scene, start=place), robot.body())
+    stack.callback(world.close)
+    return world
 
 
-def check_start(world: PyBulletWorld) -> None:
+def _nowhere() -> BadInput:
+    advice = "say where with --start x,y,yaw"
+    return BadInput([error("X003", "there is no free place for the robot to start", help=advice)])
+
+
+def _check_start(world: PyBulletWorld) -> None:
     """Raise BadInput when the robot would stand in something, or off the map."""
     x, y, yaw = world.scene.start
     x_min, y_min, x_max, y_max = world.scene.bounds

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from executive.assembly import check_start, placed, platform_of
+from executive.assembly import platform_of, world_at_start
 from executive.capabilities import bind_robot
 from executive.carrying import with_carrying
 from executive.console import DONE, FAILED, MISSING_CAPABILITY, Answer
@@ -22,7 +22,6 @@ from planlang.diagnostics import BadInput, Diagnostic, error, note
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.ontology import expand, load, shorten
 from planlang.phrases import Lexicon, read_location, read_thing, write_location
-from sim import PyBulletWorld
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +54,7 @@ def locate(options: LocateOptions) -> Answer:
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
             text = f"MissingCapability: {robot.name} has no {location.device}; its arms: {arms}"
             return Answer(MISSING_CAPABILITY, tuple(found), text, {"failure": ["MissingCapability"]})
-        scene = placed(scene_of(semantic_map, found), robot, options.start)
-        world = PyBulletWorld(scene, robot.body())
-        stack.callback(world.close)
-        check_start(world)
+        world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
         platform = platform_of(robot, semantic_map, world, world, 0)
         what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
         meant = _meant([*references(location), *([] if what is None else [what])], platform)

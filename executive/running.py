@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from executive.assembly import check_start, placed, platform_of, real_scene
+from executive.assembly import platform_of, real_scene, world_at_start
 from executive.capabilities import Robot, bind_robot, missing_capabilities
 from executive.carrying import with_carrying
 from executive.console import DONE, FAILED, INTERRUPTED, MISSING_CAPABILITY
@@ -122,10 +122,8 @@ def run_plan_file(options: RunOptions) -> RunResult:
             past, notes = past_of(options.resume)
             options.announce(notes)
             found.extend(notes)
-        scene = placed(scene, robot, options.start)
-        believed = PyBulletWorld(scene, robot.body())
-        stack.callback(believed.close)
-        check_start(believed)
+        believed = world_at_start(scene, robot, options.start, stack)
+        scene = believed.scene
         real = real_scene(scene, options.seed, believed)
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         stack.callback(truth.close)

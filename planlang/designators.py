@@ -160,7 +160,7 @@ class Location:
             code = written(other)
             message = f"& joins two locations, not a location and {code}"
             raise WrongType(contrast(message, f"near & {code}", "near & a_location(in_reach_of=bottle)"))
-        if not (self.relations and other.relations):
+        if isinstance(self, Posture) or isinstance(other, Posture):
             raise ValueError(f"a posture is no set of poses that can be joined with another: {self} & {other}")
         if None not in (self.device, other.device) and self.device != other.device:
             raise ValueError(

@@ -7,7 +7,7 @@ into bodies (``support`` says what stands on what, ``start`` where the robot beg
 from executive.knowledge.belief import Belief, Grip
 from executive.knowledge.scene import scene_of
 from executive.knowledge.semantic_map import MapObject, SemanticMap, read_map
-from executive.knowledge.start import default_start
+from executive.knowledge.start import default_starts
 from executive.knowledge.support import support_of
 
-__all__ = ["Belief", "Grip", "MapObject", "SemanticMap", "default_start", "read_map", "scene_of", "support_of"]
+__all__ = ["Belief", "Grip", "MapObject", "SemanticMap", "default_starts", "read_map", "scene_of", "support_of"]

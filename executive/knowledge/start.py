@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,11 @@ HEADROOM = 2.0
 """Bodies above this height are driven under [m]."""
 
 
-def default_start(scene: Scene, radius: float) -> tuple[float, float, float] | None:
-    """The free pose (x, y, yaw 0) nearest the centre of the room, or of all things without one; None if there is none.
+def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, float]]:
+    """Free poses (x, y, yaw 0), those nearest the centre of the room, or of all things without one, first.
 
     Free: a disc of ``radius`` and :data:`CLEARANCE` [m] touches no body and lies within the room. Of equally near
-    places the one with the smallest x, then y is taken.
+    places the one with the smallest x, then y is the first. A coarser grid is looked at only when a finer has none.
     """
     rooms = [body for body in scene.bodies if body.shape == "room"]
     x_min, y_min, x_max, y_max = scene.bounds
@@ -40,15 +40,17 @@ def default_start(scene: Scene, radius: float) -> tuple[float, float, float] | N
         for body in scene.bodies
         if body.shape not in ("marker", "room") and corners(body.pose, body.size)[:, 2].min() < HEADROOM
     ]
+    found = False
     for reach, spacing in GRIDS:
         points = _grid(centre, min(reach, max(x_max - x_min, y_max - y_min)), spacing)
         points = points[np.all((points >= (x_min, y_min)) & (points <= (x_max, y_max)), axis=1)]
         for first in range(0, len(points), BLOCK):
             block = points[first : first + BLOCK]
             free = block[_free(block, inner, outer, radius + CLEARANCE)]
-            if len(free):
-                return (float(free[0, 0]) + 0.0, float(free[0, 1]) + 0.0, 0.0)
-    return None
+            found = found or len(free) > 0
+            yield from ((x + 0.0, y + 0.0, 0.0) for x, y in free.tolist())
+        if found:
+            return
 
 
 def _grid(centre: Array, reach: float, spacing: float) -> Array:

@@ -1,8 +1,8 @@
 """Resolves locations: places for the base, ways of a hand, poses of objects; lazily, best first, judged exactly.
 
 A base that has to reach something is looked for by inverting reachability maps (``reaching``), any other on a grid
-around what it is about (``standing``). When a first, natural choice of hand poses leads to nothing, all of them are
-looked at once before the resolution fails.
+around what it is about (``standing``). When a first, natural choice of hand poses leads to nothing, more and more of
+them are looked at (``effort``) before the resolution fails.
 """
 
 from __future__ import annotations

@@ -42,9 +42,9 @@ class Solver(Protocol):
 
 
 SURE, UNSURE = -2, -1
+"""What a checker says of a configuration: nothing is hit for sure, or as far as spheres tell."""
 ALSO_SURE = -1.0
 """As the depth that is asked for: what is sure may be told, too."""
-"""What a checker says of a configuration: nothing is hit for sure, or as far as spheres tell."""
 
 
 class Checker(Protocol):
@@ -59,8 +59,8 @@ class Checker(Protocol):
         ``bases`` (n, 12): rotation row by row, and position, of the base of the chain in the map.
         """
 
-    def judge_edge(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
-        """The first hit at points ``order`` of 0 .. pieces of the line between configurations (d,), else the worst."""
+    def edge_hit(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
+        """The first pair hit at points ``order`` of 0 .. pieces of a line between configurations (d,), or negative."""
 
     def doubtful(self, q: Array) -> NDArray[np.int32]:
         """The pairs that are not free for sure at a configuration (d,)."""

@@ -143,22 +143,27 @@ static double gap(const double (*points)[3], const double *spheres, int count, c
 /* Whether a plane of one polyhedron has all corners of another, which is in another frame, far enough beyond it. */
 static int beyond_plane(const struct bodies *all, int one, const double *here, int other, const double *there)
 {
-    double away = all->beyond[one] + all->beyond[other];
+    double away = all->beyond[one] + all->beyond[other], turn[9], shift[3];
+    const double *corners = all->corners + 3 * all->corner_first[other];
+    int count = all->corner_first[other + 1] - all->corner_first[other], near = 0;
+    for (int i = 0; i < 3; ++i)  /* the other's frame as the one sees it */
+        for (int j = 0; j < 3; ++j)
+            turn[3 * i + j] = here[i] * there[j] + here[3 + i] * there[3 + j] + here[6 + i] * there[6 + j];
+    to_local(here, there + 9, shift);
     for (int p = all->plane_first[one]; p < all->plane_first[one + 1]; ++p) {
-        const double *plane = all->planes + 4 * p;
-        double normal[3], turned[3], offset = plane[3] + away, least = INFINITY;
-        for (int i = 0; i < 3; ++i)
-            normal[i] = here[3 * i] * plane[0] + here[3 * i + 1] * plane[1] + here[3 * i + 2] * plane[2];
-        for (int i = 0; i < 3; ++i) {
-            offset -= normal[i] * (there[9 + i] - here[9 + i]);
-            turned[i] = there[i] * normal[0] + there[3 + i] * normal[1] + there[6 + i] * normal[2];
-        }
-        for (int c = all->corner_first[other]; c < all->corner_first[other + 1] && (least = fmin(least,
-                 turned[0] * all->corners[3 * c] + turned[1] * all->corners[3 * c + 1] +
-                 turned[2] * all->corners[3 * c + 2])) > offset; ++c)
-            ;
-        if (least > offset)
+        const double *n = all->planes + 4 * p;
+        double x = turn[0] * n[0] + turn[3] * n[1] + turn[6] * n[2];
+        double y = turn[1] * n[0] + turn[4] * n[1] + turn[7] * n[2];
+        double z = turn[2] * n[0] + turn[5] * n[1] + turn[8] * n[2];
+        double offset = n[3] + away - n[0] * shift[0] - n[1] * shift[1] - n[2] * shift[2];
+        int c = 0;
+        if (x * corners[3 * near] + y * corners[3 * near + 1] + z * corners[3 * near + 2] <= offset)
+            continue;  /* that corner is not beyond this plane either */
+        while (c < count && x * corners[3 * c] + y * corners[3 * c + 1] + z * corners[3 * c + 2] > offset)
+            ++c;
+        if (c == count)
             return 1;
+        near = c;
     }
     return 0;
 }
@@ -247,22 +252,20 @@ void hit_rows(const double *q, const double *bases, ptrdiff_t rows, double deepe
         found[i] = judged(q + i * JOINTS, bases + i * 12, all, deeper, NULL, NULL);
 }
 
-/* Judges points order[0 .. inner) of an edge in `pieces` pieces, up to the first hit, which is returned. */
-int judge_edge(const double *from, const double *to, ptrdiff_t pieces, const int *order, ptrdiff_t inner,
-               const struct bodies *all)
+/* The first pair that is hit at points order[0 .. inner) of an edge in `pieces` pieces, else UNSURE. */
+int edge_hit(const double *from, const double *to, ptrdiff_t pieces, const int *order, ptrdiff_t inner,
+             const struct bodies *all)
 {
     double q[JOINTS];
-    int state = SURE;
     for (ptrdiff_t i = 0; i < inner; ++i) {
         double share = (double)order[i] / (double)pieces;
         for (int j = 0; j < JOINTS; ++j)
             q[j] = from[j] + (to[j] - from[j]) * share;
-        int one = judged(q, all->base, all, ALSO_SURE, NULL, NULL);
+        int one = judged(q, all->base, all, 0.0, NULL, NULL);
         if (one >= 0)
             return one;
-        state = one > state ? one : state;
     }
-    return state;
+    return UNSURE;
 }
 
 /* The smallest gap of every pair. */

@@ -14,7 +14,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import compress
+from itertools import compress, pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -247,16 +248,25 @@ class QuickCheck:
         self._dof = chain.dof
         self._checker = chain.backend.checker(self._bodies)
 
-    @cached_property
+    @property
     def names(self) -> tuple[tuple[str, str], ...]:
         """Who the two of each pair are (p,)."""
-        sizes = np.diff(self._bodies.group_pair).tolist()
-        pairs = zip(self._groups.movers.tolist(), self._groups.obstacles.tolist(), sizes, strict=True)
-        return tuple(
-            (self._movers.names[mover], self._obstacles.names[obstacle])
-            for mover, obstacle, size in pairs
-            for _ in range(size)
-        )
+        groups = self._groups_of(np.arange(len(self._bodies.pair_piece)))
+        return tuple(map(self._pair, groups.tolist()))
+
+    def _groups_of(self, pairs: NDArray[np.integer[Any]]) -> NDArray[np.intp]:
+        return np.searchsorted(self._bodies.group_pair, pairs, side="right") - 1
+
+    def _pair(self, group: int) -> tuple[str, str]:
+        return self._movers.names[self._groups.movers[group]], self._obstacles.names[self._groups.obstacles[group]]
+
+    @cached_property
+    def _pairs_of(self) -> dict[frozenset[str], list[int]]:
+        """The numbers of the pairs of two bodies."""
+        found: dict[frozenset[str], list[int]] = {}
+        for group, span in enumerate(pairwise(self._bodies.group_pair.tolist())):
+            found.setdefault(frozenset(self._pair(group)), []).extend(range(*span))
+        return found
 
     def hit(self, bases: Array, q: Array | None = None, *, deeper: float = 0.0) -> list[str | None]:
         """The first obstacle that is hit from each base pose (n, 4, 4) in the map at configurations (n, d); None: none.
@@ -268,7 +278,7 @@ class QuickCheck:
         if not count or not len(self._bodies.pair_piece):
             return [None] * count
         found = self._checker.hits(np.zeros((count, self._dof)) if q is None else q, _rows(bases), deeper)
-        groups = np.searchsorted(self._bodies.group_pair, found, side="right") - 1
+        groups = self._groups_of(found)
         names, of_group = self._obstacles.names, self._groups.obstacles
         return [None if pair < 0 else names[of_group[g]] for pair, g in zip(found.tolist(), groups, strict=True)]
 
@@ -288,15 +298,16 @@ class QuickCheck:
         """Mover and obstacle that may touch at a configuration (d,), no others do; None if that is not known."""
         if not self.whole:
             return None
-        return list(dict.fromkeys(self.names[number] for number in self._checker.doubtful(q)))
+        groups = self._groups_of(self._checker.doubtful(q))
+        return list(dict.fromkeys(map(self._pair, np.unique(groups).tolist())))
 
     def free(self, q: Array) -> bool:
         """Whether no sphere is inside something at a configuration (d,)."""
-        return int(self._checker.judge(q[None])[0]) < 0
+        return int(self._checker.hits(q[None], self._bodies.base[None], 0.0)[0]) < 0
 
     def edge_free(self, start: Array, end: Array, pieces: int) -> bool:
         """The same for all points between two configurations (d,) that divide the way into so many pieces."""
-        return self._checker.judge_edge(start, end, pieces, bisection(pieces)) < 0
+        return self._checker.edge_hit(start, end, pieces, bisection(pieces)) < 0
 
     def gaps(self, q: Array) -> Array:
         """The smallest gap of each pair (p,) at a configuration (d,) [m]."""
@@ -313,8 +324,7 @@ class QuickCheck:
 
     def learn(self, q: Array, pairs: Iterable[tuple[str, str]]) -> None:
         """At a configuration (d,) bodies were found to touch: keep them farther apart, as far as the ends allow."""
-        found = {frozenset(pair) for pair in pairs}
-        rows = [k for k, names in enumerate(self.names) if frozenset(names) in found]
+        rows = [row for pair in {frozenset(pair): None for pair in pairs} for row in self._pairs_of.get(pair, ())]
         raised = np.minimum(self.gaps(q)[rows] + APART, self._most[rows])
         nearest = raised <= raised.min(initial=np.inf) + 0.01  # of a body's pieces those that may have been hit
         rows_hit = np.array(rows, np.intp)[nearest]

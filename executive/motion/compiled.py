@@ -142,7 +142,7 @@ class _CollisionCode:
         self.frames = _function(code, "frames_rows", [_POINTER, _SIZE, _POINTER])
         self.judge = _function(code, "judge_rows", [_POINTER, _SIZE, _POINTER, _POINTER])
         self.hits = _function(code, "hit_rows", [_POINTER, _POINTER, _SIZE, ctypes.c_double, _POINTER, _POINTER])
-        self.edge = _function(code, "judge_edge", [_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER])
+        self.edge = _function(code, "edge_hit", [_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER])
         self.doubtful = _function(code, "doubtful_at", [_POINTER, _POINTER, _POINTER])
         self.edge.restype = self.doubtful.restype = ctypes.c_int
         self.gaps = _function(code, "gaps_at", [_POINTER, _POINTER, _POINTER])
@@ -171,7 +171,7 @@ class CompiledChecker:
         self._code.hits(q.ctypes.data, bases.ctypes.data, len(q), deeper, self._all, found.ctypes.data)
         return found
 
-    def judge_edge(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
+    def edge_hit(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
         """As ``Checker`` says."""
         start, end = np.ascontiguousarray(start), np.ascontiguousarray(end)
         return int(

@@ -1,7 +1,8 @@
 """Whether a robot fits where it stands with its heading: outlines of its links from above against upright boxes.
 
 A silhouette tells how much room a robot takes that turns on the spot. One that is not round stands closer to things
-than that with the right heading: its corners point where there is room.
+than that with the right heading: its corners point where there is room. Each link counts with its whole outline in all
+its heights.
 """
 
 from __future__ import annotations

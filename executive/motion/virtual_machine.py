@@ -201,13 +201,11 @@ class VirtualChecker:
             first[rows] = np.minimum(first[rows], lowest)
         return np.where(first < never, first, UNSURE).astype(np.int32)
 
-    def judge_edge(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
+    def edge_hit(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
         """As ``Checker`` says."""
-        if not len(order):
-            return SURE
-        found = self.judge(start + (end - start) * (order / pieces)[:, None])
-        hit = np.flatnonzero(found >= 0)
-        return int(found[hit[0]] if len(hit) else found.max())
+        rows = start + (end - start) * (order / pieces)[:, None]
+        found = self.hits(rows, np.tile(self._bodies.base, (len(rows), 1)), 0.0)
+        return int(next((pair for pair in found.tolist() if pair >= 0), UNSURE))
 
     def doubtful(self, q: Array) -> NDArray[np.int32]:
         """As ``Checker`` says."""

@@ -105,3 +105,13 @@ def test_outlines_are_told_in_the_frame_of_the_base_wherever_it_stands(alone: Py
     alone.set_configuration(Configuration((1.0, -2.0, 0.7), alone.configuration().joints))
     for one, other in zip(before, alone.outlines(), strict=True):
         np.testing.assert_allclose(one[2], other[2], atol=1e-9)
+
+
+def test_links_that_a_joint_moves_together_do_not_move_against_each_other(alone: PyBulletWorld) -> None:
+    robot = alone.robot
+    apart = robot.moved_apart(frozenset({"elbow_pitch_joint_right"}))
+    forearm, hand, upper = (robot.number[name] for name in ("fore_arm_right", "hand_right", "upper_arm_right"))
+    assert apart[forearm, upper]
+    assert apart[upper, hand]
+    assert not apart[forearm, hand]
+    assert not robot.moved_apart(frozenset({"x", "y"})).any()

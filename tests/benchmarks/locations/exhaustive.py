@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.protocols import Array
-from tests.benchmarks.locations.oracle import PRESSED, Base, Claim, Oracle
+from tests.benchmarks.locations.oracle import PRESSED, Base, Claim, Oracle, on_the_way
 from tests.benchmarks.locations.sampler import Chains, grasp_poses
 
 CELL, HEADINGS = 0.04, 24
@@ -203,7 +203,10 @@ def _complete(
     others, good = solver.solve(_inverse(base) @ poses[[0, 2]], np.tile(q, (2, 1, 1)))
     if not good.all() or not all(map(is_free, others)) or not oracle.sees(base, target):
         return None
-    return Claim(base, name, chain.names, np.stack([others[0], q, others[1]]), poses, target, True)
+    values = np.stack([others[0], q, others[1]])
+    if not all(map(is_free, on_the_way(values))):
+        return None
+    return Claim(base, name, chain.names, values, poses, target, True)
 
 
 def _inverse(base: Base) -> Array:

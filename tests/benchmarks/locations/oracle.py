@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -29,6 +30,8 @@ WITHIN = 0.001
 """Distances up to this are asked for [m]: asked for none at all, PyBullet does not tell all penetrations."""
 TIP, TURN = 2e-3, 2e-2
 """How far a tip may be from the pose that is claimed [m], [rad]."""
+STEPS = 8
+"""In so many steps the way from one pose of a claim to the next is looked at."""
 NEIGHBOURS = 2
 """Links that are so few joints apart may touch each other."""
 GAZES = 15
@@ -301,6 +304,10 @@ class Oracle:
                 return f"pose {number}: the tip is {away:.4f} m and {turned:.4f} rad from where it should be"
             if pair := self.touched(hand, claim.target):
                 return f"pose {number}: {pair[0]} touches {pair[1]}"
+        for values in on_the_way(claim.values):
+            self.place(claim.base, {**self.posture, **fingers, **dict(zip(claim.joints, values.tolist(), strict=True))})
+            if pair := self.touched(hand, claim.target):
+                return f"between its poses {pair[0]} touches {pair[1]}"
         return None
 
     def rests(self, name: str, at: Pose, support: str) -> str | None:
@@ -369,6 +376,13 @@ def followers(urdf: Path) -> Followers:
 def led(joints: Mapping[str, float], by: Followers) -> dict[str, float]:
     """Where joints go that mimic some of these."""
     return {name: joints[to] * factor + offset for name, (to, factor, offset) in by.items() if to in joints}
+
+
+def on_the_way(values: Array) -> Array:
+    """Postures (n, d) on the lines between neighbouring ones (k, d), these left out."""
+    shares = np.linspace(0.0, 1.0, STEPS + 1)[1:-1, None]
+    lines = [one + shares * (other - one) for one, other in pairwise(values)]
+    return np.concatenate([np.zeros((0, values.shape[1])), *lines])
 
 
 def angle(one: Array, other: Array) -> float:

@@ -17,7 +17,7 @@ import pybullet
 from executive.capabilities import Arm, Robot
 from executive.motion import Chain, InverseKinematics
 from planlang.protocols import Array
-from tests.benchmarks.locations.oracle import Claim, Oracle, angle
+from tests.benchmarks.locations.oracle import Claim, Oracle, angle, on_the_way
 
 CELL, CELLS = 0.04, 100
 """Resolution [m] and extent of the costmap around the target."""
@@ -187,7 +187,7 @@ def _quaternion(pose: Array) -> list[float]:
 def _is_free(oracle: Oracle, claim: Claim, hand: frozenset[int]) -> bool:
     arm = oracle.robot.arm(claim.arm)
     opened = arm.gripper.opened if arm.gripper is not None else {}
-    for values in claim.values:
+    for values in (*claim.values, *on_the_way(claim.values)):
         oracle.place(
             claim.base, {**oracle.posture, **opened, **dict(zip(claim.joints, map(float, values), strict=True))}
         )

@@ -3,7 +3,7 @@
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.util import find_spec
+from importlib.metadata import distributions
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +79,7 @@ def test_the_real_urdf_of_amigo_can_be_given(corpus: Path) -> None:
 
 @pytest.mark.parametrize("name", ["PR2@hydro.owl", "pioneer@hydro.owl", "baxter@hydro.owl"])
 def test_another_robot_needs_its_urdf(corpus: Path, name: str) -> None:
-    if name.startswith("PR2") and find_spec("example_robot_data"):
+    if name.startswith("PR2") and any(distributions(name="example-robot-data")):
         pytest.skip("the extra pr2 is installed, which has its URDF")
     with pytest.raises(BadInput, match="--urdf"):
         bind_robot(corpus / "robots" / name)

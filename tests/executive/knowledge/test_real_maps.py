@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executive.knowledge import SemanticMap, default_start, read_map, scene_of
+from executive.knowledge import SemanticMap, default_starts, read_map, scene_of
 from executive.knowledge.sizes import EXTENTS
 from planlang.ontology import load
 from planlang.protocols import Pose
@@ -80,7 +80,7 @@ def test_a_world_can_be_made_of_a_real_map_and_a_robot_finds_a_place_in_it(corpu
     scene = scene_of(semantic_map)
     world = PyBulletWorld(scene)
     assert world.names() == tuple(thing.name for thing in semantic_map.objects if thing.pose)
-    assert default_start(scene, 0.35) is not None
+    assert next(default_starts(scene, 0.35), None) is not None
     world.close()
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executive.knowledge import SemanticMap, default_start, read_map, scene_of, support_of
+from executive.knowledge import SemanticMap, default_starts, read_map, scene_of, support_of
 from executive.knowledge.support import footprint
 from planlang.diagnostics import Diagnostic
 from planlang.ontology import load
@@ -109,30 +109,30 @@ def test_the_support_is_the_highest_surface_below() -> None:
 
 
 def test_the_robot_begins_at_the_free_place_nearest_the_middle(room: Scene) -> None:
-    assert default_start(room, 0.333) == (0.0, 0.0, 0.0)
+    assert next(default_starts(room, 0.333)) == (0.0, 0.0, 0.0)
     table = Body("table", Pose((0.0, 0.0, 0.35)), (0.8, 1.2, 0.7))
-    start = default_start(replace(room, bodies=(*room.bodies, table)), 0.333)
+    start = next(default_starts(replace(room, bodies=(*room.bodies, table)), 0.333))
     assert start == (-0.85, 0.0, 0.0)
 
 
 def test_a_crowded_room_has_no_place_for_the_robot() -> None:
     walls = Body("room", Pose((0, 0, 1)), (1.0, 1.0, 2.0), "room")
-    assert default_start(Scene((walls,), (-0.5, -0.5, 0.5, 0.5)), 0.4) == (0.0, 0.0, 0.0)
-    assert default_start(Scene((walls,), (-0.5, -0.5, 0.5, 0.5)), 0.45) is None
+    assert next(default_starts(Scene((walls,), (-0.5, -0.5, 0.5, 0.5)), 0.4)) == (0.0, 0.0, 0.0)
+    assert next(default_starts(Scene((walls,), (-0.5, -0.5, 0.5, 0.5)), 0.45), None) is None
 
 
 def test_lamps_far_above_do_not_keep_the_robot_away() -> None:
     lamp = Body("lamp", Pose((0, 0, 2.4)), (1.0, 1.0, 0.2))
-    assert default_start(Scene((lamp,), (-2, -2, 2, 2)), 0.4) == (0.0, 0.0, 0.0)
+    assert next(default_starts(Scene((lamp,), (-2, -2, 2, 2)), 0.4)) == (0.0, 0.0, 0.0)
 
 
 def test_a_map_of_far_places_is_searched_near_its_middle_only() -> None:
     far = Body("far", Pose((3e6, 0, 0.5)), (1.0, 1.0, 1.0))
     near = Body("near", Pose((-3e6, 0, 0.5)), (1.0, 1.0, 1.0))
-    assert default_start(Scene((far, near), (-3e6, -5, 3e6, 5)), 0.4) == (0.0, 0.0, 0.0)
+    assert next(default_starts(Scene((far, near), (-3e6, -5, 3e6, 5)), 0.4)) == (0.0, 0.0, 0.0)
 
 
 def test_a_start_may_be_farther_away_than_a_small_room_is_wide() -> None:
     hall = Body("hall", Pose((0, 0, 0.5)), (30.0, 30.0, 1.0))
-    start = default_start(Scene((hall,), (-20, -20, 20, 20)), 0.4)
+    start = next(default_starts(Scene((hall,), (-20, -20, 20, 20)), 0.4))
     assert start == (-15.5, 0.0, 0.0)

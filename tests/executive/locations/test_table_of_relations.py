@@ -122,14 +122,14 @@ def test_a_base_keeps_the_relation_and_then_it_holds(
     stand(room, (0.0, -0.4, 0.0))
     stated = next(relation for relation in BASES[name].relations if relation.name == name)
     others = Location(tuple(relation for relation in BASES[name].relations if relation != stated))
-    location = Location((~stated,)) & others if negated else BASES[name]
+    location = Location((~stated, *others.relations)) if negated else BASES[name]
     found = [solution.base for solution in first(room.resolver.bases(location), 4)]
     assert len(found) == 4
     judge = judge_of(room)
     joints = room.planning.configuration().joints
     for base in found:
         assert room.resolver.satisfies(location, base)
-        assert not room.resolver.satisfies(Location((stated if negated else ~stated,)) & others, base)
+        assert not room.resolver.satisfies(Location((stated if negated else ~stated, *others.relations)), base)
         match name:
             case "visible_from" if negated:
                 x, y, _ = BOTTLE.pose.position

@@ -127,6 +127,12 @@ def test_what_is_hit_from_any_base_touches_and_both_checks_say_the_same(
         joints = {**before.joints, **dict(zip(reacher.chain.names, q.tolist(), strict=True))}
         touched = reacher.world.contacts(Configuration(place, joints)) if body is not None else ()
         assert body is None or any(body in (contact.part, contact.body) for contact in touched)
+    clear = compiled.clear(bases, rows)
+    assert clear.any() or not compiled.sure(rows).any()
+    assert not (interpreted.clear(bases, rows) & ~clear).any()
+    for place, q in ((places[k], rows[k]) for k in np.flatnonzero(clear)):
+        joints = {**before.joints, **dict(zip(reacher.chain.names, q.tolist(), strict=True))}
+        assert not reacher.world.contacts(Configuration(place, joints), reacher.chain.names)
     for deeper in (0.004, 0.04):
         fewer = compiled.hit(bases, rows, deeper=deeper)
         assert fewer == interpreted.hit(bases, rows, deeper=deeper)
