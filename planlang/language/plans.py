@@ -5,6 +5,7 @@ from __future__ import annotations
 import dis
 import functools
 import inspect
+import itertools
 from collections.abc import Awaitable, Callable, Coroutine
 from contextvars import ContextVar
 from types import FunctionType, MethodType
@@ -118,14 +119,10 @@ class Plan(Generic[P, R]):
 
 def _gives_nothing(function: object) -> bool:
     """Whether it is a function that returns None, so nothing to be awaited, as one that a decorator has made may."""
-    if not isinstance(function, FunctionType):
-        return False
-    last: dis.Instruction | None = None
-    for instruction in dis.get_instructions(function):
-        if instruction.opname == "RETURN_VALUE" and (last is None or last.opname != "LOAD_CONST"):
-            return False
-        last = instruction
-    return True
+    return isinstance(function, FunctionType) and not any(
+        one.opname == "RETURN_VALUE" and before.opname != "LOAD_CONST"
+        for before, one in itertools.pairwise(dis.get_instructions(function))
+    )
 
 
 @overload

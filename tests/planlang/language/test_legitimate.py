@@ -220,6 +220,7 @@ def test_branches_are_whatever_gives_something_to_await() -> None:
 def test_plans_are_made_of_decorated_functions_and_of_methods() -> None:
     arm = Arm()
     assert go(plan(logged(reach))) == go(plan(bare(reach))) == "a"
+    assert go(plan(arm)) == "called"
     assert go(arm.planned) == (arm, "a")
     assert go(functools.partial(arm.planned, cup="b")) == (arm, "b")
     assert go(lambda: Arm.planned(arm, "c")) == (arm, "c")
