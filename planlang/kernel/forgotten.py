@@ -136,11 +136,14 @@ def judged(
     name = coroutine.__name__
     inner = frames[0] if frames else None
     here = [call for call in calls if inner is not None and call.covers(inner.f_code.co_filename, inner.f_lineno)]
-    if any(call.before_await for call in here):
-        return None  # what is awaited beside it may have failed
+    if any(call.goes_on for call in here):
+        return None  # what comes after it may have failed
     if unwound and not here and not (calls and all(call.certain for call in calls)):
         return None
     chosen = here[:1] or _likeliest(calls, frames)
+    possible = here[:1] or [call for call in calls if call.near or call in chosen]
+    if any(call.catches and not call.certain and (call.stored or not here) for call in possible):
+        return None  # what was to await it may have failed before
     if len({call.where for call in chosen}) == 1:
         return PlanStructureError(
             contrast(
