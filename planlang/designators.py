@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from numbers import Real
 
 from planlang.lengths import metres
-from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_amount, written
+from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
 
 RELATIONS: dict[str, str] = {
     "in_reach_of": "inReachOf",
@@ -113,7 +114,7 @@ class Relation:
         if not isinstance(self.name, str) or self.name not in RELATIONS:
             raise _RELATION.wrong("name", self.name, f"one of {', '.join(RELATIONS)}", WrongValue)
         for bound, length in (("within", self.within), ("beyond", self.beyond)):
-            if length is not None and not is_amount(length):
+            if length is not None and amount(length) is None:
                 raise _RELATION.wrong(bound, length, "a finite length >= 0 [m]", WrongValue)
         _RELATION.instance("reference", self.reference, (Object, Location), "an object or a location")
 
@@ -264,7 +265,7 @@ def _check_described(usage: Usage, type_: object, properties: object) -> None:
     for key, value in pairs:
         parts = value if isinstance(value, tuple) else (value,)
         for part in parts:
-            if not isinstance(part, (Object, Location, Situation, str, int, float)):
+            if not isinstance(part, (Object, Location, Situation, str, Real)):
                 raise usage.wrong(
                     key, value, "an object, a location, a situation, a text, a number, or a tuple of them"
                 )
@@ -344,7 +345,8 @@ def _bounded(relations: list[Relation], within: float | str | None, beyond: floa
 
 def _length(bound: str, length: float | str | None) -> float | None:
     try:
-        return None if length is None else metres(length)
+        known = None if isinstance(length, str) else amount(length)
+        return known if length is None or known is not None else metres(length)
     except ValueError as problem:
         wrong, right = (f"a_location(near=table, {bound}={code})" for code in (written(length), '"30 cm"'))
         raise WrongValue(contrast(str(problem), wrong, right)) from None

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import operator
 from collections.abc import Iterable, Mapping
 from functools import partial
 from types import FunctionType, MethodType
@@ -78,29 +79,27 @@ class Usage:
         """The error of an empty string."""
         return self.wrong(parameter, "", "a string with something in it", WrongValue)
 
-    def whole(self, parameter: str, value: object, least: int | None, what: str) -> None:
-        """Refuse what is no whole number, or less than ``least``."""
+    def whole(self, parameter: str, value: object, least: int | None, what: str) -> int:
+        """A whole number, of whatever class; refuses what is none, or less than ``least``."""
+        number = whole_number(value)
+        if number is not None and (least is None or number >= least):
+            return number
         meant = f"a number of {what}, a whole one" + ("" if least is None else f", at least {least}")
-        if not isinstance(value, (int, float)):
-            raise self.wrong(parameter, value, meant)
-        if not isinstance(value, int) or isinstance(value, bool) or (least is not None and value < least):
-            raise self.wrong(parameter, value, meant, WrongValue)
+        raise self.wrong(parameter, value, meant, WrongValue if _is_number(value) else WrongType)
 
     def seconds(self, parameter: str, value: object) -> None:
         """Refuse what is no duration."""
-        if not is_amount(value):
+        if amount(value) is None:
             raise self.not_seconds(parameter, value)
 
     def not_seconds(self, parameter: str, value: object) -> WrongType | WrongValue:
         """The error of an argument that is no duration."""
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        return self.wrong(
-            parameter, value, "a duration, a finite number of seconds >= 0", WrongValue if number else WrongType
-        )
+        kind = WrongValue if _is_number(value) and not isinstance(value, bool) else WrongType
+        return self.wrong(parameter, value, "a duration, a finite number of seconds >= 0", kind)
 
     def iterable(self, parameter: str, value: object, meant: str) -> None:
         """Refuse what has nothing in it to take, and a string, which has letters."""
-        if isinstance(value, (str, type)) or not isinstance(value, Iterable):
+        if isinstance(value, str) or not is_iterable(value):
             raise self.wrong(parameter, value, meant)
 
     def mapping(self, parameter: str, value: object, what: str) -> None:
@@ -172,12 +171,38 @@ def _is_branch(value: object) -> bool:
     return callable(value) and (not isinstance(value, type) or hasattr(value, "__await__"))
 
 
-def is_amount(value: Any) -> bool:
-    """Whether a value is a finite number, at least 0."""
+def amount(value: Any) -> float | None:
+    """A finite number, at least 0, of whatever class; None for what is none."""
+    if not hasattr(type(value), "__float__") or type(value).__name__ in _TRUTHS:
+        return None
     try:
-        return value.__class__ is not bool and bool(0 <= value < math.inf)
-    except (TypeError, ValueError):
-        return False
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return number if 0 <= number < math.inf else None
+
+
+def whole_number(value: Any) -> int | None:
+    """A whole number of whatever class; None for what is none, and for True and False."""
+    if type(value).__name__ in _TRUTHS:
+        return None
+    try:
+        return operator.index(value)
+    except TypeError:
+        return None
+
+
+_TRUTHS = ("bool", "bool_")
+"""Classes of True and False, Python's and numpy's."""
+
+
+def _is_number(value: object) -> bool:
+    return hasattr(type(value), "__float__")
+
+
+def is_iterable(value: object) -> bool:
+    """Whether there is something in it to take, one after another."""
+    return isinstance(value, Iterable) or (hasattr(type(value), "__getitem__") and not isinstance(value, type))
 
 
 def written(value: object) -> str:

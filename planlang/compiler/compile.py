@@ -53,8 +53,9 @@ def compile_recipe(
     ``scopes`` base motions are steps like any other; without ``data_flow`` steps hand nothing on, and what they could
     hand on orders nothing. Raises BadInput with all diagnostics if there is an error.
     """
-    ontology = load(path, folders=folders)
-    return compile_ontology(ontology, task=task, allow_abstract=allow_abstract, scopes=scopes, data_flow=data_flow)
+    with quiet_collector():  # nearly all that is read is kept to the end, too
+        ontology = load(path, folders=folders)
+        return compile_ontology(ontology, task=task, allow_abstract=allow_abstract, scopes=scopes, data_flow=data_flow)
 
 
 def compile_ontology(

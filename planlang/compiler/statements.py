@@ -278,7 +278,8 @@ class Statements:
                 inner, named[key] = self._branch(branch, depth, key)
                 before += inner
         steps = Display("{}", tuple(named.values()), tuple(map(quoted, named)))
-        orderings = [sequence([Text(quoted(a)), Text(quoted(b))]) for a, b in node.orderings]
+        keys = {key: Text(quoted(key)) for key in named}
+        orderings = [sequence([keys[a], keys[b]]) for a, b in node.orderings]
         return before, call(self._symbols.use("partial_order"), steps, sequence(orderings, "[]"))
 
     def _machine(self, machine: Machine, depth: int) -> tuple[list[str], CallExpression]:

@@ -10,7 +10,7 @@ from random import Random
 from typing import TYPE_CHECKING, Any, Protocol
 
 from planlang.kernel.numbers import packed, unpacked
-from planlang.misuse import WrongValue, contrast, written
+from planlang.misuse import WrongValue, contrast, whole_number, written
 
 if TYPE_CHECKING:
     from planlang.kernel.task import Task
@@ -50,11 +50,12 @@ class Recorded:
     """Takes choices from a list, then first come, first served; a choice beyond the last task is the last task."""
 
     def __init__(self, choices: Sequence[int]) -> None:
-        if any(isinstance(choice, bool) or not isinstance(choice, int) or choice < 0 for choice in choices):
+        places = [whole_number(choice) for choice in choices]
+        self._choices = tuple(place for place in places if place is not None and place >= 0)
+        if len(self._choices) < len(places):
             code = written(list(choices))
             message = f"a schedule is a list of places, whole numbers from 0, not {code}"
             raise WrongValue(contrast(message, f"schedule={code}", "schedule=[0, 2, 1]"))
-        self._choices = tuple(choices)
         self._taken = 0
 
     def choose(self, ready: Sequence[Task]) -> int:

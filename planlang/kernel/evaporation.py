@@ -118,4 +118,5 @@ def warn_cut_short(task: Task) -> None:
         CutShort,
         frame.f_code.co_filename,
         frame.f_lineno,
+        registry=frame.f_globals.setdefault("__warningregistry__", {}),  # once a line, unless it is asked for always
     )

@@ -67,7 +67,7 @@ class Fluent(Source[T]):
 
     def __init__(self, value: T = None, name: str | None = None, *, read: Callable[[], T] | None = None) -> None:  # type: ignore[assignment]
         super().__init__()
-        if name is not None and name.__class__ is not str:
+        if name is not None and not isinstance(name, str):
             raise _FLUENT.wrong("name", name, "a string")
         self.name = name
         self._value: T = value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from planlang.misuse import Usage, WrongValue, is_amount
+from planlang.misuse import Usage, WrongValue, amount
 
 WATCHDOG = 10.0
 """Seconds that code may compute, or be blocked, without reaching a checkpoint before it is interrupted."""
@@ -73,8 +73,8 @@ class SimulationHost:
 
 def checked(function: Usage, rate: int, watchdog: float | None) -> int:
     """The rate, if it and the watchdog's time are what they should be."""
-    function.whole("rate", rate, 1, "steps per second")
-    if watchdog is not None and (not is_amount(watchdog) or not watchdog):
+    rate = function.whole("rate", rate, 1, "steps per second")
+    if watchdog is not None and not amount(watchdog):
         meant = "None, or a time > 0 [s] for code that does not wait"
         raise function.wrong("watchdog", watchdog, meant, WrongValue)
     return rate

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import inspect
+from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from types import CellType, CoroutineType, FrameType, FunctionType, ModuleType
@@ -19,10 +20,12 @@ if TYPE_CHECKING:
 
     Coroutine = CoroutineType[Any, Any, Any]
 
-_HOLDERS = (list, tuple, dict, set, CellType)
+_HOLDERS = (list, tuple, dict, set, deque, CellType, Iterator)
 _EVERYWHERE = (ModuleType, FunctionType, type)
 _FAR = 4
 """Through how many things that hold each other a frame is looked for."""
+_LOOPS = frozenset({"asyncio", "_asyncio", "concurrent", "queue", "_queue", "threading", "rclpy", "trio", "uvloop"})
+"""Libraries that take coroutines over, to await them in another thread."""
 _runs: set[int] = set()
 """The runs of the process that go on, in whatever thread. What is made beside others is nobody's in particular."""
 
@@ -63,35 +66,62 @@ def watching(scheduler: Scheduler, root: Task) -> Iterator[None]:
         yield
     except BaseException:
         if len(_runs) == 1:
-            for coroutine in scheduler.coroutines.left():
-                if is_own(coroutine.cr_code.co_filename) or calls_of(root, coroutine, []):
-                    coroutine.close()
+            _close_left(scheduler, root)
         raise
     finally:
         _runs.discard(id(scheduler))
 
 
+def _close_left(scheduler: Scheduler, root: Task) -> None:
+    left = scheduler.coroutines.left()
+    while left:  # so that nothing of ours holds it
+        coroutine = left.pop()
+        ours = is_own(coroutine.cr_code.co_filename) or calls_of(root, coroutine, [])
+        if ours and not _held(coroutine)[1]:
+            coroutine.close()
+
+
 def last_look(scheduler: Scheduler, root: Task) -> PlanStructureError | None:
     """The error of a run whose top-level task has succeeded, while a coroutine is left that nobody has awaited."""
-    for coroutine in scheduler.coroutines.left() if len(_runs) == 1 else ():
+    left = scheduler.coroutines.left()[::-1] if len(_runs) == 1 else []
+    while left:
+        coroutine = left.pop()
         calls = calls_of(root, coroutine, [])
         if calls or is_own(coroutine.cr_code.co_filename):
-            error = judged(root, coroutine, calls, [], _in_a_frame(coroutine))
-            scheduler.spoilt = scheduler.spoilt or error
-            coroutine.close()
+            kept, elsewhere = _held(coroutine)
+            error = None if elsewhere else judged(root, coroutine, calls, [], kept)
+            if error is not None:
+                scheduler.spoilt = scheduler.spoilt or error
+            if not elsewhere:
+                coroutine.close()
     return scheduler.spoilt if isinstance(scheduler.spoilt, PlanStructureError) else None
 
 
-def _in_a_frame(coroutine: Coroutine) -> bool:
-    """Whether a call that has ended holds it, as those do through which an exception has gone that somebody keeps."""
+def _held(coroutine: Coroutine) -> tuple[bool, bool]:
+    """How a coroutine is held.
+
+    Whether by a call that has ended, as those do through which an exception has gone that somebody keeps; and whether
+    it was handed on to what is not the plan's, such as another event loop, which may await it yet.
+    """
     held: list[object] = [coroutine]
-    for _ in range(_FAR):
+    kept = False
+    for distance in range(_FAR):
         referrers = [one for one in gc.get_referrers(*held) if one is not held]
-        if any(isinstance(one, FrameType) for one in referrers):
-            return True
+        if any(map(_awaits, referrers)) or not (referrers or distance):  # by nothing: by what runs in another thread
+            return kept, True
+        kept = kept or any(isinstance(one, FrameType) for one in referrers)
         held = [one for one in referrers if isinstance(one, _HOLDERS) or hasattr(one, "__dict__")]
         held = [one for one in held if not isinstance(one, _EVERYWHERE) and "__builtins__" not in _names(one)]
-    return False
+    return kept, False
+
+
+def _awaits(holder: object) -> bool:
+    """Whether it belongs to a library that hands coroutines on or awaits them itself."""
+    if isinstance(holder, FunctionType):
+        name = holder.__module__
+    else:
+        name = type(holder).__module__
+    return str(name).partition(".")[0] in _LOOPS
 
 
 def _names(thing: object) -> Mapping[Any, Any]:

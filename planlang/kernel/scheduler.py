@@ -31,7 +31,7 @@ from planlang.kernel.threads import Calls
 from planlang.kernel.timers import Timer, TimerQueue
 from planlang.kernel.tree import name_of
 from planlang.kernel.watchdog import Overdue, Watch, watchdog
-from planlang.misuse import Usage
+from planlang.misuse import Usage, amount
 
 if TYPE_CHECKING:
     from planlang.kernel.answers import Answers
@@ -119,11 +119,9 @@ class Scheduler:
 
     def steps(self, seconds: float, given_to: Usage = SLEEP, parameter: str = "seconds") -> int:
         """The number of steps that last at least ``seconds``; WrongValue if negative, infinite or NaN."""
-        try:
-            if 0 <= seconds < math.inf and seconds is not True and seconds is not False:
-                return math.ceil(seconds * self.rate - 1e-6)
-        except (TypeError, ValueError, OverflowError):
-            pass
+        number = seconds if seconds.__class__ is float else amount(seconds)
+        if number is not None and 0 <= number * self.rate < math.inf:
+            return math.ceil(number * self.rate - 1e-6)
         raise given_to.not_seconds(parameter, seconds)
 
     def alarm(self, task: Task, steps: int, fire: Callable[[], object]) -> Timer:

@@ -8,7 +8,6 @@ its function, under the names that the file has for it, that stand in no ``await
 from __future__ import annotations
 
 import ast
-import functools
 import inspect
 import linecache
 import os
@@ -23,6 +22,11 @@ _DISPLAYS = (ast.List, ast.Tuple, ast.Set, ast.Dict, ast.Starred)
 _PASSING = (ast.NamedExpr, ast.BoolOp, ast.IfExp, *_DISPLAYS)
 _USES = (ast.FormattedValue, ast.Compare, ast.BinOp, ast.UnaryOp, ast.Subscript, ast.Attribute)
 _TESTS = (ast.If, ast.While, ast.IfExp, ast.Assert)
+_COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
+_WITH = (ast.With, ast.AsyncWith)
+_HEADERS = (ast.For, ast.AsyncFor, *_WITH)
+_LETS_THROUGH = frozenset({"using", "shield", "task_suspended", "on_suspension"})
+"""What is used as ``with`` and keeps no error from going on."""
 _HANDLED = frozenset({"close", "send", "throw"})
 _CONSTANTS = (str, int, float, bool, bytes, type(None))
 
@@ -40,8 +44,14 @@ class Suspect:
     wrong: str
     right: str
     certain: bool
-    before_await: bool
-    """Its statement goes on to await something else; when that fails, the coroutine is dropped in this line."""
+    goes_on: bool
+    """Its statement goes on with what may fail; then the coroutine is dropped in this line."""
+    stored: bool
+    """Its statement keeps it, and what it has kept before is dropped in this line."""
+    catches: bool
+    """Its function may go on after an error that has kept the coroutine from being awaited."""
+    near: bool
+    """Its file is one of those that the running code comes from."""
 
     @property
     def where(self) -> str:
@@ -64,11 +74,13 @@ def suspects(
     found = []
     for file, space in files.items():
         lines = linecache.getlines(file, dict(space))
-        tree = _parsed("".join(lines))
-        for call in tree.calls:
-            believed = file in near or (method and isinstance(call.func, ast.Attribute))
-            if _makes(call.func, coroutine, space, believed) and not _contradicts(call, coroutine):
-                found.append(tree.judged(call, file, lines))
+        tree = _parsed(file, lines)
+        for function, calls in tree.calls.values():
+            believed = file in near or (method and isinstance(function, ast.Attribute))
+            if _makes(function, coroutine, space, believed):
+                found += [
+                    tree.judged(call, file, lines, file in near) for call in calls if not _contradicts(call, coroutine)
+                ]
     return [suspect for suspect in found if suspect is not None]
 
 
@@ -116,15 +128,16 @@ class _Tree:
     """A parsed file: who stands in what."""
 
     def __init__(self, module: ast.Module) -> None:
-        self.calls: list[ast.Call] = []
+        self.calls: dict[str, tuple[ast.expr, list[ast.Call]]] = {}
+        """What is called, by how it is written, and the calls of it."""
         self.around: dict[ast.AST, ast.AST] = {}
         for node in ast.walk(module):
             if isinstance(node, ast.Call):
-                self.calls.append(node)
+                self.calls.setdefault(_name(node.func), (node.func, []))[1].append(node)
             for child in ast.iter_child_nodes(node):
                 self.around[child] = node
 
-    def judged(self, call: ast.Call, file: str, lines: list[str]) -> Suspect | None:
+    def judged(self, call: ast.Call, file: str, lines: list[str], near: bool) -> Suspect | None:
         """What may become of the coroutine that the call gives; None if it is awaited or its own methods are called."""
         name: str | None = None
         node: ast.AST = call
@@ -140,11 +153,23 @@ class _Tree:
             certain, name = True, target.id
         certain = certain and (name is None or not self._read(name, call))
         wrong, right = self._shown(call, lines)
-        span, before_await = self._statement(call)
+        statement = next(node for node in self._outward(call) if isinstance(node, ast.stmt))
         function = next((outer for outer in self._outward(call) if isinstance(outer, (*_FUNCTIONS, ast.Lambda))), None)
         decorators = getattr(function, "decorator_list", [])
         first = 0 if function is None else min([function.lineno, *(one.lineno for one in decorators)])
-        return Suspect(file, call.lineno, first, span, wrong, right, certain, before_await)
+        return Suspect(
+            file=file,
+            line=call.lineno,
+            function=first,
+            statement=_span(statement, call),
+            wrong=wrong,
+            right=right,
+            certain=certain,
+            goes_on=self._goes_on(statement, call, certain),
+            stored=isinstance(statement, (ast.Assign, ast.AnnAssign)),
+            near=near,
+            catches=function is not None and any(map(_catches, ast.walk(function))),
+        )
 
     def _outward(self, node: ast.AST) -> Iterator[ast.AST]:
         while node in self.around:
@@ -162,16 +187,19 @@ class _Tree:
             for node in ast.walk(scope)
         )
 
-    def _statement(self, call: ast.Call) -> tuple[tuple[int, int], bool]:
-        """First and last line of the statement, and whether it awaits something that is written after the call."""
-        around = list(self._outward(call))
-        statement = next(node for node in around if isinstance(node, ast.stmt))
+    def _goes_on(self, statement: ast.stmt, call: ast.Call, certain: bool) -> bool:
+        """Whether the statement awaits something after the call, or calls something if the coroutine is kept for it."""
         if isinstance(getattr(statement, "body", None), list):
-            return (call.lineno, call.end_lineno or call.lineno), False
+            return isinstance(statement, _HEADERS)
+        around = set(self._outward(call))
         end = (call.end_lineno, call.end_col_offset)
-        awaits = (node for node in ast.walk(statement) if isinstance(node, ast.Await) and node not in around)
-        later = any((node.lineno, node.col_offset) >= end for node in awaits)
-        return (statement.lineno, statement.end_lineno or statement.lineno), later
+        for node in ast.walk(statement):
+            if node in around or not isinstance(node, ast.Await if certain else (ast.Await, ast.Call)):
+                continue
+            turned = any(isinstance(outer, _COMPREHENSIONS) and outer in around for outer in self._outward(node))
+            if isinstance(node, ast.Await) if turned else (node.lineno, node.col_offset) >= end:
+                return True
+        return False
 
     def _shown(self, call: ast.Call, lines: list[str]) -> tuple[str, str]:
         """The line as it is, and with the ``await``."""
@@ -194,9 +222,37 @@ class _Tree:
         return line.strip(), f"{line[:begin]}await {line[begin:]}".strip()
 
 
-@functools.lru_cache(maxsize=64)
-def _parsed(text: str) -> _Tree:
-    try:
-        return _Tree(ast.parse(text))
-    except (SyntaxError, ValueError, RecursionError):  # what runs is no longer what the file says
-        return _Tree(ast.Module([], []))
+def _span(statement: ast.stmt, call: ast.Call) -> tuple[int, int]:
+    """First and last line of a statement; of one with a body, of the call."""
+    node = call if isinstance(getattr(statement, "body", None), list) else statement
+    return node.lineno, node.end_lineno or node.lineno
+
+
+def _catches(node: ast.AST) -> bool:
+    """Whether errors may end here."""
+    if isinstance(node, _WITH):
+        opened = [item.context_expr for item in node.items]
+        return any(not isinstance(one, ast.Call) or _last(one.func) not in _LETS_THROUGH for one in opened)
+    return isinstance(node, (ast.Try, ast.TryStar)) and bool(node.handlers)
+
+
+def _name(function: ast.expr) -> str:
+    """How a function is written; of one that is computed only what is known of it."""
+    if isinstance(function, ast.Attribute):
+        return f"{_name(function.value)}.{function.attr}"
+    return function.id if isinstance(function, ast.Name) else ""
+
+
+_trees: dict[str, tuple[list[str], _Tree]] = {}
+
+
+def _parsed(file: str, lines: list[str]) -> _Tree:
+    """The tree of a file, parsed anew when it is read anew."""
+    known = _trees.get(file)
+    if known is None or known[0] is not lines:
+        try:
+            tree = _Tree(ast.parse("".join(lines)))
+        except (SyntaxError, ValueError, RecursionError):  # what runs is no longer what the file says
+            tree = _Tree(ast.Module([], []))
+        known = _trees[file] = lines, tree
+    return known[1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Awaitable
 from contextvars import copy_context
 from types import CoroutineType
 from typing import TYPE_CHECKING, Any
@@ -32,9 +33,13 @@ def _call(task: Task) -> object:
     if coroutine.__class__ is not CoroutineType and not hasattr(coroutine, "send"):
         if not hasattr(coroutine, "__await__"):
             refuse_result(task.path, coroutine)
-        coroutine = coroutine.__await__()
+        coroutine = _awaiting(coroutine)
     task.coroutine = coroutine
     return coroutine.send(None)
+
+
+async def _awaiting(awaitable: Awaitable[Any]) -> Any:
+    return await awaitable
 
 
 def take(scheduler: Scheduler, task: Task) -> None:

@@ -56,7 +56,7 @@ async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None,
     """
     _BUDGET.branch("body", body)
     if attempts is not None:
-        _BUDGET.whole("attempts", attempts, 0, "times")
+        attempts = _BUDGET.whole("attempts", attempts, 0, "times")
     scope = _Budget(seconds, attempts, body)
     token = _budget.set(scope)
     try:

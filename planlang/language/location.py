@@ -74,7 +74,7 @@ async def at_location(
     """
     _AT_LOCATION.branch("body", body)
     _AT_LOCATION.instance("location", location, Location, "a location")
-    _AT_LOCATION.whole("attempts", attempts, 1, "places")
+    attempts = _AT_LOCATION.whole("attempts", attempts, 1, "places")
     _AT_LOCATION.iterable("reaching", reaching, "objects and locations")
     reaching = tuple(reaching)
     for one in reaching:

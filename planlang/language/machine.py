@@ -56,7 +56,7 @@ async def state_machine(
     ends = (end,) if isinstance(end, str) else tuple(end)
     cases = _cases(states, transitions, start, ends)
     if max_visits is not None:
-        _STATE_MACHINE.whole("max_visits", max_visits, 1, "times")
+        max_visits = _STATE_MACHINE.whole("max_visits", max_visits, 1, "times")
     if name is not None:
         _STATE_MACHINE.text("name", name)
     if (before := taken_over("state_machine", name or "state_machine")) is not None:

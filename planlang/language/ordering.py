@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import inspect
-from collections.abc import Awaitable, Callable, Iterable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence, Set
 from functools import partial
 from itertools import pairwise
 from types import FunctionType
@@ -88,7 +88,7 @@ async def partial_order(
     _PARTIAL_ORDER.mapping("steps", steps, "branches")
     _PARTIAL_ORDER.iterable("orderings", orderings, "pairs (before, after) of names")
     if limit is not None:
-        _PARTIAL_ORDER.whole("limit", limit, 1, "steps")
+        limit = _PARTIAL_ORDER.whole("limit", limit, 1, "steps")
     if name is not None:
         _PARTIAL_ORDER.text("name", name)
     names = list(steps)
@@ -102,7 +102,7 @@ async def partial_order(
             one, other = rank[first], rank[second]
         except (KeyError, TypeError, ValueError):
             raise _wrong_pair(pair, steps) from None
-        if pair.__class__ is not tuple and not isinstance(pair, (tuple, list)):
+        if pair.__class__ is not tuple and isinstance(pair, (str, Set, Mapping)):
             raise _wrong_pair(pair, steps)
         after[one].append(other)
         missing[other] += 1
@@ -126,7 +126,7 @@ async def partial_order(
 
 def _wrong_pair(pair: object, steps: Mapping[str, Step]) -> WrongType | WrongValue:
     """The error of an ordering that is no pair of names of steps."""
-    if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+    if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         return _PARTIAL_ORDER.wrong("orderings", [pair], "pairs (before, after) of names")
     unknown = next(one for one in pair if not isinstance(one, str) or one not in steps)
     message = f"ordering ({pair[0]}, {pair[1]}): no step {unknown!r}; steps: {', '.join(steps)}"
@@ -173,7 +173,8 @@ def _inputs(step: str, branch: Step, rank: dict[str, int], before: list[list[int
         parameters = inspect.signature(branch).parameters.values()
     except (TypeError, ValueError):
         return []
-    wanted = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+    given: Mapping[str, Any] = branch.keywords if isinstance(branch, partial) else {}
+    wanted = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p.name not in given]
     earlier = _those_before(rank[step], {rank[p.name] for p in wanted if p.name in rank}, before)
     for parameter in wanted:
         if parameter.default is parameter.empty and rank.get(parameter.name) not in earlier:

@@ -224,7 +224,7 @@ async def par_each(values: Iterable[A], body: Callable[[A], Awaitable[V]], limit
     _PAR_EACH.branch("body", body)
     _PAR_EACH.iterable("values", values, "an iterable of values")
     if limit is not None:
-        _PAR_EACH.whole("limit", limit, 1, "branches")
+        limit = _PAR_EACH.whole("limit", limit, 1, "branches")
     result: list[V] = await _ParEach(iter(values), body, limit).execute()
     return result
 

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import dis
 import functools
 import inspect
+import itertools
 from collections.abc import Awaitable, Callable, Coroutine
 from contextvars import ContextVar
-from types import FunctionType
-from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, overload
+from types import FunctionType, MethodType
+from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 from planlang.kernel.calling import called
 from planlang.kernel.journal import taken_over
 from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.task import Task
+from planlang.kernel.tree import name_of
 from planlang.misuse import Usage, WrongType, contrast
 
 if TYPE_CHECKING:
     from planlang.language.tags import Handle
 
 P = ParamSpec("P")
+Q = ParamSpec("Q")
 R = TypeVar("R")
 _PLAN = Usage("plan", {"function": "serve"}, {"iri": '"http://example.org/recipe#Serve"'})
 
@@ -52,8 +56,12 @@ class Plan(Generic[P, R]):
 
     def __init__(self, function: Callable[P, Awaitable[R]], iri: str | None) -> None:
         _PLAN.branch("function", function)
-        if not inspect.iscoroutinefunction(function) and function.__class__ is FunctionType:
-            name = function.__name__
+        if (
+            isinstance(function, FunctionType)
+            and not inspect.iscoroutinefunction(function)
+            and _gives_nothing(function)
+        ):
+            name = name_of(function)
             message = f"a plan is a function written with async def, which {name} is not"
             raise WrongType(contrast(message, f"@plan def {name}(): ...", f"@plan async def {name}(): ..."))
         if iri is not None:
@@ -95,8 +103,26 @@ class Plan(Generic[P, R]):
             own.leave()
             frame.reset(token)
 
+    @overload
+    def __get__(self, instance: None, owner: object) -> Plan[P, R]: ...
+    @overload
+    def __get__(
+        self: Plan[Concatenate[Any, Q], R], instance: object, owner: object
+    ) -> Callable[Q, Coroutine[Any, Any, R]]: ...
+    def __get__(self, instance: object, owner: object) -> Any:
+        """The plan, or with the object whose method it is."""
+        return self if instance is None else MethodType(self, instance)
+
     def __repr__(self) -> str:
         return f"<plan {self.name}>"
+
+
+def _gives_nothing(function: object) -> bool:
+    """Whether it is a function that returns None, so nothing to be awaited, as one that a decorator has made may."""
+    return isinstance(function, FunctionType) and not any(
+        one.opname == "RETURN_VALUE" and before.opname != "LOAD_CONST"
+        for before, one in itertools.pairwise(dis.get_instructions(function))
+    )
 
 
 @overload

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -14,7 +13,7 @@ from planlang.kernel.journal import taken_over
 from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
 from planlang.language.budgets import take_attempt
-from planlang.misuse import Usage, WrongType, WrongValue, contrast, written
+from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_iterable, written
 
 if TYPE_CHECKING:
     from planlang.kernel.timers import Timer
@@ -115,7 +114,7 @@ class Recovery:
 
 def _values(key: str, make: Callable[[], Iterable[Any]]) -> Iterator[Any]:
     values = make()
-    if inspect.iscoroutine(values) or not isinstance(values, Iterable):
+    if not is_iterable(values):
         code = written(values)
         raise _RECOVERY.wrong("alternatives", {key: make}, f"{_ALTERNATIVES}; {key!r} gave {code}")
     return iter(values)

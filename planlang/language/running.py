@@ -16,7 +16,7 @@ from planlang.language import context
 from planlang.language.answering import NotedExecutive
 from planlang.language.plans import Frame, frame
 from planlang.language.resuming import check_repeated, prepare, refuse_other
-from planlang.misuse import Usage, WrongValue
+from planlang.misuse import Usage, WrongValue, whole_number
 
 if TYPE_CHECKING:
     from planlang.language.executive import Executive
@@ -37,8 +37,8 @@ RUN = Usage(
     },
 )
 SCHEDULE = "None for first come, first served, the number >= 0 of a random stream, or a list of choices"
-PARTS = ("modules", "ancestors", "revision", "solutions", "move_to", "is_at", "holds", "held", "record")
-"""What an executive has, apart from what it seldom needs."""
+PARTS = ("modules", "ancestors", "revision", "record")
+"""What every executive has; the others are for plans that use locations or conditions."""
 
 
 def run(
@@ -73,7 +73,10 @@ def run(
     for part in ("rate", "jumps", "advance"):
         if isinstance(host, type) or not hasattr(host, part):
             raise RUN.wrong("host", host, "a host, such as VirtualHost()")
-    _check(executive, seed, schedule, trace, max_steps, on_start)
+    seed = RUN.whole("seed", seed, None, "random streams")
+    max_steps = None if max_steps is None else RUN.whole("max_steps", max_steps, 1, "world steps")
+    schedule = _schedule(schedule)
+    _check(executive, trace, on_start)
     RUN.instance("resumable", resumable, bool, "True or False")
     if resume is not None:
         RUN.instance("resume", resume, Past, "what an earlier run left")
@@ -99,26 +102,26 @@ def run(
     return result
 
 
-def _check(
-    executive: object, seed: object, schedule: object, trace: object, max_steps: object, on_start: object
-) -> None:
+def _schedule(schedule: Any) -> Schedule:
+    """A schedule, a number of whatever class as int; refuses what is none."""
+    number = whole_number(schedule)
+    if number is not None and number < 0:
+        raise RUN.wrong("schedule", schedule, SCHEDULE, WrongValue)
+    known = schedule is None or isinstance(schedule, Sequence) or hasattr(schedule, "choose")
+    if number is None and (isinstance(schedule, (str, type)) or not known):
+        raise RUN.wrong("schedule", schedule, SCHEDULE)
+    return schedule if number is None else number
+
+
+def _check(executive: object, trace: object, on_start: object) -> None:
     """Refuse what cannot be meant by these arguments of :func:`run`."""
     for part in PARTS if executive is not None else ():
         if isinstance(executive, type) or not hasattr(executive, part):
             raise RUN.wrong("executive", executive, "an executive: a robot's, or a scripted one")
-    RUN.whole("seed", seed, None, "random streams")
     if trace is not None:
         RUN.instance("trace", trace, Trace, "a trace")
-    if max_steps is not None:
-        RUN.whole("max_steps", max_steps, 1, "world steps")
     if on_start is not None:
         RUN.plain("on_start", on_start, "a plain function of a node of the tree", arguments=1)
-    if isinstance(schedule, (str, type, bool)) or not (
-        schedule is None or isinstance(schedule, (int, Sequence)) or hasattr(schedule, "choose")
-    ):
-        raise RUN.wrong("schedule", schedule, SCHEDULE)
-    if isinstance(schedule, int) and schedule < 0:
-        raise RUN.wrong("schedule", schedule, SCHEDULE, WrongValue)
 
 
 def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: Schedule) -> dict[str, object]:

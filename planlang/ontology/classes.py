@@ -35,6 +35,9 @@ _CARDINALITIES = {
     OWL + "maxQualifiedCardinality": "max",
     OWL + "qualifiedCardinality": "exactly",
 }
+RESTRICTING = (*_FILLERS, *_CARDINALITIES)
+"""The words of OWL whose triples say what a restriction asks for; where they stand is the restriction's span."""
+
 _SUPERCLASS_FORMS = {SUBCLASS_OF: "flat", EQUIVALENT_CLASS: "equivalent", INTERSECTION_OF: "equivalent"}
 
 
@@ -103,11 +106,11 @@ class Words(NamedTuple):
 def _restriction(triples: Triples, node: int, form: str, words: Words) -> Sequence[Restriction]:
     """The restrictions that a nameless node is: one for each filler or cardinality of its first property."""
     on_property, fillers, cardinalities, ranges = words[2:]
-    predicates, objects = triples.predicates, triples.objects
-    first = -1
+    predicates, objects, (rows, following) = triples.predicates, triples.objects, triples.by_subject
+    first, row = -1, rows[node]
     stated: list[tuple[int, str]] = []
     within: list[int] = []
-    for row in triples.about(node):
+    while row >= 0:
         predicate = predicates[row]
         if predicate == on_property:
             first = row if first < 0 else first
@@ -115,6 +118,7 @@ def _restriction(triples: Triples, node: int, form: str, words: Words) -> Sequen
             stated.append((row, kind))
         elif predicate in ranges:
             within.append(row)
+        row = following[row]
     prop = triples.name(objects[first]) if first >= 0 else None
     found: list[Restriction] = []
     for row, kind in stated if prop is not None else ():
@@ -160,17 +164,18 @@ def _opened(triples: Triples, expressions: Iterable[int]) -> Iterator[int]:
 def items(triples: Triples, cell: int) -> Iterator[int]:
     """The items of an RDF list; a list that bites its own tail ends there. Terms by number."""
     first, rest, end = triples.find(FIRST), triples.find(REST), triples.find(NIL)
-    predicates, objects, about = triples.predicates, triples.objects, triples.about
+    predicates, objects, (rows, next_row) = triples.predicates, triples.objects, triples.by_subject
     seen: set[int] = set()
     while cell != end and cell not in seen:
         seen.add(cell)
-        following = end
-        for row in about(cell):
+        following, row = end, rows[cell]
+        while row >= 0:
             predicate = predicates[row]
             if predicate == first:
                 yield objects[row]
             elif predicate == rest:
                 following = objects[row]
+            row = next_row[row]
         if following is None:
             return
         cell = following

@@ -161,20 +161,24 @@ class Ontology:
             kinds = self._kinds[names] = {
                 kind: place for place, name in enumerate(names) for kind in self._named((name,))
             }
-        found: tuple[list[str], ...] = tuple([] for _ in names)
+        found: tuple[list[str], ...] = tuple([[] for _ in names])
         number, store = self._number(s), self.store
-        rows = store.about(number) if number is not None else ()
+        if number is None:
+            return found, None
         predicates, objects, terms, typing, defining = store.predicates, store.objects, store.terms, self._kind, -1
-        for row in rows:
+        first, following = store.by_subject
+        row = first[number]
+        while row >= 0:
             predicate = predicates[row]
-            if predicate == typing and defining < 0:
-                defining = row
-            place = kinds.get(predicate)
-            if place is not None:
+            if predicate == typing:
+                defining = row if defining < 0 else defining
+            elif (place := kinds.get(predicate)) is not None:
                 value = terms[objects[row]]
                 if isinstance(value, str) and value not in found[place]:
                     found[place].append(value)
-        return found, store.span(defining if defining >= 0 else rows[0]) if rows else None
+            row = following[row]
+        where = defining if defining >= 0 else first[number]
+        return found, store.span(where) if where >= 0 else None
 
     def _values(self, s: str | BNode, wanted: Container[int | None]) -> tuple[Term, ...]:
         store, number = self.store, self._number(s)
@@ -199,7 +203,7 @@ class Ontology:
 
     def is_class(self, iri: str) -> bool:
         """True if it is declared a class, or stated to be below, above or the same as one."""
-        return self._number(self._twin_or_itself(expand(iri))) in self._classes
+        return self._number_of_thing(iri) in self._classes
 
     @cached_property
     def _classes(self) -> frozenset[int | None]:
@@ -232,16 +236,17 @@ class Ontology:
 
     def defined(self, iri: str) -> bool:
         """True if any document says what it is: declares it, gives it a class, or places it below one."""
-        predicates = self.store.predicates
-        return any(predicates[row] in self._defining for row in self._about(self._twin_or_itself(expand(iri))))
+        number, predicates = self._number_of_thing(iri), self.store.predicates
+        return number is not None and any(predicates[row] in self._defining for row in self.store.about(number))
 
-    def _twin_or_itself(self, iri: str) -> str:
-        """KnowRob's class for one of RoboEarth's about which no document says anything."""
-        other = twin(iri) if iri.startswith(ROBOEARTH) else None
-        if other is None:
-            return iri
-        number = self._number(iri)
-        return iri if number is not None and self.store.first_about(number) >= 0 else other
+    def _number_of_thing(self, iri: str) -> int | None:
+        """Its number; of one of RoboEarth's about which no document says anything that of KnowRob's class."""
+        iri = iri if iri.startswith(ABSOLUTE) else expand(iri)
+        number = self.store.numbers.get(iri)
+        if iri.startswith(ROBOEARTH) and (number is None or self.store.first_about(number) < 0):
+            other = twin(iri)
+            return number if other is None else self.store.numbers.get(other)
+        return number
 
     def individuals(self, cls: str) -> tuple[str, ...]:
         """The individuals of a class and of its subclasses, in document order."""
@@ -251,11 +256,14 @@ class Ontology:
 
     def unused(self) -> Iterator[str]:
         """What the main document gives a type and no document says anything with, but itself; each once."""
-        store = self.store
-        rows = (row for row in store.by(TYPE) if row in self._main)
-        for number in dict.fromkeys(map(store.subjects.__getitem__, rows)):
-            name = store.name(number)
-            if name is not None and all(store.subjects[row] == number for row in store.with_object(number)):
+        store, (first, following) = self.store, self.store.by_object
+        subjects = store.subjects
+        for number in dict.fromkeys(subjects[row] for row in store.by(TYPE) if row in self._main):
+            row = first[number]
+            while row >= 0 and subjects[row] == number:
+                row = following[row]
+            name = store.name(number) if row < 0 else None
+            if name is not None:
                 yield name
 
     def main(self, iri: str) -> bool:

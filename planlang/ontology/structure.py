@@ -48,7 +48,7 @@ def _bounded(found: Iterable[Diagnostic]) -> list[Diagnostic]:
 def _said(triples: Triples, rows: Iterable[int], subjects: set[int]) -> list[list[Triple]]:
     """Of those rows the triples of each of these subjects, in document order."""
     said: dict[int, list[Triple]] = {}
-    for row in sorted(rows):
+    for row in sorted(rows) if subjects else ():
         if triples.subjects[row] in subjects:
             said.setdefault(triples.subjects[row], []).append(triples.triple(row))
     return list(said.values())
@@ -62,7 +62,9 @@ def _not_once(triples: Triples, *columns: Sequence[int]) -> set[int]:
         if len(rows) > len(unique):
             numbers = Counter(map(triples.subjects.__getitem__, rows))
             found.update(subject for subject, number in numbers.items() if number > 1)
-    return found | (sets[0].union(*sets) - sets[0].intersection(*sets))
+    if any(one != sets[0] for one in sets):
+        found |= sets[0].union(*sets) - sets[0].intersection(*sets)
+    return found
 
 
 def _column(column: Sequence[int], rows: Iterable[int]) -> set[int]:
@@ -112,9 +114,10 @@ def _is_number(term: Term) -> bool:
 
 def _lists(triples: Triples) -> Iterator[Diagnostic]:
     firsts, rests = triples.by(FIRST), triples.by(REST)
-    known = _column(triples.subjects, firsts) | _column(triples.subjects, rests) | {triples.numbers.get(NIL, -1)}
+    known = {triples.numbers.get(NIL, -1), *_column(triples.subjects, firsts)}
+    known.update(map(triples.subjects.__getitem__, rests))
     odd = _not_once(triples, firsts, rests)
-    if not _column(triples.objects, rests) <= known:
+    if not known.issuperset(map(triples.objects.__getitem__, rests)):
         odd.update(triples.subjects[row] for row in rests if triples.objects[row] not in known)
     for said in _said(triples, (*firsts, *rests), odd):
         yield from _list(said, lambda term: triples.find(term) in known)

@@ -223,15 +223,18 @@ class Triples(Sequence[Triple]):
 
     def about(self, subject: int) -> Sequence[int]:
         """The rows with a subject."""
-        return self._chained(*self._by_subject, subject)
+        first, following = self.by_subject
+        row = first[subject]
+        found = []
+        while row >= 0:
+            found.append(row)
+            row = following[row]
+        return found
 
     def with_object(self, value: int) -> Sequence[int]:
         """The rows with an object."""
-        return self._chained(*self._by_object, value)
-
-    @staticmethod
-    def _chained(first: array[int], following: array[int], number: int) -> list[int]:
-        row = first[number]
+        first, following = self.by_object
+        row = first[value]
         found = []
         while row >= 0:
             found.append(row)
@@ -240,7 +243,7 @@ class Triples(Sequence[Triple]):
 
     def first_about(self, subject: int) -> int:
         """The first row with a subject; -1 if there is none."""
-        return self._by_subject[0][subject]
+        return self.by_subject[0][subject]
 
     def by(self, *predicates: str) -> Sequence[int]:
         """The rows with one of these predicates (IRIs)."""
@@ -260,11 +263,16 @@ class Triples(Sequence[Triple]):
         return {self.subjects[row]: self.objects[row] for row in rows if self.is_node(self.subjects[row])}
 
     @cached_property
-    def _by_subject(self) -> tuple[array[int], array[int]]:
+    def by_subject(self) -> tuple[array[int], array[int]]:
+        """For each term (number) the first row with it as subject, for each row the next with the same; -1: none.
+
+        :meth:`about` tells the same of one term; this is for loops over all.
+        """
         return self._chains(self.subjects)
 
     @cached_property
-    def _by_object(self) -> tuple[array[int], array[int]]:
+    def by_object(self) -> tuple[array[int], array[int]]:
+        """The same for objects."""
         return self._chains(self.objects)
 
     def _chains(self, column: array[int]) -> tuple[array[int], array[int]]:

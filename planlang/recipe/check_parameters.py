@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from planlang.designators import local_name
+from planlang.designators import RELATIONS, local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
-from planlang.ontology import BNode, Literal, Ontology, shorten
+from planlang.ontology import BNode, Literal, Ontology, Term, shorten
 from planlang.ontology.terms import OWL, TYPE, XSD, is_vocabulary
 from planlang.recipe.actions import Actions
 from planlang.recipe.fillings import action_class, fillings, unread_facts
@@ -18,19 +18,20 @@ from planlang.recipe.repairs import ranges_of, violates_range
 from planlang.recipe.statements import Filling, Statements, is_word
 from planlang.recipe.terms import (
     NUMERIC,
+    OBJECT_PROPERTY,
     classes_of,
     is_of_unknown_kind,
     is_place,
     is_vocabulary_class,
     read_filler,
     read_literal,
+    references_of_unknown_kind,
     takes_numbers,
     takes_things,
     unread_references,
 )
 from planlang.recipe.units import dimension_of, si_unit, unit, unit_of
 
-OBJECT_PROPERTY = OWL + "ObjectProperty"
 DATA_PROPERTY = OWL + "DatatypeProperty"
 AGENTS = frozenset({"performedBy", "doneBy"})
 """Properties whose filler is not looked up to perform the action: the robot is known without it."""
@@ -64,7 +65,8 @@ def check_ranges(actions: Actions, owner: Step | Recipe, known: frozenset[str]) 
 def check_fillers(actions: Actions, statements: Statements) -> Iterator[Diagnostic]:
     """Judge the fillers that the file states for a task and its sub-actions, before anything is left out."""
     ontology = actions.ontology
-    known = set(made(ontology, statements))
+    known: set[Term] = set(made(ontology, statements))
+    told = set(known)
     owners = [(statements.iri, statements.fillings)]
     owners += [(sub.iri, sub.fillings) for sub in statements.sub_actions if sub.iri is not None]
     for owner, more in owners:
@@ -74,11 +76,27 @@ def check_fillers(actions: Actions, statements: Statements) -> Iterator[Diagnost
             for filling in level:
                 yield from _property(ontology, owner, listed, filling)
                 if filling.term not in known:
-                    found = list(_filler(ontology, owner, filling))
+                    found = [
+                        one
+                        for one in _filler(ontology, owner, filling)
+                        if not (filling.term in told and one.code == "R049")
+                    ]
                     yield from found
                     if isinstance(filling.term, str) and any(one.code in ("R033", "R049") for one in found):
                         known.add(filling.term)  # what nothing defines is told once
+                        told.add(filling.term)
+                    yield from _references(ontology, filling, told)
     yield from _left_out(ontology, [owner for owner, _ in owners])
+
+
+def _references(ontology: Ontology, filling: Filling, told: set[Term]) -> Iterator[Diagnostic]:
+    """What a place relates to without anything saying what that is; ``told`` is what need not be told, and grows."""
+    if isinstance(filling.term, str) and is_place(ontology, filling.term):
+        for relation, other in references_of_unknown_kind(ontology, filling.term):
+            if other not in told:
+                told.add(other)
+                what = f"{RELATIONS[relation]} of the place `{local_name(filling.term)}`"
+                yield _of_unknown_kind(ontology, what, other, ontology.span(filling.term) or filling.span)
 
 
 def _left_out(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
@@ -141,24 +159,23 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
     elif (
         takes_things(ontology, filling.property) and is_of_unknown_kind(ontology, term) and not is_place(ontology, term)
     ):
-        yield _of_unknown_kind(ontology, owner, filling, term)
+        yield _of_unknown_kind(ontology, f"{short} of `{local_name(owner)}`", term, span)
     for missing in unread_references(ontology, term):
         message = f"`{local_name(term)}` relates to `{local_name(missing)}`, which nothing defines"
         meant = _meant(ontology, missing)
         yield error("R033", message, ontology.span(term) or span, _asked(meant), meant)
 
 
-def _of_unknown_kind(ontology: Ontology, owner: str, filling: Filling, term: str) -> Diagnostic:
-    """What fills a property is defined, but not as anything of which it is known what it is."""
+def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Diagnostic:
+    """What fills a property, or a place relates to, is defined, but not as anything of which it is known what it is."""
     cls = next(iter(classes_of(ontology, term)), term)
     meant = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
     is_what = f", of the class `{local_name(cls)}`" if cls != term else ""
     message = (
-        f"{local_name(filling.property)} of `{local_name(owner)}` is `{local_name(term)}`{is_what}, which is below no"
-        " class of the vocabulary: it is taken as an object"
+        f"{what} is `{local_name(term)}`{is_what}, which is below no class of the vocabulary: it is taken as an object"
     )
     advice = f"put `{local_name(cls)}` below a class such as HumanScaleObject, or import the file that does"
-    return warning("R049", message, filling.span, f"did you mean {meant}? else {advice}" if meant else advice, meant)
+    return warning("R049", message, span, f"did you mean {meant}? else {advice}" if meant else advice, meant)
 
 
 def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:

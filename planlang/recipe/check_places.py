@@ -14,7 +14,7 @@ from planlang.ontology.terms import COMMENT, LABEL, OWL, TYPE
 from planlang.recipe.actions import Actions
 from planlang.recipe.guesses import guess
 from planlang.recipe.model import Place, Recipe, Step
-from planlang.recipe.terms import is_relation
+from planlang.recipe.terms import is_relation, references
 from planlang.resources import bundled
 
 ANNOTATION_PROPERTY = OWL + "AnnotationProperty"
@@ -40,13 +40,14 @@ def _unrelated(
     if not place.is_posture or place.iri in known:
         return
     where = actions.ontology.span(place.iri) or span
+    nothing = "anything" if not any(references(actions.ontology, place.iri)) else "anything that is somewhere"
     advice = f"give `{place.name}` one of {', '.join(RELATIONS.values())}"
     if isinstance(owner, Step) and actions.is_base_motion(owner):
-        message = f"`{owner.name}` moves the base to `{place.name}`, which has no relation to anything"
+        message = f"`{owner.name}` moves the base to `{place.name}`, which has no relation to {nothing}"
         yield error("R036", message, where, advice)
     elif _NO_NAME.sub("", place.name).lower() not in postures():
         message = (
-            f"`{place.name}`, a place of `{owner.name}`, has no relation to anything: it is taken as a posture of the"
+            f"`{place.name}`, a place of `{owner.name}`, has no relation to {nothing}: it is taken as a posture of the"
             f" robot's own, but no bundled robot has one of that name"
         )
         yield warning("R036", message, where, f"{advice}; postures are {', '.join(sorted(postures()))}")

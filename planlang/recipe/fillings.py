@@ -9,48 +9,22 @@ from planlang.ontology.terms import OWL, RDF, RDFS, TYPE
 from planlang.recipe.model import Name, Parameter
 from planlang.recipe.statements import Filling, filled, is_word
 from planlang.recipe.terms import is_device, read_filler
+from planlang.recipe.words import ON_ACTIONS, ON_INDIVIDUALS
 
 NO_PARAMETERS = (
-    "subAction",
-    "subEvents",
-    "orderingConstraints",
-    "inputOutputConstraints",
+    *ON_ACTIONS,
     "dependsOnCapability",
     "dependsOnComponent",
     "hasCapability",
     "hasCapabilityDependency",
     "providedByMotionPrimitive",
     "lispClass",
-    "stateTransition",
-    "taskStartState",
-    "taskEndState",
-    "nextAction",
-    "previousAction",
-    "conditionEvaluated",
-    "isTaskOf",
-    "hasStep",
-    "definesTask",
     "startTime",
     "endTime",
 )
 """Properties of actions (local names) that say how, when or with what right, not on what."""
 
-READ_BY_DIALECTS = (
-    "occursBeforeInOrdering",
-    "occursAfterInOrdering",
-    "isStepOf",
-    "stepOf",
-    "isPlanFor",
-    "isTaskDefinedIn",
-    "isDefinedIn",
-    "hasPlan",
-    "adtMainObject",
-    "adtPrimaryObject",
-    "adtSecondaryObject",
-    "adtChunkSupport",
-    "taskContext",
-    "instruction",
-)
+READ_BY_DIALECTS = (*ON_INDIVIDUALS, "adtChunkSupport")
 """Properties of individuals (local names) that readers of dialects take up."""
 
 

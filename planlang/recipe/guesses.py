@@ -15,6 +15,9 @@ SURE = 0.85
 SHORTEST = 4
 """Letters that a name needs for one that differs in a single letter to be taken for it."""
 
+SHORTEST_REPLACED = 6
+"""Letters that a part of a name needs for another letter in it to be a slip: a plate is no place, basil no basin."""
+
 _PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
 
@@ -73,7 +76,7 @@ def _is_slip(written: str, name: str) -> bool:
     is_exchanged = a[:2] == b[1::-1] and a[2:] == b[2:]
     if not start and a[0].lower() != b[0].lower():
         return is_exchanged
-    return is_exchanged or (a[1:] == b[1:] and len(part) >= SHORTEST)
+    return is_exchanged or (a[1:] == b[1:] and len(part) >= SHORTEST_REPLACED)
 
 
 def _digits(name: str) -> str:

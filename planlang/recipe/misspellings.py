@@ -2,18 +2,19 @@
 
 Each is told once, as an error that names it. The recipe is then read as if the names were right, so that only what is
 wrong besides is told. A name is misspelt if nothing defines it and exactly one slip makes it a name that is known;
-what is merely foreign is left alone.
+what is merely foreign is left alone. A name that the file itself declares outside of the vocabularies may well be one
+of its own: it is read as it is written, with a warning.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from functools import cached_property
 
 from planlang.designators import RELATIONS, local_name
-from planlang.diagnostics import Diagnostic, Rename, Span, error
+from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import Ontology, shorten
 from planlang.ontology.terms import (
     EQUIVALENT_CLASS,
@@ -46,10 +47,17 @@ _NAMING = (
 """Properties of OWL whose objects are names that something should define."""
 
 _OUTCOMES = {word: ending for ending, words in MEANINGS.items() for word in words}
+_WORDS_OF_THEIR_OWN = frozenset({"falling"})
+"""Words of outcomes that are one slip from those that say how a state ends, and mean something else."""
+_SURE_OUTCOME = 0.9
+"""As ``SURE``, for outcomes: nearer, since their words are inflected (``obtained``, ``completely``)."""
 
 
 def misspellings(ontology: Ontology) -> tuple[Diagnostic, ...]:
-    """An error for each misspelt name of the main document, with what was meant, in the order of the file."""
+    """An error for each misspelt name of the main document, with what was meant, in the order of the file.
+
+    It is a warning for one that the document declares.
+    """
     names = _Names(ontology)
     found = [*_properties(ontology, names), *_things(ontology, names), *_outcomes(ontology)]
     return tuple(sorted(found, key=lambda one: one.span or Span("")))
@@ -60,7 +68,8 @@ def corrected(ontology: Ontology, found: Iterable[Diagnostic], *, guessing: bool
 
     It is the same ontology if nothing is changed.
     """
-    renames = [one.suggestion for one in found if isinstance(one.suggestion, Rename)]
+    errors = (one for one in found if one.severity is Severity.ERROR)
+    renames = [one.suggestion for one in errors if isinstance(one.suggestion, Rename)]
     names = {one.written: one.meant for one in renames if one.is_sure or guessing}
     return ontology.renamed(names) if names else ontology
 
@@ -72,30 +81,32 @@ class _Names:
         self._ontology = ontology
         self._store = ontology.store
         self._main = ontology.store.ranges[0]
-        spaces = Counter(_space(name) for name in map(self._store.name, self._own_defined) if name is not None)
+        spaces = Counter(map(_space, filter(None, map(self._store.name, self._own_defined))))
         self.own = tuple(space for space, _ in spaces.most_common() if space not in _W3C)
         """The namespaces in which the main document defines something, the one with the most names first."""
 
     @cached_property
     def _own_defined(self) -> dict[int, None]:
-        return {self._store.subjects[row]: None for row in self._defining() if row in self._main}
+        return {self._store.subjects[row]: None for row in self._defining if row in self._main}
 
     @cached_property
     def _defined(self) -> frozenset[int]:
-        return frozenset(map(self._store.subjects.__getitem__, self._defining()))
+        return frozenset(map(self._store.subjects.__getitem__, self._defining))
 
-    def _defining(self) -> Iterable[int]:
+    @cached_property
+    def _defining(self) -> Sequence[int]:
         return self._store.by(TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, RDFS + "subPropertyOf")
 
     @cached_property
     def properties(self) -> dict[int, int]:
         """The properties that the main document uses, each with the row of its first use."""
-        store, on = self._store, self._store.numbers.get(ON_PROPERTY)
-        found: dict[int, int] = {}
-        for row in self._main:
-            number = store.objects[row] if store.predicates[row] == on else store.predicates[row]
-            found.setdefault(number, row)
-        return found
+        store, main = self._store, self._main
+        restricted = {store.objects[row]: row for row in reversed(store.by(ON_PROPERTY)) if row in main}
+        stated = {number: rows[0] for number in store.used if (rows := store.by(store.name(number) or ""))}
+        found = restricted | {
+            number: min(row, restricted.get(number, row)) for number, row in stated.items() if row in main
+        }
+        return dict(sorted(found.items(), key=lambda one: one[1]))
 
     def is_known_property(self, number: int) -> bool:
         """True for a property about which a document says more than that it is one."""
@@ -116,16 +127,19 @@ class _Names:
         """The names (IRIs) that the main document uses and nothing defines, each with the row of its first use."""
         store = self._store
         made = {store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS))}
-        naming = {store.numbers.get(name) for name in _NAMING}
+        naming = {store.numbers[name] for name in _NAMING if name in store.numbers}
         naming |= {number for number in self.properties if self._links(number)}
-        defined, found = self._defined, dict[str, int]()
-        for row in self._main:
-            number = store.objects[row]
-            if number not in defined and number not in made and store.predicates[row] in naming:
-                name = store.name(number)
-                if name is not None and name != NIL and not name.startswith(_W3C):
-                    found.setdefault(name, row)
-        return {name: row for name, row in found.items() if not self._ontology.defined(name)}
+        words = (store.name(number) or "" for number in naming)
+        used = frozenset[int]().union(*(map(store.objects.__getitem__, store.by(word)) for word in words))
+        found: dict[str, int] = {}
+        for number in used - self._defined - made:
+            name = store.name(number)
+            if name is not None and name != NIL and not name.startswith(_W3C) and not self._ontology.defined(name):
+                rows = (row for row in store.with_object(number) if store.predicates[row] in naming)
+                row = next(rows)
+                if row in self._main:
+                    found[name] = row
+        return dict(sorted(found.items(), key=lambda one: one[1]))
 
     def _links(self, number: int) -> bool:
         """True for a property of the vocabulary of recipes that links things; its objects are names."""
@@ -194,6 +208,9 @@ def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
             near = [_like(short, word) for word in Neighbours(INTERVALS).of(_plain(short))]
         if near:
             meant = [_stated(ontology, space, word, listed) for word in near]
+            if space not in VOCABULARIES.values() and _is_declared(ontology, written):
+                yield _unusual(written, meant, names.span(row))
+                continue
             message = f"`{short}` is no property that is known: what it says would be lost"
             yield _misspelt(written, meant, names.span(row), message)
 
@@ -259,6 +276,20 @@ def _misspelt(written: str, meant: list[str], span: Span, message: str) -> Diagn
     return error("R058", message, span, advice, renames[0])
 
 
+def _is_declared(ontology: Ontology, name: str) -> bool:
+    """True if the main document says of what kind something is, more than that it has a name."""
+    return ontology.main(name) and any(kind != OWL + "NamedIndividual" for kind in ontology.values(name, TYPE))
+
+
+def _unusual(written: str, meant: list[str], span: Span) -> Diagnostic:
+    """A name that is nearly a word of the vocabulary, but declared as another one."""
+    short = local_name(written)
+    message = f"`{short}` is declared, and nearly a word of the vocabulary: it is kept as it is"
+    renames = [Rename(written, name) for name in meant]
+    advice = f"did you mean {' or '.join(map(str, renames))}? else give it a label"
+    return warning("R058", message, span, advice, renames[0])
+
+
 def _outcomes(ontology: Ontology) -> Iterator[Diagnostic]:
     """Outcomes with a word that is nearly one that says how a state ends."""
     seen: set[object] = set()
@@ -268,25 +299,30 @@ def _outcomes(ontology: Ontology) -> Iterator[Diagnostic]:
             continue
         seen.add(outcome)
         if isinstance(outcome, str):
-            yield from _outcome(outcome, triple.span)
+            yield from _outcome(ontology, outcome, triple.span)
 
 
-def _outcome(outcome: str, span: Span) -> Iterator[Diagnostic]:
+def _outcome(ontology: Ontology, outcome: str, span: Span) -> Iterator[Diagnostic]:
     short = local_name(outcome)
     readings = [short]
     for word in words_of(outcome):
-        if word.lower() not in _OUTCOMES:
+        if word.lower() not in (*_OUTCOMES, *_WORDS_OF_THEIR_OWN):
             near = Neighbours(_OUTCOMES).of(word.lower())
-            near = near or get_close_matches(word.lower(), _OUTCOMES, n=len(_OUTCOMES), cutoff=SURE)
+            near = near or get_close_matches(word.lower(), _OUTCOMES, n=len(_OUTCOMES), cutoff=_SURE_OUTCOME)
             meanings = {_OUTCOMES[one]: one for one in sorted(near, key=list(_OUTCOMES).index, reverse=True)}
             readings = [
                 reading.replace(word, _cased(one, word), 1)
                 for reading in readings
                 for one in reversed(meanings.values())
             ] or readings
-    if readings != [short]:
+    if readings == [short]:
+        return
+    meant = [_space(outcome) + reading for reading in readings]
+    if not _is_declared(ontology, outcome):
         message = f"`{short}` is no outcome that is known: it would be taken for {ending_of(outcome).value}"
-        yield _misspelt(outcome, [_space(outcome) + reading for reading in readings], span, message)
+        yield _misspelt(outcome, meant, span, message)
+    elif all(triple.predicate == TYPE for triple in ontology.triples(s=outcome)):
+        yield _unusual(outcome, meant, span)
 
 
 def _cased(word: str, like: str) -> str:
@@ -294,4 +330,4 @@ def _cased(word: str, like: str) -> str:
 
 
 def _space(iri: str) -> str:
-    return iri.removesuffix(local_name(iri))
+    return iri[: len(iri) - len(local_name(iri))]

@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import Any, NamedTuple
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
@@ -175,8 +175,7 @@ class Reason(Enum):
     SCOPE = "location scope"
 
 
-@dataclass(frozen=True, slots=True)
-class Ordering:
+class Ordering(NamedTuple):
     """``before`` comes before ``after``; both are IRIs of step classes. ``iri`` names the constraint."""
 
     before: str

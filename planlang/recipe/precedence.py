@@ -96,6 +96,10 @@ class Precedence(Generic[Node]):
         """How many pairs (before, after) there are: the edges of the transitive closure."""
         return sum(bits.bit_count() for bits in self._later)
 
+    def size_of_reduction(self) -> int:
+        """How many pairs follow from no others."""
+        return sum(map(len, self._covers))
+
     def reduction(self) -> Iterator[tuple[Node, Node]]:
         """The pairs that follow from no others, sorted by the nodes of the graph."""
         rank = {node: index for index, node in enumerate(self.nodes)}

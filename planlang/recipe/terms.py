@@ -6,9 +6,11 @@ from collections.abc import Iterator
 
 from planlang.designators import RELATIONS, local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
-from planlang.ontology.terms import RANGE, XSD, is_vocabulary
+from planlang.ontology.terms import OWL, RANGE, TYPE, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Place, Thing
 from planlang.recipe.units import dimension_of, unit, unit_of
+
+OBJECT_PROPERTY = OWL + "ObjectProperty"
 
 PLACES = ("Point2D", "Point3D")
 """Classes of location designators: of the base, of the hand or an object."""
@@ -115,16 +117,26 @@ def takes_things(ontology: Ontology, property_name: str) -> bool:
 def takes_numbers(ontology: Ontology, property_name: str) -> bool:
     """True for a property whose range, or that of one above it, is a type of numbers, or that has a physical dimension.
 
-    The last is told by the local name, as some recipes have the vocabulary in a namespace of their own.
+    The last is told by the local name, as some recipes have the vocabulary in a namespace of their own; but not of a
+    property that a file declares as one of things, or of other values.
     """
     key = ("takes numbers", property_name)
     if key not in ontology.kept:
         above = ontology.superproperties(property_name)
         ranges = [range_ for one in above for range_ in ontology.values(one, RANGE) if isinstance(range_, str)]
         is_ranged = any(range_.startswith(XSD) and range_.removeprefix(XSD) in NUMERIC for range_ in ranges)
-        ontology.kept[key] = is_ranged or any(dimension_of(local_name(one)) is not None for one in above)
+        ontology.kept[key] = is_ranged or any(
+            dimension_of(local_name(one)) is not None and not _is_declared_otherwise(ontology, one) for one in above
+        )
     known: bool = ontology.kept[key]
     return known
+
+
+def _is_declared_otherwise(ontology: Ontology, property_name: str) -> bool:
+    """True for a property outside of the vocabulary that is declared as one of things, or has a range."""
+    if shorten(property_name) != property_name:
+        return False
+    return OBJECT_PROPERTY in ontology.values(property_name, TYPE) or bool(ontology.values(property_name, RANGE))
 
 
 def _individual(ontology: Ontology, iri: str) -> str | None:
@@ -152,10 +164,11 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
     """A location designator with its relations in the order of the file.
 
     As an individual its facts count, as a class its restrictions. A place that refers to itself, directly or through
-    others, loses the reference that closes the circle; so does one that is :data:`MOST_PLACES` references away.
+    others, loses the reference that closes the circle; so does one that is :data:`MOST_PLACES` references away. What it
+    relates to is an object if nothing says what kind of thing it is.
     """
     relations: list[tuple[str, Thing | Place]] = []
-    for relation, term in _references(ontology, iri):
+    for relation, term in references(ontology, iri):
         if not isinstance(term, str) or term in seen | {iri}:
             continue
         if is_place(ontology, term):
@@ -164,6 +177,8 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
             relations.append((relation, read_place(ontology, term, seen | {iri})))
         elif (thing := read_thing(ontology, term)) is not None:
             relations.append((relation, thing))
+        elif ontology.defined(term) and is_of_unknown_kind(ontology, term):
+            relations.append((relation, _unknown(ontology, term)))
     return Place(iri, tuple(dict.fromkeys(relations)), ontology.label(iri))
 
 
@@ -172,16 +187,27 @@ def is_relation(property_name: str) -> bool:
     return property_name in _RELATION_OF
 
 
-def unread_references(ontology: Ontology, place: str) -> list[str]:
-    """IRIs that a location designator relates to but that nothing defines."""
+def references_of_unknown_kind(ontology: Ontology, place: str) -> list[tuple[str, str]]:
+    """The relations of a location designator to what is defined, but as nothing of which it is known what it is."""
     return [
-        term
-        for _, term in _references(ontology, place)
-        if isinstance(term, str) and read_filler(ontology, term) is None
+        (relation, term)
+        for relation, term in references(ontology, place)
+        if isinstance(term, str)
+        and not isinstance(term, BNode)
+        and ontology.defined(term)
+        and not is_place(ontology, term)
+        and is_of_unknown_kind(ontology, term)
     ]
 
 
-def _references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
+def unread_references(ontology: Ontology, place: str) -> list[str]:
+    """IRIs that a location designator relates to but that nothing defines."""
+    return [
+        term for _, term in references(ontology, place) if isinstance(term, str) and read_filler(ontology, term) is None
+    ]
+
+
+def references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
     """Relations of a location designator and what they relate to: its facts, and its restrictions if it is a class."""
     for triple in ontology.triples(s=place):
         if triple.predicate in _RELATION_OF:

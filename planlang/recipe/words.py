@@ -7,47 +7,24 @@ import re
 from planlang.designators import local_name
 from planlang.recipe.model import Ending
 
+ON_ACTIONS = (
+    "subAction", "subEvents", "orderingConstraints", "inputOutputConstraints", "stateTransition", "taskStartState",
+    "taskEndState", "nextAction", "previousAction", "conditionEvaluated", "isTaskOf", "hasStep", "definesTask",
+)  # fmt: skip
+"""Properties (local names, whatever their namespace) that say of what actions consist, and in what order."""
+
+ON_INDIVIDUALS = (
+    "occursBeforeInOrdering", "occursAfterInOrdering", "isStepOf", "stepOf", "isPlanFor", "isTaskDefinedIn",
+    "isDefinedIn", "hasPlan", "adtMainObject", "adtPrimaryObject", "adtSecondaryObject", "taskContext", "instruction",
+)  # fmt: skip
+"""Those of constraints, workflows and action data tables that describe no object and no place."""
+
 WORDS = (
-    "subAction",
-    "subEvents",
-    "orderingConstraints",
-    "occursBeforeInOrdering",
-    "occursAfterInOrdering",
-    "inputOutputConstraints",
-    "createsOutput",
-    "requiresInput",
-    "resourceType",
-    "outputsCreated",
-    "stateTransition",
-    "fromState",
-    "toState",
-    "causedBy",
-    "taskStartState",
-    "taskEndState",
-    "conditionEvaluated",
-    "nextAction",
-    "previousAction",
-    "adtMainObject",
-    "adtPrimaryObject",
-    "adtSecondaryObject",
-    "taskContext",
-    "instruction",
-    "hasStep",
-    "isStepOf",
-    "stepOf",
-    "definesTask",
-    "isPlanFor",
-    "isTaskDefinedIn",
-    "isDefinedIn",
-    "hasPlan",
-    "isTaskOf",
-    "hasTask",
-    "classifies",
-    "isClassifiedBy",
-    "hasBindingRole",
-    "hasBindingFiller",
-)
-"""Local names of the properties that readers of dialects take up, whatever namespace they stand in."""
+    *ON_ACTIONS, *ON_INDIVIDUALS,
+    "createsOutput", "requiresInput", "resourceType", "outputsCreated", "fromState", "toState", "causedBy",
+    "hasTask", "classifies", "isClassifiedBy", "hasBindingRole", "hasBindingFiller",
+)  # fmt: skip
+"""All that readers of dialects take up."""
 
 NAMING = (
     "subAction", "subEvents", "orderingConstraints", "occursBeforeInOrdering", "occursAfterInOrdering",

@@ -14,6 +14,7 @@ import networkx as nx
 
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, shorten
+from planlang.ontology.terms import ON_PROPERTY
 from planlang.recipe.fillings import fillings
 from planlang.recipe.model import Flow, Ordering, Reason
 from planlang.recipe.statements import Filling, LooseEnd, Statements, SubAction, facts, filled, is_word, named
@@ -105,12 +106,23 @@ def _produced(ontology: Ontology, statements: Statements) -> list[Flow]:
 
 
 def _outputs(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, str, Span]]:
+    is_inherited = _says_outputs(ontology)
     for sub in statements.sub_actions:
         if sub.iri is not None:
-            for filling in _all(ontology, sub):
+            for filling in _all(ontology, sub) if is_inherited else sub.fillings:
                 term = filling.term
                 if is_word(filling.property, *OUTPUTS) and isinstance(term, str) and not ontology.is_class(term):
                     yield sub.iri, term, filling.span
+
+
+def _says_outputs(ontology: Ontology) -> bool:
+    """True if any document says of anything what it creates."""
+    if "says outputs" not in ontology.kept:
+        store = ontology.store
+        restricted = map(store.name, set(map(store.objects.__getitem__, store.by(ON_PROPERTY))))
+        is_restricted = any(name is not None and is_word(name, *OUTPUTS) for name in restricted)
+        ontology.kept["says outputs"] = is_restricted or bool(ontology.properties_named(*OUTPUTS))
+    return bool(ontology.kept["says outputs"])
 
 
 def _consumed(ontology: Ontology, statements: Statements, consumer: str, resource: str | None) -> str | None:

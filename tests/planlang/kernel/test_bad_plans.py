@@ -6,6 +6,7 @@ import gc
 import inspect
 import itertools
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
@@ -138,6 +139,14 @@ def test_a_stuck_task_is_given_up_after_exactly_one_hundred_deliveries() -> None
     with pytest.warns(CutShort), pytest.raises(StuckTask, match=r"undying does not end .*test_bad_plans\.py:\d+"):
         go(partial(pursue, partial(undying, log), partial(sleep, 0.5)))
     assert len(log) == MAX_DELIVERIES == 100
+
+
+def test_the_warning_for_each_of_its_hundred_awaits_is_shown_once() -> None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        with pytest.raises(StuckTask):
+            go(partial(pursue, partial(undying, []), partial(sleep, 0.5)))
+    assert [one.category for one in caught] == [CutShort]
 
 
 def test_what_to_write_instead_is_said_to_a_plan_that_swallows_evaporation() -> None:

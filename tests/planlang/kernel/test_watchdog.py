@@ -310,3 +310,10 @@ def test_with_a_handler_of_the_users_own_ctrl_c_is_the_users_and_the_watchdog_st
     finally:
         signal.signal(signal.SIGINT, before)
     assert heard == [signal.SIGINT]
+
+
+def test_where_processor_time_cannot_be_told_only_time_that_passes_counts(
+    watched: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(time, "pthread_getcpuclockid")
+    assert watched[1]._processor_time() == 0.0

@@ -4,7 +4,10 @@
 
 from __future__ import annotations
 
+import ast
+import asyncio
 import gc
+import queue
 import subprocess
 import sys
 import textwrap
@@ -13,6 +16,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -33,7 +37,7 @@ from planlang import (
     wait_for,
 )
 from planlang.failures import GraspMissed
-from planlang.kernel import forgotten
+from planlang.kernel import forgotten, suspects
 
 HEAD = """\
 from functools import partial
@@ -397,6 +401,11 @@ MISTAKES = {
         "await sleep(...)    in a loop or in brackets: [await ... for ... in ...]",
     ),
     "another name": ("nap = sleep\nnap(3)\nawait sleep(1)", "sleep(...)", "await sleep(...)"),
+    "held beside our own with": (
+        "async with using('arm'):\n    HELD.append(sleep(5))",
+        "HELD.append(sleep(5))",
+        "HELD.append(await sleep(5))",
+    ),
     "thread": (
         "await in_thread(lambda: [sleep(1)] and None)",
         "await in_thread(lambda: [sleep(1)] and None)",
@@ -479,6 +488,24 @@ LEGITIMATE = {
     "an error with a name": "async def b():\n    x = reach()\n    await errs()\n    await x\n"
     "try:\n    await b()\nexcept ValueError as e: str(e)\nawait sleep(1)",
     "branches": "await par(lambda: reach(), lambda: serve(cup='x'))",
+    "failed among several": "cs = [reach(), misses(), reach('c')]\ntry: return [await c for c in cs] and None\n"
+    "except GraspMissed: return",
+    "failed in a loop": "try:\n    for c in [reach(), misses(), reach('c')]: await c\n"
+    "except GraspMissed: pass\nawait sleep(1)",
+    "failed in a loop over what is left": "cs = [reach(), misses(), reach('c')]\ntry:\n    while cs: await cs.pop(0)\n"
+    "except GraspMissed: pass\nawait sleep(1)",
+    "left a loop at a failure": "for c in [reach(), misses(), reach('c')]:\n    try: await c\n"
+    "    except GraspMissed: break\nawait sleep(1)",
+    "made anew in a loop": "for n in range(3):\n    c = reach()\n    try:\n        if n < 2: await misses()\n        await c\n"
+    "    except GraspMissed: pass\nawait sleep(1)",
+    "evaporated in a comprehension": "async def b(): return [await c for c in [reach(), reach('b')]]\n"
+    "await pursue(b, partial(sleep, 0.5))\nawait sleep(1)",
+    "suppressed": "import contextlib\nwith contextlib.suppress(GraspMissed):\n    c = reach()\n    await misses()\n    await c\n"
+    "await sleep(1)",
+    "failed in the next argument": "def boom(): raise GraspMissed\nasync def two(a, b): await a\n"
+    "try: await two(reach(), boom())\nexcept GraspMissed: pass\nawait sleep(1)",
+    "handed to what does not enter": "class M:\n    def __init__(self, c): self.c = c\n    async def __aenter__(self): raise GraspMissed\n"
+    "    async def __aexit__(self, *_): pass\ntry:\n    async with M(reach()): pass\nexcept GraspMissed: pass\nawait sleep(1)",
 }
 
 
@@ -536,6 +563,53 @@ def test_a_run_beside_another_in_a_thread_leaves_alone_what_may_be_the_others() 
         one.close()
 
 
+@pytest.mark.parametrize("fails", [False, True])
+@pytest.mark.parametrize("how", ["queue", "loop", "running"])
+def test_what_was_handed_to_another_thread_is_awaited_there_after_the_run(how: str, fails: bool) -> None:
+    ran: list[str] = []
+    ended, taken = threading.Event(), threading.Event()
+    waiting: queue.Queue[Any] = queue.Queue()
+
+    async def work() -> None:
+        ran.append(how)
+
+    def works() -> None:
+        if how == "queue":
+            ended.wait(10)
+        coroutine = waiting.get()
+        taken.set()
+        ended.wait(10)
+        asyncio.run(coroutine)
+
+    loop = asyncio.new_event_loop()
+
+    async def body() -> str:
+        if how == "loop":
+            asyncio.run_coroutine_threadsafe(work(), loop)
+        else:
+            waiting.put(work())
+        if how == "running":
+            taken.wait(10)
+        if fails:
+            raise GraspMissed
+        return "done"
+
+    other = threading.Thread(target=works if how != "loop" else lambda: None)
+    other.start()
+    if fails:
+        with pytest.raises(GraspMissed):
+            go(body)
+    else:
+        assert go(body) == "done"
+    ended.set()
+    other.join()
+    loop.call_soon(loop.stop)
+    loop.run_forever()
+    loop.run_until_complete(asyncio.sleep(0))
+    loop.close()
+    assert ran == [how]
+
+
 def test_what_was_made_before_the_run_is_pythons_own_matter() -> None:
     early = [reach()]
 
@@ -579,6 +653,54 @@ def test_coroutines_of_strangers_are_left_alone() -> None:
 def test_the_second_of_two_mistakes_is_not_printed_either(written: Written) -> None:
     with pytest.raises(PlanStructureError, match=shows("reach('b')", "await reach('b')")):
         written("reach('b')\nreach('c')\nawait sleep(1)")
+
+
+def test_each_file_of_a_large_project_is_read_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for number in range(100):
+        name = f"a_part_{number}_of_a_large_project"
+        file = tmp_path / f"{name}.py"
+        file.write_text(f"# {number}")
+        module = ModuleType(name)
+        module.__file__ = str(file)
+        monkeypatch.setitem(sys.modules, name, module)
+    parsed: list[str] = []
+
+    class Counting(suspects._Tree):
+        def __init__(self, module: ast.Module) -> None:
+            parsed.append("once")
+            super().__init__(module)
+
+    async def body() -> int:
+        await drops()
+        before = len(parsed)
+        for _ in range(3):
+            await drops()
+        return len(parsed) - before
+
+    async def drops() -> None:
+        later = reach()
+        try:
+            await fails()
+            await later
+        except GraspMissed:
+            pass
+
+    monkeypatch.setattr(suspects, "_Tree", Counting)
+    assert go(body) == 0
+    assert len(parsed) >= 100
+
+
+def test_lines_of_files_that_nothing_leads_to_are_not_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "far_away.py"
+    file.write_text("from planlang import sleep\nlater = lambda: sleep(3)\n")
+    module = ModuleType("far_away")
+    module.__file__ = str(file)
+    exec(compile(file.read_text(), file, "exec"), vars(module))
+    monkeypatch.setitem(sys.modules, "far_away", module)
+    space: dict[str, Any] = {"sleep": sleep}
+    exec("async def body():\n    sleep(3)\n    await sleep(1)\n", space)
+    with pytest.raises(PlanStructureError, match="<string>:2 calls"):
+        go(space["body"])
 
 
 def test_without_source_the_name_alone_tells() -> None:

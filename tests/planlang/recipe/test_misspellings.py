@@ -269,6 +269,9 @@ def test_fixing_a_slip_brings_the_plan_back(tmp_path: Path, syntax: Target) -> N
         ("TakeCapp", ["TakeCap", "TakeCappy"], ["TakeCap", "TakeCappy"]),
         ("ReachForBottle", ["ReachToBottle"], []),
         ("toe", ["to", "tow"], []),
+        ("Plate", ["Place"], []),
+        ("Basil", ["Basin"], []),
+        ("Trensport", ["Transport"], ["Transport"]),
     ],
 )
 def test_names_are_near_by_one_slip_that_is_nobodys_will(written: str, known: list[str], near: list[str]) -> None:
