@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,11 @@ from numpy.typing import ArrayLike
 
 from executive.motion.kinematics import InverseKinematics
 from planlang.protocols import Array
+
+UNTURNED = 1e-12
+"""Of poses that are turned against each other by no more than half of this the rotation is the same [rad]."""
+HALF_TURN = 1e-3
+"""Nearer to half a turn than half of this the antisymmetric part of a rotation is too small to tell its axis [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,21 +58,26 @@ def cartesian_path(
     return TipLine(np.array(waypoints))
 
 
-def _between(start: Array, goal: Array, steps: int) -> Iterator[Array]:
-    """Poses (4, 4) after the start up to the goal, evenly moved and turned."""
+def _between(start: Array, goal: Array, steps: int) -> Array:
+    """Poses (steps, 4, 4) after the start up to the goal, evenly moved and turned."""
+    shares = np.arange(1, steps + 1) / steps
+    poses = np.repeat(start[None], steps, axis=0)
+    poses[:, :3, 3] += shares[:, None] * (goal[:3, 3] - start[:3, 3])
     turn = goal[:3, :3] @ start[:3, :3].T
+    twice = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    cosine, double_sine = (np.trace(turn) - 1) / 2, math.sqrt(twice @ twice)
+    if cosine < 0 or double_sine > UNTURNED:
+        axis = twice / double_sine if cosine > 0 or double_sine > HALF_TURN else _axis(turn)
+        cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+        parts = shares[:, None, None] * math.atan2(axis @ twice / 2, cosine)
+        turns = np.eye(3) + np.sin(parts) * cross + (1 - np.cos(parts)) * (cross @ cross)
+        poses[:, :3, :3] = turns @ start[:3, :3]
+    poses[-1] = goal
+    return poses
+
+
+def _axis(turn: Array) -> Array:
+    """The axis (3,) of a rotation (3, 3), as its eigenvector: where the antisymmetric part all but vanishes."""
     values, vectors = np.linalg.eig(turn)
     axis = np.real(vectors[:, int(np.argmin(np.abs(values - 1)))])
-    axis = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    twice = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    angle = float(np.arctan2(axis @ twice / 2, (np.trace(turn) - 1) / 2))
-    for i in range(1, steps + 1):
-        share = i / steps
-        pose = start.copy()
-        part = share * angle
-        pose[:3, :3] = (np.eye(3) + np.sin(part) * cross + (1 - np.cos(part)) * cross @ cross) @ start[:3, :3]
-        pose[:3, 3] += share * (goal[:3, 3] - start[:3, 3])
-        if i == steps:
-            pose = goal.copy()
-        yield pose
+    return np.asarray(axis / np.linalg.norm(axis))

@@ -19,12 +19,12 @@ def panda_ik(chain_of: Callable[[str], Chain]) -> InverseKinematics:
 READY = np.array([0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8])
 
 
-def test_tip_moves_on_a_straight_line_and_turns_evenly(panda_ik: InverseKinematics) -> None:
+@pytest.mark.parametrize("turn", [0.0, 1e-7, 0.4, -1.9, -3.1, -np.pi + 1e-4, -np.pi + 1e-6])
+def test_tip_moves_on_a_straight_line_and_turns_evenly(panda_ik: InverseKinematics, turn: float) -> None:
     chain = panda_ik.chain
     start = chain.fk(READY)[0]
     goal = start.copy()
     goal[:3, 3] += 0.1, 0.05, -0.12
-    turn = 0.4
     goal[:3, :3] = goal[:3, :3] @ np.array(
         [[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
     )
@@ -35,7 +35,7 @@ def test_tip_moves_on_a_straight_line_and_turns_evenly(panda_ik: InverseKinemati
     share = np.linspace(0, 1, 11)[:, None]
     np.testing.assert_allclose(poses[:, :3, 3], start[:3, 3] + share * (goal[:3, 3] - start[:3, 3]), atol=1.1e-4)
     turned = np.arccos(np.clip((np.trace(start[:3, :3].T @ poses[:, :3, :3], axis1=1, axis2=2) - 1) / 2, -1, 1))
-    np.testing.assert_allclose(turned, share[:, 0] * turn, atol=3e-3)
+    np.testing.assert_allclose(turned, share[:, 0] * abs(turn), atol=3e-3)
 
 
 @pytest.mark.parametrize(
