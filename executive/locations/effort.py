@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 ALL = 1_000_000
 """More rows than a map has, more places than a way."""
+
+
+class Extent(IntEnum):
+    """How many of the ways of a hand are looked at; each has those of the ones before."""
+
+    NATURAL = 0
+    ALL = 1
+    CLOSEST = 2
+    """With twice as many directions of a grasp: between things that stand close a few degrees matter."""
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
     """Bounds of one search."""
 
-    fine: bool
-    """Whether all ways of a hand are looked at, not only natural ones."""
+    extent: Extent
     least: float
     """Score of a map's rows that are used."""
     rows: int
@@ -27,10 +36,15 @@ class Effort:
     exact: int
     """Places that are judged exactly."""
 
+    @property
+    def fine(self) -> bool:
+        """Whether not only natural ways are looked at."""
+        return self.extent > Extent.NATURAL
+
 
 EFFORTS = (
-    Effort(fine=False, least=0.1, rows=400, each=16, most=384, block=48, exact=40),
-    Effort(fine=False, least=0.1, rows=400, each=256, most=6_000, block=48, exact=80),
-    Effort(fine=True, least=0.05, rows=400, each=128, most=12_000, block=128, exact=150),
-    Effort(fine=True, least=0.0, rows=2_000, each=ALL, most=40_000, block=512, exact=500),
+    Effort(Extent.NATURAL, least=0.1, rows=400, each=16, most=384, block=48, exact=40),
+    Effort(Extent.NATURAL, least=0.1, rows=400, each=256, most=6_000, block=48, exact=80),
+    Effort(Extent.ALL, least=0.05, rows=400, each=128, most=12_000, block=128, exact=150),
+    Effort(Extent.CLOSEST, least=0.0, rows=2_000, each=ALL, most=40_000, block=512, exact=500),
 )

@@ -7,6 +7,7 @@ from itertools import islice
 
 import numpy as np
 
+from executive.locations.effort import Extent
 from executive.locations.hand_terms import satisfied
 from executive.locations.reach import Reach
 from executive.locations.reachability import GraspClass
@@ -31,9 +32,9 @@ MOST_SPOTS = 24
 """Places on a surface that a hand is asked to put something on."""
 
 
-def ways_of(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejections, *, fine: bool) -> Ways | None:
-    """Ways to satisfy a reach with an arm, more if ``fine``; None, with the reason counted, if there are none."""
-    ways = _made(reach, arm, around, rejections, fine=fine)
+def ways_of(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejections, extent: Extent) -> Ways | None:
+    """Ways to satisfy a reach with an arm; None, with the reason counted, if there are none."""
+    ways = _made(reach, arm, around, rejections, extent)
     if ways is None or not len(ways):
         return None
     step = ways.key if not reach.before else 0 if reach.kind == "grasp" else -1
@@ -46,11 +47,11 @@ def ways_of(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejec
     return ways if len(ways) else None
 
 
-def _made(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejections, *, fine: bool) -> Ways | None:
-    held = around.held(arm.name)
+def _made(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejections, extent: Extent) -> Ways | None:
+    held, fine = around.held(arm.name), extent > Extent.NATURAL
     match reach.kind:
         case "grasp":
-            return _grasps(reach, arm, around, rejections, fine=fine)
+            return _grasps(reach, arm, around, rejections, extent)
         case "retreat":
             return retreat_ways(reach.body, around.grasped_at(reach.body), arm.frame)
         case "above":
@@ -70,10 +71,10 @@ def _made(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejecti
     return place_ways(reach.body, centres, arm.frame, held, fine=fine) if len(centres) else None
 
 
-def _grasps(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejections, *, fine: bool) -> Ways | None:
+def _grasps(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejections, extent: Extent) -> Ways | None:
     block = block_of(reach.body, around)
-    classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if fine else NATURAL
-    headings = 2 * HEADINGS if fine else HEADINGS
+    classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if extent else NATURAL
+    headings = HEADINGS * 2**extent
     ways = grasp_ways(reach.body, block, arm.frame, arm.max_opening, classes, headings)
     if not len(ways):
         rejections.add("no gripper" if arm.max_opening <= 0 else "too wide for the gripper")

@@ -9,6 +9,7 @@ import numpy as np
 
 from executive.locations.areas import Area, Facing
 from executive.locations.blind import Blind
+from executive.locations.effort import Extent
 from executive.locations.hand_ways import ways_of
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.reach import (
@@ -16,11 +17,11 @@ from executive.locations.reach import (
     ReachSolution,
     from_base,
     is_among,
+    stopped_by,
+    stopped_on_the_way,
     touched_at,
-    touched_by,
-    touched_on_the_way,
 )
-from executive.locations.rejections import Rejections, first_body
+from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
 from executive.locations.relations import KINDS, BaseDemand, block_of, is_held
 from executive.locations.solving import unblocked
 from executive.locations.surroundings import ArmModel, Base, Surroundings
@@ -106,14 +107,15 @@ class BaseJudge:
         """
         # the arm first, where it takes hold: it is what most often meets something
         body = touched_at(np.roll(solution.joints, -1, axis=0), solution, base, self.around, check)
-        if body is None:
+        reason = None if body is None else Reason(COLLISION, body)
+        if reason is None:
             if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, blind):
                 return None
-            body = touched_on_the_way(solution, base, self.around, check)
-        if body is not None:
-            log.collision(body)
-            log.judge(base, score, "in collision", body)
-            return body
+            reason = stopped_on_the_way(solution, base, self.around, check)
+        if reason is not None:
+            log.count([reason])
+            log.judge(base, score, reason.text, reason.body)
+            return reason.body
         reached = {wanted[0]: solution}
         for reach in wanted[1:]:
             options = self.arms_for(reach, [solution.arm])
@@ -194,22 +196,27 @@ class BaseJudge:
     def _first(self, reach: Reach, base: Base, arms: Sequence[ArmModel], log: Rejections) -> ReachSolution | None:
         """The best way to satisfy a reach from a base with one of some arms."""
         for arm in arms:
-            for fine in (False, True):
+            for extent in (Extent.NATURAL, Extent.ALL):
                 counted = Rejections()
-                ways = ways_of(reach, arm, self.around, counted, fine=fine)
+                ways = ways_of(reach, arm, self.around, counted, extent)
                 if ways is None:
                     continue
                 ways = unblocked(ways, arm, self.around, counted)
                 way = next(from_base(reach, base, arm, ways, self.around, self.inverse, counted), None)
-                if way is None:
-                    known = self.reached(arm.name, base).get(reach)  # for an arm that can do little else from here
-                    if known is not None and is_among(known, ways) and touched_by(known, base, self.around) is None:
-                        way = known
+                way = way or self._known(reach, base, arm)
                 if way is not None:
                     log.include(counted)
                     return way
             log.include(counted)  # all ways: the natural ones are among them
         return None
+
+    def _known(self, reach: Reach, base: Base, arm: ArmModel) -> ReachSolution | None:
+        """How an arm that can do little else from a base reaches from there, if it is known and still does."""
+        known = self.reached(arm.name, base).get(reach)
+        ways = None if known is None else ways_of(reach, arm, self.around, Rejections(), Extent.CLOSEST)
+        if known is None or ways is None or not is_among(known, ways):
+            return None
+        return known if stopped_by(known, base, self.around) is None else None
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:
         """A circle around what a reach is about, outside of which no base can satisfy it: middle, radii [m]."""

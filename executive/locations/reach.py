@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from executive.locations.rejections import COLLISION, OUT_OF_REACH, Reason, Reje
 from executive.locations.solving import base_matrices, solve
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.locations.ways import CLASSES, HandPlan, Ways
-from executive.motion import QuickCheck
+from executive.motion import QuickCheck, cartesian_path
 from planlang.protocols import Array
 
 CHUNK = 48
@@ -61,25 +62,44 @@ def is_among(known: ReachSolution, ways: Ways) -> bool:
     return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
 
 
-def touched_by(
+def stopped_by(
     solution: ReachSolution, base: Base, around: Surroundings, check: QuickCheck | None = None
-) -> str | None:
-    """The body that is in the way of a solution, judged exactly; None if it is free.
+) -> Reason | None:
+    """Why an arm cannot do what a solution says, judged exactly; None if it can.
 
     ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
     """
-    found = touched_at(solution.joints, solution, base, around, check)
-    return found or touched_on_the_way(solution, base, around, check)
+    body = touched_at(solution.joints, solution, base, around, check)
+    return _in_collision(body) or stopped_on_the_way(solution, base, around, check)
 
 
-def touched_on_the_way(
+def stopped_on_the_way(
     solution: ReachSolution, base: Base, around: Surroundings, check: QuickCheck | None = None
-) -> str | None:
-    """The body that is in the way between the poses of a solution, or of the fingers that close on a thing."""
-    body = touched_at(between(solution.joints), solution, base, around, check)
+) -> Reason | None:
+    """Why an arm cannot go from pose to pose of a solution, or the fingers not close on a thing; None if they can."""
+    line = straight(solution, base)
+    if line is None:
+        return OUT_OF_REACH
+    body = touched_at(line, solution, base, around, check)
     if body is None and solution.reach.kind == "grasp":
-        return around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body)
-    return body
+        body = around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body)
+    return _in_collision(body)
+
+
+def straight(solution: ReachSolution, base: Base) -> Array | None:
+    """Joint values (n, d) with the tip on the straight lines from pose to pose, as it will move; None if it cannot.
+
+    Without those at the first pose, where the lines begin.
+    """
+    poses = np.linalg.inv(base_matrices(np.array([base]))[0]) @ solution.plan.poses
+    q, rows = solution.joints[0], [solution.joints[:0]]
+    for one, other in pairwise(poses):
+        line = cartesian_path(solution.arm.solver, q, one, other, lambda _: True)
+        if line.waypoints is None:
+            return None
+        rows.append(line.waypoints[1:])
+        q = line.waypoints[-1]
+    return np.concatenate(rows)
 
 
 def touched_at(
@@ -87,18 +107,25 @@ def touched_at(
 ) -> str | None:
     """The body that is in the way at some joint values (m, d) of a solution; None if all are free."""
     plan = solution.plan
-    if check is not None:
-        rows = rows[~check.clear(np.repeat(base_matrices(np.array([base])), len(rows), axis=0), rows)]
-    for q in rows:
+    for q in rows if check is None else _unsure(rows, base, check):
         if contacts := around.contacts(base, solution.arm, q, plan.touches, plan.opened):
             return first_body(contacts)
     return None
 
 
-def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings) -> bool:
-    """Whether the hand itself is in something at a pose of a solution, or when it closes: wherever the base stands."""
+def _unsure(rows: Array, base: Base, check: QuickCheck) -> Array:
+    """Those of some joint values (m, d) at which something may be hit, as far as a check of the arm tells."""
+    return rows[~check.clear(np.repeat(base_matrices(np.array([base])), len(rows), axis=0), rows)]
+
+
+def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings, check: QuickCheck) -> bool:
+    """Whether the hand itself is in something on the way of a solution, or when it closes: wherever the base stands.
+
+    ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
+    """
     plan, hand, bodies = solution.plan, solution.arm.hand_links, around.names()
-    for q in solution.joints:
+    line = straight(solution, base)
+    for q in _unsure(solution.joints if line is None else np.concatenate([solution.joints, line]), base, check):
         contacts = around.contacts(base, solution.arm, q, plan.touches, plan.opened)
         if any(contact.part in hand and contact.body in bodies for contact in contacts):
             return True
@@ -107,10 +134,8 @@ def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings) -
     return around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body) is not None
 
 
-def between(joints: Array) -> Array:
-    """Points on the lines between neighbouring rows (k, d): the middles, then the quarters, (3 (k - 1), d)."""
-    first, step = joints[:-1], np.diff(joints, axis=0)
-    return np.concatenate([first + share * step for share in (0.5, 0.25, 0.75)])
+def _in_collision(body: str | None) -> Reason | None:
+    return None if body is None else Reason(COLLISION, body)
 
 
 def from_base(
@@ -162,12 +187,11 @@ def from_base(
                     continue
                 if reason is None:
                     solution = ReachSolution(reach, arm, ways.plan(number), joints)
-                    body = touched_by(solution, base, around, check)
-                    if body is None:
+                    reason = stopped_by(solution, base, around, check)
+                    if reason is None:
                         done.add(number)
                         yield solution
                         continue
-                    reason = Reason(COLLISION, body)
                 if number not in counted:
                     counted.add(number)
                     rejections.count([reason])

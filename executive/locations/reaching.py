@@ -56,7 +56,7 @@ class ReachingSearch:
         first = self.wanted[0]
         hands = []
         for arm in judge.arms_for(first, self.arms):
-            ways = ways_of(first, arm, around, log, fine=effort.fine)
+            ways = ways_of(first, arm, around, log, effort.extent)
             if ways is not None and len(ways := unblocked(ways, arm, around, log)):
                 hands.append((arm, ways))
         if not hands:
@@ -138,7 +138,7 @@ class ReachingSearch:
             """Whether the hand itself is in something, so that no place of a way that has failed before will do."""
             key = (number, way)
             if key in failures and key not in stopped:
-                stopped[key] = hand_is_stopped(*failures[key], around)
+                stopped[key] = hand_is_stopped(*failures[key], around, checks[number])
             return stopped.get(key, False)
 
         def standing() -> Iterator[NDArray[np.intp]]:

@@ -71,10 +71,6 @@ class Rejections:
                 if reason.body is not None:
                     self.blocking[reason.body] += 1
 
-    def collision(self, body: str) -> None:
-        """Count one candidate rejected because of a body in its way."""
-        self.count([Reason(COLLISION, body)])
-
     def crowded(self, body: str) -> None:
         """Count one candidate rejected because a body leaves the robot no room to stand there."""
         self.count([Reason(NO_ROOM, body)])

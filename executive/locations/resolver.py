@@ -13,14 +13,14 @@ from dataclasses import replace
 
 from executive.locations.answers import Answers
 from executive.locations.areas import SIDES
-from executive.locations.effort import EFFORTS
+from executive.locations.effort import EFFORTS, Extent
 from executive.locations.hand_terms import hand_holds
 from executive.locations.hand_ways import ways_of
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.judging import BaseJudge
-from executive.locations.reach import Reach, ReachSolution, from_base, is_among, touched_by
+from executive.locations.reach import Reach, ReachSolution, from_base, is_among, stopped_by
 from executive.locations.reaching import ReachingSearch
-from executive.locations.rejections import Rejections
+from executive.locations.rejections import COLLISION, Rejections
 from executive.locations.relations import base_demand, hand_demand, thing_demand
 from executive.locations.resting import thing_holds, thing_poses
 from executive.locations.solving import unblocked
@@ -31,7 +31,7 @@ from planlang.failures import LocationUnresolvable
 from planlang.protocols import Array, Pose, Solution
 
 APART = 0.05
-"""Solutions are at least this far apart [m]."""
+"""Solutions are farther apart than this [m]; to four decimals, as maps have places just so far apart."""
 MOST_VIEWERS = 256
 """Locations of which is remembered from where they were looked for."""
 
@@ -82,6 +82,8 @@ class Resolver:
             yield solution
         before = log.copy()
         for effort in EFFORTS if wanted else EFFORTS[:1]:
+            if not log.counts[COLLISION]:  # nothing that a few degrees would help with
+                effort = replace(effort, extent=min(effort.extent, Extent.ALL))
             log.begin_again(before)
             places = (
                 ReachingSearch(judge, wanted, demand, arms, effort, log).places()
@@ -89,7 +91,7 @@ class Resolver:
                 else standing_places(judge, demand, log)
             )
             for solution in places:
-                if any(math.dist(solution.base[:2], other[:2]) <= APART for other in found):
+                if any(round(math.dist(solution.base[:2], other[:2]), 4) <= APART for other in found):
                     continue
                 found.append(solution.base)
                 yield solution
@@ -127,18 +129,18 @@ class Resolver:
             reach
         )
         log = Rejections()
-        stated = None if known is None else ways_of(reach, arm, around, Rejections(), fine=True)
+        stated = None if known is None else ways_of(reach, arm, around, Rejections(), Extent.CLOSEST)
         if (
             known is not None
             and stated is not None
             and is_among(known, stated)
-            and touched_by(known, base, around) is None
+            and stopped_by(known, base, around) is None
         ):
             yield known  # still a way: what it is about has not moved since
         begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
-        for fine in (False, True):
-            counted = Rejections() if fine else log
-            ways = ways_of(reach, arm, around, counted, fine=fine)
+        for extent in Extent if reach.kind == "grasp" else (Extent.NATURAL, Extent.ALL):
+            counted = Rejections() if extent else log
+            ways = ways_of(reach, arm, around, counted, extent)
             found = False
             if ways is not None:
                 ways = unblocked(ways, arm, around, counted)

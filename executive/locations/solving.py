@@ -16,6 +16,8 @@ from planlang.protocols import Array
 
 FARTHEST = 1.2
 """Largest move of a joint between neighbouring poses of a way [rad, m]."""
+BETWEEN = 1
+"""Places on the straight line from one pose of a way to the next at which the hand is looked at."""
 ON_LATTICE, OFF_LATTICE = 0.004, 0.039
 """How much deeper inside something than elsewhere spheres of the arm must be to count, for a posture of a map whose
 height is that of the target, or is not [m].
@@ -42,14 +44,24 @@ def base_matrices(bases: Array) -> Array:
 
 
 def unblocked(ways: Ways, arm: ArmModel, around: Surroundings, rejections: Rejections) -> Ways:
-    """Ways in which the hand itself, wherever the base stands, would be inside nothing; others are counted."""
+    """Ways in which the hand itself, wherever the base stands, would be inside nothing; others are counted.
+
+    It goes straight from pose to pose, so that what is in between counts as well.
+    """
     if not len(ways):
         return ways
-    poses = ways.poses(np.arange(len(ways)))
+    poses = _with_between(ways.poses(np.arange(len(ways))))
     check = around.hand_check(arm, ways.touches, opened=ways.opened)
     bodies = _met(check.hit(poses.reshape(-1, 4, 4)), len(ways))
     rejections.count(_in_the_way(bodies))
     return ways.chosen([body is None for body in bodies])
+
+
+def _with_between(poses: Array) -> Array:
+    """Series of poses (n, k, 4, 4) of one rotation, then those :data:`BETWEEN` each and the next."""
+    shares = np.linspace(0.0, 1.0, BETWEEN + 2)[1:-1].tolist()
+    between = [(1.0 - share) * poses[:, :-1] + share * poses[:, 1:] for share in shares]
+    return np.concatenate([poses, *between], axis=1)
 
 
 def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> NDArray[np.bool_]:

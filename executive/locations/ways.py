@@ -29,7 +29,7 @@ LOWERING = 0.08
 SHARES = (0.4, 0.15, 0.75)
 """Heights above a surface that are tried, as shares of what is allowed."""
 HEADINGS = 16
-"""Directions from which a hand may come, at first; twice as many when these lead to nothing."""
+"""Directions from which a hand may come, at first; for grasps twice as many when these lead to nothing, then again."""
 ARM_ROOM = 0.45
 """How far over the edge of a surface a hand reaches for a place over it [m]."""
 COMFORTABLE = 0.2

@@ -144,6 +144,9 @@ def judged(
     possible = here[:1] or [call for call in calls if call.near or call in chosen]
     if any(call.catches and not call.certain and (call.stored or not here) for call in possible):
         return None  # what was to await it may have failed before
+    named = inner is not None and name in inner.f_code.co_names
+    if not any(call.near or (call.certain and not named) for call in chosen):
+        chosen = []  # lines of files that nothing leads to
     if len({call.where for call in chosen}) == 1:
         return PlanStructureError(
             contrast(
@@ -161,7 +164,7 @@ def judged(
                 chosen[0].right,
             )
         )
-    where = place_in(inner) if inner is not None and name in inner.f_code.co_names else task.path if task else "the run"
+    where = place_in(inner) if named and inner else task.path if task else "the run"
     return PlanStructureError(
         contrast(f"{where} calls {name}() without await, so nothing was done", f"{name}(...)", f"await {name}(...)")
     )

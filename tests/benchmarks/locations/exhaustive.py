@@ -1,9 +1,9 @@
 """What a room without answer is: searched through on a finer grid than any resolver would, or found possible after all.
 
-Grasps first: those whose hand alone, in the air, touches nothing at pre-grasp, grasp and lift. Then for each of them
-every base of a grid around the target, several solutions of inverse kinematics for each, and the oracle's check;
-the target must be seen from the base, too. Found is what presses nothing into anything; where the oracle, who lets 2 mm
-pass, would confirm a way only because of these, that is told.
+Grasps first: those whose hand alone, in the air, touches nothing at pre-grasp, grasp and lift and in between. Then for
+each of them every base of a grid around the target, several solutions of inverse kinematics for each, and the oracle's
+check; the target must be seen from the base, too. Found is what presses nothing into anything; where the oracle, who
+lets 2 mm pass, would confirm a way only because of these, that is told.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.protocols import Array
-from tests.benchmarks.locations.oracle import PRESSED, Base, Claim, Oracle, on_the_way
+from tests.benchmarks.locations.oracle import PRESSED, Base, Claim, Oracle, on_the_way, straight
 from tests.benchmarks.locations.sampler import Chains, grasp_poses
 
 CELL, HEADINGS = 0.04, 24
@@ -161,7 +161,7 @@ def _hopeless(oracle: Oracle, base: Base) -> bool:
 
 
 def _grasps(oracle: Oracle, chains: Chains, name: str, centre: Array, target: str) -> Iterator[Array]:
-    """Pre-grasp, grasp and lift (3, 4, 4) of those hands that, without their arm, touch nothing."""
+    """Pre-grasp, grasp and lift (3, 4, 4) of those hands that, without their arm, touch nothing all the way."""
     arm = oracle.robot.arm(name)
     if arm.gripper is not None and min(oracle.room.body(target).size[:2]) > arm.gripper.max_opening:
         return
@@ -176,7 +176,8 @@ def _grasps(oracle: Oracle, chains: Chains, name: str, centre: Array, target: st
                 for roll in (1.0, -1.0):
                     yaw = index * 2 * math.pi / YAWS
                     poses = grasp_poses(arm, centre + np.array([0.0, 0.0, height]), yaw, pitch, roll)
-                    if all(oracle.hand_alone_is_free(name, joints, pose @ back, target) for pose in poses):
+                    whole = (*poses, *straight(poses))
+                    if all(oracle.hand_alone_is_free(name, joints, pose @ back, target) for pose in whole):
                         yield poses
 
 

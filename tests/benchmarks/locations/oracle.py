@@ -31,7 +31,7 @@ WITHIN = 0.001
 TIP, TURN = 2e-3, 2e-2
 """How far a tip may be from the pose that is claimed [m], [rad]."""
 STEPS = 8
-"""In so many steps the way from one pose of a claim to the next is looked at."""
+"""In so many steps the way from one pose of a claim to the next is looked at, in twice as many one that it tells."""
 NEIGHBOURS = 2
 """Links that are so few joints apart may touch each other."""
 GAZES = 15
@@ -46,7 +46,8 @@ Base = tuple[float, float, float]
 class Claim:
     """What an answer says: from this base the joints (k, d) bring an arm's tip to poses (k, 4, 4), touching nothing.
 
-    The hand may touch ``target``; ``opened`` says whether the fingers are open meanwhile.
+    The hand may touch ``target``; ``opened`` says whether the fingers are open meanwhile. From pose to pose it goes
+    straight; ``motions`` are the joints (n, d) with which, k - 1 of them, or none if that is not told.
     """
 
     base: Base
@@ -56,6 +57,7 @@ class Claim:
     poses: Array
     target: str | None
     opened: bool
+    motions: tuple[Array, ...] = ()
 
 
 class Oracle:
@@ -236,6 +238,16 @@ class Oracle:
                     return False
         return True
 
+    def comes_straight(self, claim: Claim) -> bool:
+        """Whether the hand alone, on straight lines from pose to pose, touches nothing but its target."""
+        arm = self.robot.arm(claim.arm)
+        joints = dict(zip(claim.joints, map(float, claim.values[0]), strict=True))
+        joints |= arm.gripper.opened if claim.opened and arm.gripper is not None else {}
+        self.place((0.0, 0.0, 0.0), joints)
+        back = np.linalg.inv(self.link(arm.tip))
+        target = claim.target or ""
+        return all(self.hand_alone_is_free(claim.arm, joints, pose @ back, target) for pose in straight(claim.poses))
+
     def sees(self, base: Base, target: str) -> bool:
         """Whether with some posture of the neck the camera's picture has 30 % of a body, as its size and distance say.
 
@@ -304,10 +316,20 @@ class Oracle:
                 return f"pose {number}: the tip is {away:.4f} m and {turned:.4f} rad from where it should be"
             if pair := self.touched(hand, claim.target):
                 return f"pose {number}: {pair[0]} touches {pair[1]}"
-        for values in on_the_way(claim.values):
-            self.place(claim.base, {**self.posture, **fingers, **dict(zip(claim.joints, values.tolist(), strict=True))})
-            if pair := self.touched(hand, claim.target):
-                return f"between its poses {pair[0]} touches {pair[1]}"
+        if claim.target is not None and not self.comes_straight(claim):
+            return "the hand touches something on the straight line between its poses"
+        if len(claim.motions) not in (0, len(claim.poses) - 1):
+            return f"{len(claim.motions)} motions join {len(claim.poses)} poses"
+        for number, rows in enumerate(claim.motions or [on_the_way(claim.values)]):
+            tips = []
+            for values in rows[_spread(len(rows))] if claim.motions else rows:
+                joints = dict(zip(claim.joints, values.tolist(), strict=True))
+                self.place(claim.base, {**self.posture, **fingers, **joints})
+                if pair := self.touched(hand, claim.target):
+                    return f"between its poses {pair[0]} touches {pair[1]}"
+                tips.append(self.link(arm.tip))
+            if claim.motions and (problem := strays(np.array(tips), *claim.poses[number : number + 2])):
+                return f"after pose {number} {problem}"
         return None
 
     def rests(self, name: str, at: Pose, support: str) -> str | None:
@@ -383,6 +405,30 @@ def on_the_way(values: Array) -> Array:
     shares = np.linspace(0.0, 1.0, STEPS + 1)[1:-1, None]
     lines = [one + shares * (other - one) for one, other in pairwise(values)]
     return np.concatenate([np.zeros((0, values.shape[1])), *lines])
+
+
+def straight(poses: Array) -> Array:
+    """Poses (n, 4, 4) on straight lines between neighbouring ones of one rotation (k, 4, 4), these left out."""
+    shares = np.linspace(0.0, 1.0, STEPS + 1)[1:-1, None, None]
+    return np.concatenate([np.zeros((0, 4, 4)), *(one + shares * (other - one) for one, other in pairwise(poses))])
+
+
+def strays(tips: Array, start: Array, end: Array) -> str | None:
+    """How tips (n, 4, 4) leave the straight way between two poses of one rotation (4, 4); None if they are on it."""
+    way = end[:3, 3] - start[:3, 3]
+    along = (tips[:, :3, 3] - start[:3, 3]) @ way / (way @ way)
+    off = np.linalg.norm(tips[:, :3, 3] - start[:3, 3] - np.clip(along, 0.0, 1.0)[:, None] * way, axis=1)
+    turned = max(angle(tip[:3, :3], start[:3, :3]) for tip in tips)
+    if off.max() > TIP or turned > TURN:
+        return f"the tip is {off.max():.4f} m and {turned:.4f} rad off the straight line"
+    if np.diff(along, prepend=0.0, append=1.0).max() > 3 / STEPS:
+        return "parts of the straight line are left out"
+    return None
+
+
+def _spread(count: int) -> Array:
+    """Numbers of rows, of so many, at which a motion is looked at."""
+    return np.unique(np.linspace(0, count - 1, 2 * STEPS).round()).astype(int)
 
 
 def angle(one: Array, other: Array) -> float:

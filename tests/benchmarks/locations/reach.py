@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from executive.capabilities import Robot
+from executive.motion import MotionError
 from planlang.designators import Location, Object
 from tests.benchmarks.locations.exhaustive import Verdict, search
 from tests.benchmarks.locations.oracle import Oracle
@@ -76,7 +77,10 @@ def judged(stage: Stage, oracle: Oracle, answer: Answer, location: Location) -> 
     """What is wrong with the first place of an answer, by the oracle; None if nothing is."""
     what = location.relations[0].reference
     assert isinstance(what, Object)
-    claim = stage.claim(answer.solutions[0], what)
+    try:
+        claim = stage.claim(answer.solutions[0], what)
+    except MotionError as problem:
+        return f"the arm cannot follow: {problem}"
     if claim is None:
         return "from the place that was given the arm finds no way"
     problem = oracle.objection(claim)

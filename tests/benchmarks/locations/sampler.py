@@ -193,7 +193,7 @@ def _is_free(oracle: Oracle, claim: Claim, hand: frozenset[int]) -> bool:
         )
         if oracle.touched(hand, claim.target):
             return False
-    return True
+    return oracle.comes_straight(claim)
 
 
 def _costmap(oracle: Oracle, chains: Chains, centre: Array) -> tuple[Array, Array, Array]:

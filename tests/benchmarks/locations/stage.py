@@ -18,7 +18,7 @@ from executive.platform import Platform
 from planlang.designators import Location, Object, a_location
 from planlang.failures import PlanFailure
 from planlang.ontology import Ontology, expand, load
-from planlang.protocols import Configuration, Pose, Solution
+from planlang.protocols import Array, Configuration, Pose, Solution
 from planlang.resources import bundled
 from sim import Body, PyBulletWorld
 from tests.benchmarks.locations.oracle import Claim
@@ -91,7 +91,10 @@ class Stage:
         return found, time.process_time() - began
 
     def claim(self, solution: Solution, what: Object, *, held: bool = False) -> Claim | None:
-        """The way in which the arm that was chosen reaches, from a place; None if there it finds none."""
+        """The way in which the arm that was chosen reaches, from a place, and how it moves; None if it finds none.
+
+        Raises MotionError if it cannot go straight from pose to pose of it.
+        """
         before = self.world.configuration()
         try:
             self.world.set_configuration(Configuration(solution.base, before.joints))
@@ -101,18 +104,25 @@ class Stage:
             hand = a_location(in_reach_of=what) if person else a_location(in_front_of=what)
             seed = np.array([before.joints[name] for name in arm.joints])
             way = next(self.platform.resolver.hands(hand, arm, seed))
-            return _claim(way, solution)
+            return self._claim(way, solution)
         except (PlanFailure, StopIteration):
             return None
         finally:
             self.world.set_configuration(before)
             self.platform.sync()
 
-
-def _claim(way: ReachSolution, solution: Solution) -> Claim:
-    plan = way.plan
-    joints = tuple(way.arm.joints)
-    return Claim(solution.base, way.arm.name, joints, way.joints, plan.poses, plan.touches, plan.opened)
+    def _claim(self, way: ReachSolution, solution: Solution) -> Claim:
+        plan, arm, platform = way.plan, way.arm, self.platform
+        gripper = platform.gripper(arm)
+        fingers = gripper.opened if plan.opened and gripper is not None else {}
+        motions, q = list[Array](), way.joints[0]
+        for pose, end in zip(plan.poses[1:], way.joints[1:], strict=True):
+            joints = {**self.world.configuration().joints, **fingers, **dict(zip(arm.joints, q.tolist(), strict=True))}
+            self.world.set_configuration(Configuration(solution.base, joints))
+            motions.append(platform.straight_path(arm, pose, end, plan.touches).positions)
+            q = motions[-1][-1]
+        names, target = tuple(arm.joints), plan.touches
+        return Claim(solution.base, arm.name, names, way.joints, plan.poses, target, plan.opened, tuple(motions))
 
 
 def _thing(body: Body) -> MapObject:

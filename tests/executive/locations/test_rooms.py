@@ -47,6 +47,38 @@ def test_an_answer_is_right_and_there_is_one_where_sampling_finds_one(kind: str)
         oracle.close()
 
 
+@pytest.mark.parametrize("seed", [1, 8])
+def test_the_hand_can_go_straight_from_pose_to_pose_between_things_that_stand_close(seed: int) -> None:
+    room, robot = room_of("hard", seed), robot_of("amigo")
+    stage, oracle = Stage(room, robot), Oracle(room, robot)
+    try:
+        answer = stage.ask(asked(room))
+        assert answer.solved, answer.failure
+        assert judged(stage, oracle, answer, asked(room)) is None
+    finally:
+        stage.close()
+        oracle.close()
+
+
+def test_the_judge_refuses_motions_that_leave_the_straight_line_or_parts_of_it_out() -> None:
+    room, robot = room_of("normal", 0), robot_of("amigo")
+    stage, oracle = Stage(room, robot), Oracle(room, robot)
+    try:
+        claim = stage.claim(stage.ask(asked(room)).solutions[0], THE_BOTTLE)
+        assert claim is not None
+        assert oracle.objection(claim) is None
+        approach, *others = claim.motions
+        half = replace(claim, motions=(approach[: len(approach) // 2], *others))
+        assert "left out" in (oracle.objection(half) or "")
+        bent = approach.copy()
+        bent[len(bent) // 3 : 2 * len(bent) // 3, 0] += 0.01  # the torso is 1 cm higher
+        assert "off the straight line" in (oracle.objection(replace(claim, motions=(bent, *others))) or "")
+        assert "join" in (oracle.objection(replace(claim, motions=(approach,))) or "")
+    finally:
+        stage.close()
+        oracle.close()
+
+
 @pytest.mark.parametrize("seed", [1, 3, 14])
 def test_the_hand_that_is_in_reach_of_a_person_in_bed_is_clear_of_their_resting_arms(seed: int) -> None:
     room, robot = room_of("person in bed", seed), robot_of("amigo")

@@ -690,6 +690,19 @@ def test_each_file_of_a_large_project_is_read_once(monkeypatch: pytest.MonkeyPat
     assert len(parsed) >= 100
 
 
+def test_lines_of_files_that_nothing_leads_to_are_not_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "far_away.py"
+    file.write_text("from planlang import sleep\nlater = lambda: sleep(3)\n")
+    module = ModuleType("far_away")
+    module.__file__ = str(file)
+    exec(compile(file.read_text(), file, "exec"), vars(module))
+    monkeypatch.setitem(sys.modules, "far_away", module)
+    space: dict[str, Any] = {"sleep": sleep}
+    exec("async def body():\n    sleep(3)\n    await sleep(1)\n", space)
+    with pytest.raises(PlanStructureError, match="<string>:2 calls"):
+        go(space["body"])
+
+
 def test_without_source_the_name_alone_tells() -> None:
     space: dict[str, Any] = {"sleep": sleep}
     exec("async def body():\n    sleep(3)\n    await sleep(1)\n", space)
