@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 WIDTH = 88
-"""Columns of a line: what ruff and black take where nobody has set a width, so that either leaves a plan unchanged."""
+"""Columns of a line: what ruff and black take where nobody has set a width, so that either leaves a plan unchanged.
+
+Not kept to: first lines of functions without parameters, and of local ones, whose names alone are too long.
+"""
 
 INDENT = "    "
 
