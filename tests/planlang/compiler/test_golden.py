@@ -66,8 +66,8 @@ def test_source_does_not_depend_on_the_hash_seed(plan: CompiledPlan) -> None:
 
 def test_golden_plan_is_formatted_linted_and_strictly_typed() -> None:
     for arguments in (
-        ["ruff", "format", "--check", "--line-length", "120", "--isolated"],
-        ["ruff", "check", "--line-length", "120", "--isolated", "--select", "E,F,W,I,B,UP,N,RUF"],
+        ["ruff", "format", "--check", "--isolated"],
+        ["ruff", "check", "--isolated", "--select", "E,F,W,I,B,UP,N,RUF"],
         ["mypy", "--strict", "--no-error-summary"],
     ):
         done = subprocess.run([sys.executable, "-m", *arguments, str(GOLDEN)], capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""Emitted lines are what ``ruff format --line-length 120`` makes of them."""
+"""Emitted lines are what ``ruff format`` makes of them where nobody has set a width."""
 
 import random
 import subprocess
@@ -9,7 +9,7 @@ from planlang.compiler.layout import Call, Display, Expression, Text, statement
 
 def formatted(source: str) -> str:
     """What ruff makes of a source."""
-    command = [sys.executable, "-m", "ruff", "format", "--line-length", "120", "--isolated", "-"]
+    command = [sys.executable, "-m", "ruff", "format", "--isolated", "-"]
     return subprocess.run(command, input=source, capture_output=True, text=True, check=True).stdout
 
 
@@ -41,7 +41,7 @@ def test_formatter_leaves_any_call_as_it_was_laid_out() -> None:
 
 
 def test_arguments_share_a_line_before_they_get_one_each() -> None:
-    arguments = tuple((None, Text("a" * 30)) for _ in range(3))
+    arguments = tuple((None, Text("a" * 26)) for _ in range(3))
     assert len(statement(Call("f" * 40, arguments), depth=0)) == 3
 
 

@@ -1,13 +1,16 @@
 """Real recipes compile to plans that can run, or are refused for the right reason at the right line."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from plan_text import unbroken
 
 from planlang.compiler import CompiledPlan, compile_recipe
+from planlang.compiler.layout import WIDTH
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 
 HYDRO = "recipes/serve_drink@knowrob_hydro_2014-11.owl"
@@ -49,7 +52,8 @@ def test_hydro_recipe_grasps_in_six_steps_at_one_place_and_hands_over_at_another
 
 
 def test_hydro_recipe_gets_its_exchanged_fillers_the_right_way_round(hydro: CompiledPlan) -> None:
-    assert 'action("GraspingSomething", object_acted_on=bottle, device_used=ROBOT_RIGHT_GRIPPER)' in hydro.source
+    grasp = "action('GraspingSomething', object_acted_on=bottle, device_used=ROBOT_RIGHT_GRIPPER)"
+    assert grasp in unbroken(hydro.source)
     assert ("R030", 308) in codes(hydro.diagnostics, Severity.NOTE)
 
 
@@ -61,13 +65,16 @@ def test_tool_that_is_no_physical_device_stays_the_tool(corpus: Path) -> None:
 
 
 def test_place_without_relations_is_a_posture(hydro: CompiledPlan) -> None:
-    assert 'PARKINGPOSE = a_posture("parkingpose")' in hydro.source
-    assert 'action("Reaching", to_location=PARKINGPOSE, device_used=ROBOT_RIGHT_GRIPPER)' in hydro.source
+    source = unbroken(hydro.source)
+    assert "PARKINGPOSE = a_posture('parkingpose')" in source
+    assert "action('Reaching', to_location=PARKINGPOSE, device_used=ROBOT_RIGHT_GRIPPER)" in source
 
 
 def test_step_outside_a_recipe_with_a_device_gets_none(hydro: CompiledPlan) -> None:
-    assert 'perform(action("Reaching", to_location=hand_pose_handover(bed)), name="HandoverObject")' in hydro.source
-    assert 'perform(action("OpeningAGripper", device_used=ROBOT_RIGHT_GRIPPER), name="OpenGrip' in hydro.source
+    source = unbroken(hydro.source)
+    assert "perform(action('Reaching', to_location=hand_pose_handover(bed)), name='HandoverObject')" in source
+    for name in ("OpenGripperForGrasping", "OpenGripperForHandover"):
+        assert f"perform(action('OpeningAGripper', device_used=ROBOT_RIGHT_GRIPPER), name='{name}')" in source
 
 
 def test_cabinet_that_no_step_uses_is_left_out(hydro: CompiledPlan) -> None:
@@ -162,10 +169,13 @@ def test_plans_of_real_recipes_are_formatted_linted_and_typed(corpus: Path, tmp_
     for number, (file, task) in enumerate(recipes):
         source = compile_recipe(corpus / file, task=task, allow_abstract=True).source
         assert not any("http://" in line for line in source.splitlines() if line.startswith("    "))
+        # what ruff calls E501, but for one parameter with a long name: no formatter breaks that
+        long = [line for line in source.splitlines() if len(line) > WIDTH]
+        assert [line for line in long if not re.fullmatch(r" {4}\w+: \w+ = \w+,", line)] == []
         (tmp_path / f"plan{number}.py").write_text(source, encoding="utf-8")
     for arguments in (
-        ["ruff", "format", "--diff", "--line-length", "120", "--isolated"],
-        ["ruff", "check", "--line-length", "120", "--isolated", "--select", "E,F,W,I,B,UP,N,RUF"],
+        ["ruff", "format", "--diff", "--isolated"],
+        ["ruff", "check", "--isolated", "--select", "E,F,W,I,B,UP,N,RUF", "--ignore", "E501"],
         ["mypy", "--strict", "--no-error-summary"],
     ):
         done = subprocess.run([sys.executable, "-m", *arguments, str(tmp_path)], capture_output=True, text=True)

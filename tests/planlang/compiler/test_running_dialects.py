@@ -7,6 +7,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from plan_text import unbroken
 
 from planlang import given
 from planlang.compiler.canonical import canonical
@@ -98,8 +99,9 @@ def test_a_result_is_handed_to_the_steps_that_use_it(compiled: Callable[..., str
     source = compiled(
         recipe(about_the_cup("Find"), about_the_cup("Grasp"), flows=flows("Find>Grasp"), orderings=before())
     )
-    assert 'result_of_find = await perform(action(RECIPE + "Find", object_acted_on=cup), name="Find")' in source
-    assert "object_acted_on=given(result_of_find, cup)" in source
+    text = unbroken(source)
+    assert "result_of_find = await perform(action(RECIPE + 'Find', object_acted_on=cup), name='Find')" in text
+    assert "object_acted_on=given(result_of_find, cup)" in text
     found, seen = an_object("Cup", BASE + "cup7"), []
     script = Script().on("Find", returns=found)
     script.on("Grasp", does=lambda belief, wanted: seen.append(wanted.get("object_acted_on")))

@@ -261,7 +261,7 @@ def test_a_plan_with_turns_is_formatted_and_typed(compiled: Callable[..., Compil
     )
     path = tmp_path / "serve.py"
     path.write_text(plan.source, encoding="utf-8")
-    for arguments in (["ruff", "format", "--check", "--line-length", "120", "--isolated"], ["mypy", "--strict"]):
+    for arguments in (["ruff", "format", "--check", "--isolated"], ["mypy", "--strict"]):
         done = subprocess.run(
             [sys.executable, "-m", *arguments, str(path)], capture_output=True, text=True, check=False
         )

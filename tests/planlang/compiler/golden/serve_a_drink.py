@@ -1,8 +1,10 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn
-(sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task ServeADrink.
-What follows has sha256 7c517a010c1101aa63005cb270414e5d8d9a41c6dd04451a7d2334fde41bd882 unless
+(sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task
+ServeADrink.
+What follows has sha256
+63cf99c399585525ebf9b61ef443f5bcab8d67e1ec6b330bf5711eb77909a1a8 unless
 somebody has edited it.
 """
 
@@ -29,7 +31,12 @@ from planlang import (
     plan,
     with_failure_handling,
 )
-from planlang.failures import GraspMissed, ObjectNotFound, ObjectNowhereToBeFound, ObjectUnfetchable
+from planlang.failures import (
+    GraspMissed,
+    ObjectNotFound,
+    ObjectNowhereToBeFound,
+    ObjectUnfetchable,
+)
 
 RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
 HOSPITAL_ROOM = "http://planlang.org/kb/hospital_room.owl#"
@@ -68,14 +75,25 @@ def handover_pose(patient: Person) -> Location:
 @plan(RECIPE + "GraspBottle")
 async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
     """Grasp a bottle."""
-    await perform(action("Reaching", to_location=approach_pose(bottle), device_used=GRIPPER), name="ApproachBottle")
+    await perform(
+        action("Reaching", to_location=approach_pose(bottle), device_used=GRIPPER),
+        name="ApproachBottle",
+    )
     await perform(action("OpeningAGripper", device_used=GRIPPER), name="OpenGripper")
-    await perform(action("Reaching", to_location=grasp_pose(bottle), device_used=GRIPPER), name="ReachForBottle")
+    await perform(
+        action("Reaching", to_location=grasp_pose(bottle), device_used=GRIPPER),
+        name="ReachForBottle",
+    )
     await perform(action("ClosingAGripper", device_used=GRIPPER), name="CloseGripper")
     # lift the bottle to where the hand came from
-    await perform(action("Reaching", to_location=approach_pose(bottle), device_used=GRIPPER), name="LiftBottle")
+    await perform(
+        action("Reaching", to_location=approach_pose(bottle), device_used=GRIPPER),
+        name="LiftBottle",
+    )
     # bring the bottle close to the robot
-    await perform(action("Reaching", to_location=CARRYING, device_used=GRIPPER), name="ParkArm")
+    await perform(
+        action("Reaching", to_location=CARRYING, device_used=GRIPPER), name="ParkArm"
+    )
 
 
 @plan(RECIPE + "ServeADrink")
@@ -86,13 +104,20 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
     async def at_grasping_place() -> None:
         async def grasp_bottle_once() -> None:
             await perform_or(
-                action("GraspingSomething", object_acted_on=bottle, device_used=GRIPPER),
+                action(
+                    "GraspingSomething", object_acted_on=bottle, device_used=GRIPPER
+                ),
                 partial(grasp_bottle, bottle=bottle),
             )
 
         await with_failure_handling(
             partial(achieve, holding(bottle), grasp_bottle_once),
-            Recovery(GraspMissed, look_and_repeat(bottle), attempts=2, otherwise=ObjectUnfetchable),
+            Recovery(
+                GraspMissed,
+                look_and_repeat(bottle),
+                attempts=2,
+                otherwise=ObjectUnfetchable,
+            ),
         )
 
     await with_failure_handling(
@@ -103,24 +128,44 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             attempts=5,
             reaching=(approach_pose(bottle), grasp_pose(bottle)),
         ),
-        Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3, otherwise=ObjectNowhereToBeFound),
+        Recovery(
+            ObjectNotFound,
+            look_from_another_place(bottle),
+            attempts=3,
+            otherwise=ObjectNowhereToBeFound,
+        ),
     )
 
     # drive to where the patient is in reach
     async def at_handover_place() -> None:
         # offer the bottle to the patient
         await perform(
-            action("Reaching", to_location=handover_pose(patient), device_used=GRIPPER), name="ReachToHandoverPose"
+            action("Reaching", to_location=handover_pose(patient), device_used=GRIPPER),
+            name="ReachToHandoverPose",
         )
         # let go of the bottle when the patient has taken it
         await perform(
-            action("HandingOverAnObject", object_acted_on=bottle, recipient=patient, device_used=GRIPPER),
+            action(
+                "HandingOverAnObject",
+                object_acted_on=bottle,
+                recipient=patient,
+                device_used=GRIPPER,
+            ),
             name="HandOverBottle",
         )
 
     await with_failure_handling(
         partial(
-            at_location, handover_place(patient), at_handover_place, attempts=5, reaching=(handover_pose(patient),)
+            at_location,
+            handover_place(patient),
+            at_handover_place,
+            attempts=5,
+            reaching=(handover_pose(patient),),
         ),
-        Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3, otherwise=ObjectNowhereToBeFound),
+        Recovery(
+            ObjectNotFound,
+            look_from_another_place(patient),
+            attempts=3,
+            otherwise=ObjectNowhereToBeFound,
+        ),
     )
