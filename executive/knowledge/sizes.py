@@ -36,7 +36,7 @@ def read_size(
     types = tuple(types)
     size, origins = [], []
     for name, value in zip(EXTENTS, said, strict=True):
-        filled, origin = (value, "") if value else _default(ontology, types, name, any(said))
+        filled, origin = (value, "") if value else _default(ontology, types, name, any(said), found)
         size.append(filled)
         origins.append(f"{name} {filled} m ({origin})" if origin else "")
     span = ontology.span(iri)
@@ -77,12 +77,18 @@ def _positive(value: float, name: str, span: Span | None, found: list[Diagnostic
     return value
 
 
-def _default(ontology: Ontology, types: tuple[str, ...], name: str, partly: bool) -> tuple[float | None, str]:
+def _default(
+    ontology: Ontology, types: tuple[str, ...], name: str, partly: bool, found: list[Diagnostic]
+) -> tuple[float | None, str]:
     if partly and any(ontology.is_a(cls, expand("Door")) for cls in types):
         return THIN, "doors are thin"
     for cls in types:
         for ancestor in ontology.ancestors(cls):
             for restriction in ontology.restrictions(ancestor):
                 if restriction.property == expand(name) and isinstance(restriction.filler, Literal):
-                    return restriction.filler.number(), f"default of {local_name(ancestor)}"
+                    try:
+                        return restriction.filler.number(), f"default of {local_name(ancestor)}"
+                    except ValueError as wrong:
+                        message = f"{name} of {local_name(ancestor)}: {wrong}"
+                        found.append(error("M002", message, restriction.span))
     return None, ""

@@ -48,6 +48,7 @@ def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
         name for name, value in vars(failures).items() if isinstance(value, type) and issubclass(value, PlanFailure)
     }
     for rule in rules:
+        yield from rule.problems
         named = [*rule.failures, *([rule.escalates_to] if rule.escalates_to else [])]
         for name in (name for name in named if name not in classes):
             yield _unknown(rule, "failure", name, classes)

@@ -173,7 +173,7 @@ def judged(
 def _likeliest(guilty: list[Suspect], frames: list[FrameType]) -> list[Suspect]:
     """Of several lines those of functions that exist and run, and rather those whose coroutine nothing could await."""
     if len(guilty) > 1:
-        codes = [one.__code__ for one in gc.get_objects() if one.__class__ is FunctionType]
+        codes = [one.__code__ for one in gc.get_objects() if type(one) is FunctionType]
         run = {(frame.f_code.co_filename, frame.f_code.co_firstlineno) for frame in frames}
         exist = run | {(code.co_filename, code.co_firstlineno) for code in codes}
         guilty = [call for call in guilty if not call.function or (call.file, call.function) in exist] or guilty

@@ -52,7 +52,7 @@ def _unbegun(age: int) -> list[Coroutine]:
     things = gc.get_objects(generation=age)
     if CoroutineType not in map(type, things):
         return []
-    coroutines = (one for one in things if one.__class__ is CoroutineType)
+    coroutines = (one for one in things if type(one) is CoroutineType)
     return [one for one in coroutines if inspect.getcoroutinestate(one) == inspect.CORO_CREATED]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from planlang.designators import local_name
-from planlang.diagnostics import Span
+from planlang.diagnostics import Diagnostic, Span, error
 from planlang.ontology import Literal, Ontology, Term, expand
 
 
@@ -45,6 +45,8 @@ class RecoveryRule:
     escalates_to: str | None
     rank: int
     span: Span | None = None
+    problems: tuple[Diagnostic, ...] = ()
+    """Errors (R037) of numbers that are none; the rule has the default instead."""
 
 
 def texts(ontology: Ontology, subject: str, property_name: str) -> tuple[str, ...]:
@@ -85,6 +87,7 @@ def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:
     """All recovery rules, in the order of the files."""
     rules = []
     for individual in ontology.individuals(expand("Recovery")):
+        problems: list[Diagnostic] = []
         strategy = _first(texts(ontology, individual, "strategy"))
         if strategy is None:
             continue
@@ -94,10 +97,11 @@ def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:
                 tuple(term for term in ontology.values(individual, "recoversAction") if isinstance(term, str)),
                 texts(ontology, individual, "recoversFailure"),
                 strategy,
-                _integer(ontology, individual, "attempts", 1),
+                _count(ontology, individual, "attempts", 1, problems),
                 _first(texts(ontology, individual, "escalatesTo")),
-                _integer(ontology, individual, "rank", 0),
+                _count(ontology, individual, "rank", 0, problems),
                 ontology.span(individual),
+                tuple(problems),
             )
         )
     return tuple(rules)
@@ -119,9 +123,20 @@ def recoveries_of(ontology: Ontology, rules: tuple[RecoveryRule, ...], cls: str)
     return [(failure, rule) for failure, rule in chosen.items() if rule.attempts > 0]
 
 
-def _integer(ontology: Ontology, subject: str, property_name: str, default: int) -> int:
-    value = ontology.value(subject, property_name)
-    return int(value.number()) if isinstance(value, Literal) else default
+def _count(ontology: Ontology, subject: str, property_name: str, default: int, problems: list[Diagnostic]) -> int:
+    for triple in ontology.triples(subject, expand(property_name)):
+        try:
+            number = triple.object.number() if isinstance(triple.object, Literal) else -1
+        except ValueError:
+            number = -1
+        if number >= 0 and float(number).is_integer():
+            return int(number)
+        said = triple.object.value if isinstance(triple.object, Literal) else _text(triple.object)
+        message = (
+            f"{property_name} of the recovery `{local_name(subject)}` is {said!r}, which is no whole number from 0 on"
+        )
+        problems.append(error("R037", message, triple.span))
+    return default
 
 
 def _text(term: Term) -> str:

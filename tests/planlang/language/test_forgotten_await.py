@@ -13,6 +13,7 @@ import sys
 import textwrap
 import threading
 import warnings
+import weakref
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -727,3 +728,19 @@ def test_without_the_interpreters_hook_nothing_is_watched(monkeypatch: pytest.Mo
     coroutine = reach()
     forgotten._dropped(coroutine)
     coroutine.close()
+
+
+def test_dead_proxies_among_the_objects_of_a_process_do_no_harm() -> None:
+    class Thing:
+        pass
+
+    thing = Thing()
+    proxy = weakref.proxy(thing)
+    del thing
+
+    async def body() -> int:
+        await sleep(1)
+        return 3
+
+    assert go(body) == 3
+    assert type(proxy) is weakref.ProxyType
