@@ -135,7 +135,7 @@ def _count(ontology: Ontology, subject: str, property_name: str, default: int, p
         message = (
             f"{property_name} of the recovery `{local_name(subject)}` is {said!r}, which is no whole number from 0 on"
         )
-        problems.append(error("R037", message, triple.span))
+        problems.append(error("R037", message, triple.span, f"write a number, such as {default}"))
     return default
 
 
