@@ -8,7 +8,8 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from types import CellType, CoroutineType, FrameType, FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
+from weakref import ReferenceType
 
 from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.forgotten import calls_of, judged, watch
@@ -31,36 +32,50 @@ _runs: set[int] = set()
 
 
 class Found:
-    """What one run knows about coroutines that never ran: those that were there before it, and by whom it is spoilt."""
+    """What one run knows about coroutines that never ran: those that were there before it, and those that grew old.
+
+    Only the youngest generation of the collector is ever looked through, at each collection and at the end: how much
+    else there is in the process costs nothing.
+    """
 
     def __init__(self, root: Task) -> None:
         self.root = root
         """The top-level task."""
-        self.collections = [one["collections"] for one in gc.get_stats()]
-        self.before = {id(one) for one in _unbegun(0)}
+        self.before = {id(one) for one in _young()}
+        self._old: list[ReferenceType[Coroutine]] = []
+        self._many = 1000
+
+    def collecting(self, phase: str, details: dict[str, int]) -> None:
+        """Before a collection: what is young now may be old afterwards."""
+        if phase != "start":
+            return
+        self._old += map(ReferenceType, _young())
+        if len(self._old) > self._many:
+            self._old = [one for one in self._old if _unbegun(one())]
+            self._many = 2 * len(self._old) + 1000
 
     def left(self) -> list[Coroutine]:
-        """Coroutines that were made since then and never ran."""
-        now = [one["collections"] for one in gc.get_stats()]
-        collected = [before != after for before, after in zip(self.collections, now, strict=True)]
-        generations = [0, *(min(age + 1, 2) for age, since in enumerate(collected) if since)]
-        found = [one for age in sorted(set(generations)) for one in _unbegun(age)]
-        return [one for one in found if id(one) not in self.before]
+        """Coroutines that were made since then and never ran, in the order in which they were made."""
+        old = [one for reference in self._old if (one := reference()) is not None and _unbegun(one)]
+        met = {id(one) for one in old}.union(self.before)
+        return [one for one in old if id(one) not in self.before] + [one for one in _young() if id(one) not in met]
 
 
-def _unbegun(age: int) -> list[Coroutine]:
-    things = gc.get_objects(generation=age)
-    if CoroutineType not in map(type, things):
-        return []
-    coroutines = (one for one in things if type(one) is CoroutineType)
-    return [one for one in coroutines if inspect.getcoroutinestate(one) == inspect.CORO_CREATED]
+def _young() -> list[Coroutine]:
+    things = gc.get_objects(generation=0)
+    return [one for one in things if _unbegun(one)] if CoroutineType in map(type, things) else []
+
+
+def _unbegun(thing: object) -> TypeGuard[Coroutine]:
+    return type(thing) is CoroutineType and inspect.getcoroutinestate(thing) == inspect.CORO_CREATED
 
 
 @contextmanager
 def watching(scheduler: Scheduler, root: Task) -> Iterator[None]:
     """While the run lasts. Of one that fails, what was never awaited is closed: why it fails is more important."""
     watch()
-    scheduler.coroutines = Found(root)
+    scheduler.coroutines = found = Found(root)
+    gc.callbacks.append(found.collecting)
     _runs.add(id(scheduler))
     try:
         yield
@@ -70,6 +85,7 @@ def watching(scheduler: Scheduler, root: Task) -> Iterator[None]:
         raise
     finally:
         _runs.discard(id(scheduler))
+        gc.callbacks.remove(found.collecting)
 
 
 def _close_left(scheduler: Scheduler, root: Task) -> None:
