@@ -41,7 +41,8 @@ class Found:
     def __init__(self, root: Task) -> None:
         self.root = root
         """The top-level task."""
-        self.before = {id(one) for one in _young()}
+        self.before = {id(one): one for one in _young()}
+        """By identity. They are kept, or one that the run makes might get the identity of one that is gone."""
         self._old: list[ReferenceType[Coroutine]] = []
         self._many = 1000
 
@@ -85,6 +86,7 @@ def watching(scheduler: Scheduler, root: Task) -> Iterator[None]:
         raise
     finally:
         _runs.discard(id(scheduler))
+        found.before.clear()
         gc.callbacks.remove(found.collecting)
 
 

@@ -625,6 +625,19 @@ def test_what_was_made_before_the_run_is_pythons_own_matter() -> None:
     assert [str(one.message) for one in caught] == ["coroutine 'reach' was never awaited"]
 
 
+def test_what_was_made_before_the_run_hides_nothing_that_the_run_forgets() -> None:
+    early = [reach() for _ in range(50)]
+
+    async def body() -> None:
+        while early:
+            early.pop().close()
+        reach()
+        await sleep(1)
+
+    with pytest.raises(PlanStructureError, match="without await"):
+        go(body)
+
+
 def test_what_survived_a_collection_of_garbage_is_found_too(written: Written) -> None:
     with pytest.raises(PlanStructureError, match=shows("HELD.append(sleep(5))", "HELD.append(await sleep(5))")):
         written("HELD.append(sleep(5))\ngc.collect(0)")
