@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.collision import BASE, FIRST_JOINT, MAP, Movers, Obstacles, QuickCheck, Watched
+from executive.motion.facets import Facets
 from executive.motion.kinematics import Chain
 from executive.motion.link_shapes import Shaped, thing_in
 from executive.motion.solids import Solids
@@ -104,7 +105,9 @@ class ArmBodies:
 
     def _stiff(self, mine: NDArray[np.bool_], places: Array) -> ArmBodies:
         """Some movers, from the frames they go with to one that sees these at places (k, 4, 4)."""
-        movers = _moved(self.movers.only(mine), places).going_with(BASE)
+        chosen = self.movers.only(mine)
+        # nothing is ever sure here, so that nobody asks for faces
+        movers = _moved(replace(chosen, faces=Facets.unknown(len(chosen))), places).going_with(BASE)
         return replace(
             self,
             movers=movers,
@@ -141,7 +144,7 @@ class Room:
             np.cumsum([0, *sizes.tolist(), 1]).astype(np.int32),
             Solids.joined([solids.only(np.argsort(of_piece, kind="stable")), Solids.of([ground])]),
             np.zeros(count),
-            (None,) * count,
+            Facets.unknown(count),
         )
         return Room(bodies, np.array([*(limb for _, limb in keys), False], bool))
 
@@ -214,11 +217,8 @@ class ArmShapes:
         back = np.linalg.inv(whole)
         local = back[self._frames] @ placed
         movers, own = _moved(self._movers, local[self._of_mover]), self._own
-        faces = [
-            None if one is None else one.moved(local[k]) for k, one in zip(self._obstacle_of, own.faces, strict=True)
-        ]
-        solids = own.solids.moved(local[self._of_piece])
-        own = Obstacles(own.names, own.frames, own.first, solids, own.slack, tuple(faces))
+        solids, faces = own.solids.moved(local[self._of_piece]), own.faces.moved(local[list(self._obstacle_of)])
+        own = Obstacles(own.names, own.frames, own.first, solids, own.slack, faces)
         hands, grounded, watched, held = self._hands, self._grounded, self._watched, {}
         before: list[_Part] = []
         for name, (link, offset) in _held(world).items():
@@ -290,8 +290,7 @@ def _moved(movers: Movers, places: Array) -> Movers:
     of_sphere = np.repeat(np.arange(len(movers)), np.diff(movers.first))
     turned = np.einsum("sij,sj->si", places[of_sphere, :3, :3], movers.spheres[:, :3]) + places[of_sphere, :3, 3]
     spheres = np.column_stack([turned, movers.spheres[:, 3]])
-    faces = [None if one is None else one.moved(at) for one, at in zip(movers.faces, places, strict=True)]
-    return Movers(movers.names, movers.frames, movers.first, spheres, movers.slack, tuple(faces))
+    return Movers(movers.names, movers.frames, movers.first, spheres, movers.slack, movers.faces.moved(places))
 
 
 def _extent(chain: Chain) -> tuple[Array, Array]:
