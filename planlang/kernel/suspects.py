@@ -8,10 +8,13 @@ its function, under the names that the file has for it, that stand in no ``await
 from __future__ import annotations
 
 import ast
+import functools
 import inspect
 import linecache
 import os
-from collections.abc import Iterator, Mapping, Set
+import re
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from types import BuiltinFunctionType, CoroutineType, FunctionType, ModuleType
 from typing import Any
@@ -29,6 +32,7 @@ _LETS_THROUGH = frozenset({"using", "shield", "task_suspended", "on_suspension"}
 """What is used as ``with`` and keeps no error from going on."""
 _HANDLED = frozenset({"close", "send", "throw"})
 _CONSTANTS = (str, int, float, bool, bytes, type(None))
+_NO_FUNCTIONS = frozenset({*_CONSTANTS, type, tuple, list, dict, BuiltinFunctionType, ModuleType})
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,69 +75,89 @@ def suspects(
     Names that are not global are believed to be the function's in ``near`` files; elsewhere those of methods are.
     """
     method = "." in coroutine.__qualname__.rpartition("<locals>.")[2]
+    called = _call_of(_aliases(coroutine))
+    got = _arguments(coroutine)
     found = []
     for file, space in files.items():
-        lines = linecache.getlines(file, dict(space))
-        tree = _parsed(file, lines)
-        for function, calls in tree.calls.values():
-            believed = file in near or (method and isinstance(function, ast.Attribute))
+        source = _source(file, linecache.getlines(file, dict(space)))
+        if source.text.isascii() and not called.search(source.text):  # other letters may be spelt in several ways
+            continue
+        for function in source.called:
+            believed = file in near or (method and "." in function)
             if _makes(function, coroutine, space, believed):
-                found += [
-                    tree.judged(call, file, lines, file in near) for call in calls if not _contradicts(call, coroutine)
-                ]
-    return [suspect for suspect in found if suspect is not None]
+                judged = source.judged(function, file in near)
+                found += [suspect for given, suspect in judged if not _contradicts(given, got)]
+    return found
 
 
-def _makes(
-    function: ast.expr, coroutine: CoroutineType[Any, Any, Any], space: Mapping[str, Any], believed: bool
-) -> bool:
-    """Whether calling this expression may give the coroutine."""
+def _aliases(coroutine: CoroutineType[Any, Any, Any]) -> set[str]:
+    """Names under which modules know the function of the coroutine, or something that is called as it is."""
+    names = {coroutine.__name__}
+    for module in tuple(sys.modules.values()):
+        for name, value in tuple(getattr(module, "__dict__", {}).items()):
+            if name not in names and type(value) not in _NO_FUNCTIONS and _is_maker(value, coroutine):
+                names.add(name)
+    return names
+
+
+def _call_of(names: Set[str]) -> re.Pattern[str]:
+    """What is found wherever something of these names is called, and seldom elsewhere."""
+    return re.compile(rf"(?:{'|'.join(map(re.escape, sorted(names)))})\b(?:[\s)\\]|#.*)*\(")
+
+
+def _makes(function: str, coroutine: CoroutineType[Any, Any, Any], space: Mapping[str, Any], believed: bool) -> bool:
+    """Whether calling what is written so may give the coroutine."""
     known, made = _resolved(function, space)
     if not known:
-        return believed and _last(function) == coroutine.__name__
+        return believed and function.rpartition(".")[2] == coroutine.__name__
+    return _is_maker(made, coroutine)
+
+
+def _is_maker(made: object, coroutine: CoroutineType[Any, Any, Any]) -> bool:
+    """Whether calling it may give the coroutine."""
     if isinstance(made, FunctionType):
-        return getattr(inspect.unwrap(made), "__code__", None) is coroutine.cr_code
+        made = inspect.unwrap(made) if "__wrapped__" in vars(made) else made
+        return getattr(made, "__code__", None) is coroutine.cr_code
     named = getattr(made, "__name__", None) == coroutine.__name__
     return named and not isinstance(made, (BuiltinFunctionType, type))
 
 
-def _resolved(function: ast.expr, space: Mapping[str, Any]) -> tuple[bool, Any]:
-    if isinstance(function, ast.Name):
-        return function.id in space, space.get(function.id)
-    if isinstance(function, ast.Attribute):
-        known, around = _resolved(function.value, space)
-        if known and isinstance(around, ModuleType):
-            return function.attr in vars(around), vars(around).get(function.attr)
-    return False, None
+def _resolved(function: str, space: Mapping[str, Any]) -> tuple[bool, Any]:
+    around, _, name = function.rpartition(".")
+    if around:
+        known, module = _resolved(around, space)
+        if not (known and isinstance(module, ModuleType)):
+            return False, None
+        space = vars(module)
+    elif function != name:
+        return False, None
+    return name in space, space.get(name)
 
 
-def _last(function: ast.expr) -> str | None:
-    if isinstance(function, ast.Name):
-        return function.id
-    return function.attr if isinstance(function, ast.Attribute) else None
-
-
-def _contradicts(call: ast.Call, coroutine: CoroutineType[Any, Any, Any]) -> bool:
-    """Whether the call hands over a constant that the coroutine did not get."""
+def _arguments(coroutine: CoroutineType[Any, Any, Any]) -> list[object]:
+    """What the coroutine got."""
     got: list[object] = []
     frame = coroutine.cr_frame
     for value in () if frame is None else frame.f_locals.values():
         got += value if isinstance(value, tuple) else value.values() if isinstance(value, dict) else (value,)
-    given = [*call.args, *(keyword.value for keyword in call.keywords)]
-    constants = [one.value for one in given if isinstance(one, ast.Constant) and isinstance(one.value, _CONSTANTS)]
-    return any(not any(type(one) is type(other) and one == other for other in got) for one in constants)
+    return got
+
+
+def _contradicts(given: Iterable[object], got: list[object]) -> bool:
+    """Whether a call hands over a constant that the coroutine did not get."""
+    return any(not any(type(one) is type(other) and one == other for other in got) for one in given)
 
 
 class _Tree:
     """A parsed file: who stands in what."""
 
     def __init__(self, module: ast.Module) -> None:
-        self.calls: dict[str, tuple[ast.expr, list[ast.Call]]] = {}
-        """What is called, by how it is written, and the calls of it."""
+        self.calls: dict[str, list[ast.Call]] = {}
+        """The calls of a function, by how it is written."""
         self.around: dict[ast.AST, ast.AST] = {}
         for node in ast.walk(module):
             if isinstance(node, ast.Call):
-                self.calls.setdefault(_name(node.func), (node.func, []))[1].append(node)
+                self.calls.setdefault(_name(node.func), []).append(node)
             for child in ast.iter_child_nodes(node):
                 self.around[child] = node
 
@@ -232,7 +256,9 @@ def _catches(node: ast.AST) -> bool:
     """Whether errors may end here."""
     if isinstance(node, _WITH):
         opened = [item.context_expr for item in node.items]
-        return any(not isinstance(one, ast.Call) or _last(one.func) not in _LETS_THROUGH for one in opened)
+        return any(
+            not isinstance(one, ast.Call) or _name(one.func).rpartition(".")[2] not in _LETS_THROUGH for one in opened
+        )
     return isinstance(node, (ast.Try, ast.TryStar)) and bool(node.handlers)
 
 
@@ -243,16 +269,49 @@ def _name(function: ast.expr) -> str:
     return function.id if isinstance(function, ast.Name) else ""
 
 
-_trees: dict[str, tuple[list[str], _Tree]] = {}
+class _Source:
+    """A file: what is called in it, and what may become of that. Its tree is not kept, others have to go through it."""
+
+    def __init__(self, file: str, lines: list[str]) -> None:
+        self.file = file
+        self.lines = lines
+        self.text = "".join(lines)
+        self._judged: dict[tuple[str, bool], list[tuple[list[object], Suspect]]] = {}
+
+    @functools.cached_property
+    def called(self) -> tuple[str, ...]:
+        """What is called, as it is written."""
+        return tuple(_parsed(self.text).calls)
+
+    def judged(self, function: str, near: bool) -> list[tuple[list[object], Suspect]]:
+        """The calls of it that nothing awaits, with the constants that they hand over."""
+        if (function, near) not in self._judged:
+            tree = _parsed(self.text)
+            found = [(call, tree.judged(call, self.file, self.lines, near)) for call in tree.calls[function]]
+            self._judged[function, near] = [(_constants(call), one) for call, one in found if one is not None]
+        return self._judged[function, near]
 
 
-def _parsed(file: str, lines: list[str]) -> _Tree:
-    """The tree of a file, parsed anew when it is read anew."""
-    known = _trees.get(file)
-    if known is None or known[0] is not lines:
-        try:
-            tree = _Tree(ast.parse("".join(lines)))
-        except (SyntaxError, ValueError, RecursionError):  # what runs is no longer what the file says
-            tree = _Tree(ast.Module([], []))
-        known = _trees[file] = lines, tree
-    return known[1]
+def _constants(call: ast.Call) -> list[object]:
+    given = [*call.args, *(keyword.value for keyword in call.keywords)]
+    return [one.value for one in given if isinstance(one, ast.Constant) and isinstance(one.value, _CONSTANTS)]
+
+
+_sources: dict[str, _Source] = {}
+
+
+def _source(file: str, lines: list[str]) -> _Source:
+    """A file, anew when it is read anew."""
+    known = _sources.get(file)
+    if known is None or known.lines is not lines:
+        known = _sources[file] = _Source(file, lines)
+    return known
+
+
+@functools.lru_cache(maxsize=8)
+def _parsed(text: str) -> _Tree:
+    """The tree of a text."""
+    try:
+        return _Tree(ast.parse(text))
+    except (SyntaxError, ValueError, RecursionError):  # what runs is no longer what the file says
+        return _Tree(ast.Module([], []))

@@ -59,21 +59,22 @@ from planlang.testing import Belief, Script
 from planlang.testing.scripted import ScriptedExecutive
 
 
-def coroutines() -> list[CoroutineType[Any, Any, Any]]:
-    """Those that were begun or created and not closed."""
-    gc.collect()
-    found = [thing for thing in gc.get_objects() if isinstance(thing, CoroutineType)]
-    return [one for one in found if inspect.getcoroutinestate(one) != inspect.CORO_CLOSED]
+@pytest.fixture
+def younger_things() -> Iterator[Callable[[], list[object]]]:
+    """What has come into being in the test and is not garbage; nothing else is looked through for it."""
+    gc.freeze()
+    yield lambda: (gc.collect(), gc.get_objects())[1]
+    gc.unfreeze()
 
 
 @pytest.fixture(autouse=True)
-def nothing_is_left_open(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def nothing_is_left_open(monkeypatch: pytest.MonkeyPatch, younger_things: Callable[[], list[object]]) -> Iterator[None]:
     """Fail if a coroutine survives the test or the interpreter prints about one; stuck tasks alone may stay."""
     printed: list[object] = []
     monkeypatch.setattr(sys, "unraisablehook", lambda details: printed.append(details.exc_value))
-    before = {id(one) for one in coroutines()}
     yield
-    left = [one for one in coroutines() if id(one) not in before]
+    made = [thing for thing in younger_things() if isinstance(thing, CoroutineType)]
+    left = [one for one in made if inspect.getcoroutinestate(one) != inspect.CORO_CLOSED]
     stuck = [one for one in left if "undying" in one.__qualname__]
     for one in stuck:  # and what it awaits
         if isinstance(one.cr_await, CoroutineType):

@@ -660,7 +660,7 @@ def test_each_file_of_a_large_project_is_read_once(monkeypatch: pytest.MonkeyPat
     for number in range(100):
         name = f"a_part_{number}_of_a_large_project"
         file = tmp_path / f"{name}.py"
-        file.write_text(f"# {number}")
+        file.write_text(f"def part_{number}():\n    reach()\n")
         module = ModuleType(name)
         module.__file__ = str(file)
         monkeypatch.setitem(sys.modules, name, module)
