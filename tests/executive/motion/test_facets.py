@@ -38,7 +38,7 @@ def test_polyhedra_are_moved_chosen_and_joined_as_each_by_itself() -> None:
     assert len(halves) == len(wanted)
     for (corners, planes, beyond), one in zip(rows(halves), wanted, strict=True):
         if one is None:
-            assert not len(corners) and not len(planes)
+            assert len(corners) + len(planes) == 0
             continue
         np.testing.assert_allclose(corners, one.corners, atol=1e-12)
         np.testing.assert_allclose(planes, one.planes, atol=1e-12)
