@@ -82,6 +82,10 @@ class Movers:
             self.faces.only(kept),
         )
 
+    def faceless(self) -> Movers:
+        """The same with polyhedra that are not known: for checks that are never asked what is sure."""
+        return replace(self, faces=Facets.unknown(len(self)))
+
     def going_with(self, frame: int) -> Movers:
         """The same spheres in another frame than was said."""
         return replace(self, frames=np.full(len(self), frame, np.int32))
@@ -354,13 +358,7 @@ def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, gro
     of_frames = np.searchsorted(movers.frames[by_frame], np.arange(frames + 1))
     pieces = np.column_stack([solids.centres, solids.reach])
     slack = np.repeat(movers.slack[groups.movers] + obstacles.slack[groups.obstacles], sizes)
-    faces = Facets.joined([movers.faces, obstacles.faces])
-    numbers = np.where(faces.known, np.arange(len(faces)), -1).astype(np.int32)
-    of_piece = np.repeat(numbers[len(movers) :], np.diff(first))
-    # a plane is only ever between two of which both are known
-    boxes = np.flatnonzero((of_piece < 0) & (solids.kinds == 1) & movers.faces.known.any())
-    of_piece[boxes] = len(faces) + np.arange(len(boxes))
-    faces = Facets.joined([faces, _box_faces(solids, boxes)])
+    faces, part_faces, piece_faces = _polyhedra(movers, obstacles)
     steps = np.arange(group_pair[-1]) - np.repeat(group_pair[:-1], sizes)
     found = Bodies(
         base=np.concatenate([base[:3, :3].ravel(), base[:3, 3]]),
@@ -384,8 +382,8 @@ def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, gro
         part_frame=movers.frames,
         pair_part=np.repeat(groups.movers, sizes).astype(np.int32),
         piece_frame=np.repeat(obstacles.frames, np.diff(first)),
-        part_faces=numbers[: len(movers)],
-        piece_faces=of_piece,
+        part_faces=part_faces,
+        piece_faces=piece_faces,
         corner_first=faces.corner_first,
         corners=faces.corners,
         plane_first=faces.plane_first,
@@ -394,6 +392,19 @@ def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, gro
     )
     found.widen()
     return found
+
+
+def _polyhedra(movers: Movers, obstacles: Obstacles) -> tuple[Facets, NDArray[np.int32], NDArray[np.int32]]:
+    """Those of movers, obstacles and pieces that are boxes, and which a mover (m,) and a piece (k,) has, -1: none."""
+    solids = obstacles.solids
+    if not movers.faces.known.any():  # a plane is only between two that are known
+        return Facets.unknown(0), np.full(len(movers), -1, np.int32), np.full(len(solids), -1, np.int32)
+    faces = Facets.joined([movers.faces, obstacles.faces])
+    numbers = np.where(faces.known, np.arange(len(faces)), -1).astype(np.int32)
+    of_piece = np.repeat(numbers[len(movers) :], np.diff(obstacles.first))
+    boxes = np.flatnonzero((of_piece < 0) & (solids.kinds == 1))
+    of_piece[boxes] = len(faces) + np.arange(len(boxes))
+    return Facets.joined([faces, _box_faces(solids, boxes)]), numbers[: len(movers)], of_piece
 
 
 _SIDES = np.array([[side * (axis == k) for k in range(3)] for axis in range(3) for side in (-1.0, 1.0)])
