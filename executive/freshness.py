@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from executive.inputs import PlanFile
+from executive.inputs import PlanFile, recipe_of
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES, PlanHeader, header
-from planlang.resources import bundled
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +35,7 @@ def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
     if origin is None:
         return Freshness("a plan written by hand")
     span = Span(str(plan.path))
-    places = (place / origin.recipe for place in (plan.path.parent, *folders, bundled("recipes")))
-    recipe = next((place for place in places if place.is_file()), None)
+    recipe = recipe_of(plan.path, origin, folders)
     if recipe is None:
         advice = "--ontologies DIR names a folder in which it is"
         message = f"the recipe {origin.recipe} is not beside the plan: whether it has changed is not known"

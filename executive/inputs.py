@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -92,6 +92,18 @@ def read(name: str) -> PlanFile | RecipeFile:
     if _starts_like_owl(text) or _is_utf16(content):
         return RecipeFile(path)
     return _plan(path, text, is_whole=len(content) <= LARGEST_PLAN)
+
+
+def recipe_of(plan: Path, origin: PlanHeader, folders: Sequence[Path] = ()) -> Path | None:
+    """The recipe that a plan's header names: the first beside the plan, in ``folders``, among the bundled ones."""
+    for place in (plan.parent, *folders, bundled("recipes")):
+        path = place / origin.recipe
+        try:
+            if path.is_file():
+                return path
+        except (OSError, ValueError):  # a name too long, or with a null character
+            return None
+    return None
 
 
 def _is_utf16(content: bytes) -> bool:

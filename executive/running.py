@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.assembly import platform_of, real_scene, world_at_start
-from executive.capabilities import Missing, Robot, bind_robot, missing_capabilities
-from executive.capabilities.matching import possessions_of
-from executive.capabilities.tasks import match
+from executive.capabilities import Robot, bind_robot, missing_capabilities
 from executive.carrying import with_carrying
 from executive.console import DONE, FAILED, INTERRUPTED, MISSING_CAPABILITY
 from executive.core import RobotExecutive
 from executive.knowledge import Belief, SemanticMap, read_map, scene_of
+from executive.origins import Requirements, required, required_of_plan
 from executive.outputs import replace as write_complete
 from executive.plan_actions import judged, needs_of
 from executive.plan_files import bound_parameters, compiled_plan, import_plan, line_in, main_plan
@@ -101,6 +100,8 @@ def run_plan_file(options: RunOptions) -> RunResult:
         path, stated = (options.plan, None) if options.plan is not None else _compiled(options, stack, found)
         module = import_plan(path)
         plan = main_plan(module, options.task if options.plan is not None else None)
+        if options.plan is not None:
+            stated = required_of_plan(path, plan, found, folders=options.ontologies)
         assert options.environment is not None
         assert options.robot is not None
         ontology = load(options.environment, folders=options.ontologies)
@@ -217,14 +218,12 @@ def _is_own(problem: BaseException, plan: Path) -> bool:
     return any(file.is_relative_to(folder) for file in below for folder in folders)
 
 
-def _compiled(
-    options: RunOptions, stack: ExitStack, found: list[Diagnostic]
-) -> tuple[Path, Callable[[Robot], tuple[Missing, ...]]]:
+def _compiled(options: RunOptions, stack: ExitStack, found: list[Diagnostic]) -> tuple[Path, Requirements]:
     """The plan of a recipe, and what the recipe itself requires of a robot, beyond what the plan's actions do."""
     assert options.recipe is not None
     read = load(options.recipe, folders=options.ontologies)
     path, recipes = compiled_plan(read, stack, found, task=options.task, allow_abstract=options.allow_abstract)
-    return path, lambda robot: match(read, recipes, possessions_of(robot)).lacking()
+    return path, required(read, recipes)
 
 
 class _Filmed:
