@@ -192,7 +192,7 @@ CODES: dict[str, str] = {
     "R043": "a recovery names a strategy or a failure that the plan language does not have",
     "R044": "a recovery that tries the next place handles or raises other failures than a location scope does",
     "R045": "steps that need the same resource of the robot are not ordered",
-    "R046": "no robot can meet a requirement, or it depends on itself",
+    "R046": "nothing defines what is required, no robot can have it, or it depends on itself",
     "R047": "nothing orders some steps",
     "R048": "two steps have one name",
     "R049": "nothing says what a thing is that fills a property; it is taken as an object",

@@ -1,8 +1,10 @@
-"""Checks of requirements: capabilities and components that no robot can have, whatever its self-model says."""
+"""Checks of requirements: capabilities and components that nothing defines, or that no robot can have."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from difflib import get_close_matches
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, warning
@@ -13,6 +15,11 @@ from planlang.recipe.statements import is_word
 
 _WORDS = ("dependsOnCapability", "dependsOnComponent", "hasCapabilityDependency")
 _UPPER = {"dependsOnCapability": "Capability", "hasCapabilityDependency": "Capability"}
+_ENDINGS = ("Capability", "Component")
+_NO_COMPONENTS = ("Capability", "Action", "Event")
+_LIKE = 0.7
+"""How like a name has to be, without what all of them end with, to be the one that may be meant."""
+_LAST_PART = re.compile(r"(?<=.)[A-Z][a-z]+$")
 _DISJOINT = "http://www.w3.org/2002/07/owl#disjointWith"
 
 
@@ -46,10 +53,10 @@ def _judged(ontology: Ontology, cls: str, restriction: Restriction) -> Iterator[
     if not isinstance(needed, (str, BNode)) or restriction.kind in ("max", "only"):
         return
     if isinstance(needed, str) and not ontology.defined(needed):
-        meant = guess(needed, _alternatives(ontology, word))
+        meant = guess(needed, _alternatives(ontology, word, _ending(needed)), least=_LIKE, telling=_telling)
         advice = f"did you mean {meant}?" if meant else "import the file that defines it, or correct the name"
-        message = f"`{local_name(cls)}` depends on `{local_name(needed)}`, which nothing defines: no robot can have it"
-        yield warning("R046", message, restriction.span, advice, meant)
+        message = f"`{local_name(cls)}` depends on `{local_name(needed)}`, which nothing defines"
+        yield warning("R046", f"{message}: what it takes is not known", restriction.span, advice, meant)
         return
     both = _excluded(ontology, needed)
     if both is not None:
@@ -58,9 +65,27 @@ def _judged(ontology: Ontology, cls: str, restriction: Restriction) -> Iterator[
         yield error("R046", message, restriction.span, "depend on each of them, or on one")
 
 
-def _alternatives(ontology: Ontology, word: str) -> tuple[str, ...]:
+def _alternatives(ontology: Ontology, word: str, ending: str) -> list[str]:
+    """The classes that may be meant: those that end alike, if it has one of the endings that tell nothing."""
     upper = _UPPER.get(word)
-    return ontology.subclasses(expand(upper))[1:] if upper else ontology.class_names()
+    if upper:
+        names = ontology.subclasses(expand(upper))[1:]
+    else:
+        others = {name for top in _NO_COMPONENTS for name in ontology.subclasses(expand(top))}
+        names = tuple(name for name in ontology.class_names() if name not in others)
+    return [name for name in names if not ending or _ending(name) == ending]
+
+
+def _ending(name: str) -> str:
+    """The kind of thing with which a name ends, maybe misspelt there; empty for other names."""
+    last = _LAST_PART.search(local_name(name))
+    return next(iter(get_close_matches(last[0], _ENDINGS, n=1, cutoff=0.8)), "") if last else ""
+
+
+def _telling(name: str) -> str:
+    """The local name without that: all names of capabilities are alike in it."""
+    short = local_name(name)
+    return _LAST_PART.sub("", short) if _ending(name) else short
 
 
 def _excluded(ontology: Ontology, needed: str | BNode) -> tuple[str, str] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import SequenceMatcher, get_close_matches
 
 from planlang.designators import local_name
@@ -21,17 +21,20 @@ SHORTEST_REPLACED = 6
 _PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
 
-def guess(written: str, names: Iterable[str], *, least: float = 0.6) -> Rename | None:
+def guess(
+    written: str, names: Iterable[str], *, least: float = 0.6, telling: Callable[[str], str] = local_name
+) -> Rename | None:
     """The name (IRI) whose local part is most like that of what is written (IRI); None if none is ``least`` like it.
 
+    ``telling`` gives the part of an IRI that is compared, where names end alike whatever they mean.
     It is sure if it is the only one that is nearly the same, and not the same with another number: of ``cup1`` and
     ``cup2`` neither is a misspelling of the other.
     """
     known: dict[str, str] = {}
     for name in names:
         if name != written:
-            known.setdefault(local_name(name), name)
-    short = local_name(written)
+            known.setdefault(telling(name), name)
+    short = telling(written)
     similar = get_close_matches(short, known, n=2, cutoff=least)
     if not similar:
         return None
