@@ -14,10 +14,12 @@ import linecache
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
 from types import BuiltinFunctionType, CoroutineType, FunctionType, ModuleType
 from typing import Any
+
+from planlang.kernel.handed import CONSTANTS, Got, Handed
 
 _FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 _SCOPES = (*_FUNCTIONS, ast.Lambda, ast.ClassDef, ast.Module)
@@ -31,8 +33,7 @@ _HEADERS = (ast.For, ast.AsyncFor, *_WITH)
 _LETS_THROUGH = frozenset({"using", "shield", "task_suspended", "on_suspension"})
 """What is used as ``with`` and keeps no error from going on."""
 _HANDLED = frozenset({"close", "send", "throw"})
-_CONSTANTS = (str, int, float, bool, bytes, type(None))
-_NO_FUNCTIONS = frozenset({*_CONSTANTS, type, tuple, list, dict, BuiltinFunctionType, ModuleType})
+_NO_FUNCTIONS = frozenset({*CONSTANTS, type, tuple, list, dict, BuiltinFunctionType, ModuleType})
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ def suspects(
     """
     method = "." in coroutine.__qualname__.rpartition("<locals>.")[2]
     called = _call_of(_aliases(coroutine))
-    got = _arguments(coroutine)
+    got = Got(coroutine)
     found = []
     for file, space in files.items():
         source = _source(file, linecache.getlines(file, dict(space)))
@@ -86,7 +87,8 @@ def suspects(
             believed = file in near or (method and "." in function)
             if _makes(function, coroutine, space, believed):
                 judged = source.judged(function, file in near)
-                found += [suspect for given, suspect in judged if not _contradicts(given, got)]
+                made = _resolved(function, space)[1]
+                found += [suspect for handed, suspect in judged if not got.contradicts(handed, made)]
     return found
 
 
@@ -132,20 +134,6 @@ def _resolved(function: str, space: Mapping[str, Any]) -> tuple[bool, Any]:
     elif function != name:
         return False, None
     return name in space, space.get(name)
-
-
-def _arguments(coroutine: CoroutineType[Any, Any, Any]) -> list[object]:
-    """What the coroutine got."""
-    got: list[object] = []
-    frame = coroutine.cr_frame
-    for value in () if frame is None else frame.f_locals.values():
-        got += value if isinstance(value, tuple) else value.values() if isinstance(value, dict) else (value,)
-    return got
-
-
-def _contradicts(given: Iterable[object], got: list[object]) -> bool:
-    """Whether a call hands over a constant that the coroutine did not get."""
-    return any(not any(type(one) is type(other) and one == other for other in got) for one in given)
 
 
 class _Tree:
@@ -276,25 +264,20 @@ class _Source:
         self.file = file
         self.lines = lines
         self.text = "".join(lines)
-        self._judged: dict[tuple[str, bool], list[tuple[list[object], Suspect]]] = {}
+        self._judged: dict[tuple[str, bool], list[tuple[Handed, Suspect]]] = {}
 
     @functools.cached_property
     def called(self) -> tuple[str, ...]:
         """What is called, as it is written."""
         return tuple(_parsed(self.text).calls)
 
-    def judged(self, function: str, near: bool) -> list[tuple[list[object], Suspect]]:
-        """The calls of it that nothing awaits, with the constants that they hand over."""
+    def judged(self, function: str, near: bool) -> list[tuple[Handed, Suspect]]:
+        """The calls of it that nothing awaits, with what they hand over."""
         if (function, near) not in self._judged:
             tree = _parsed(self.text)
             found = [(call, tree.judged(call, self.file, self.lines, near)) for call in tree.calls[function]]
-            self._judged[function, near] = [(_constants(call), one) for call, one in found if one is not None]
+            self._judged[function, near] = [(Handed.by(call), one) for call, one in found if one is not None]
         return self._judged[function, near]
-
-
-def _constants(call: ast.Call) -> list[object]:
-    given = [*call.args, *(keyword.value for keyword in call.keywords)]
-    return [one.value for one in given if isinstance(one, ast.Constant) and isinstance(one.value, _CONSTANTS)]
 
 
 _sources: dict[str, _Source] = {}

@@ -528,6 +528,51 @@ def test_where_several_lines_can_have_made_it_all_are_named(written: Written) ->
     )
 
 
+@pytest.mark.parametrize(
+    ("other", "own"),
+    [
+        ("reach()", 'reach("b")'),
+        ("reach(cup=CUP, glass=CUP)", "reach()"),
+        ("serve()", "serve(cup=CUP)"),
+        ("serve(cup=CUP)", "serve()"),
+        ("several()", "several(CUP, 2)"),
+        ("several(CUP, CUP, CUP)", "several(CUP, 2)"),
+        ("several(CUP, x=CUP)", "several(CUP, y=CUP)"),
+        ("reach(CUP, CUP)", "reach(*[CUP])"),
+        ("reach(glass=CUP)", "reach(**{'cup': CUP})"),
+    ],
+)
+def test_a_line_that_calls_with_other_arguments_is_not_named(other: str, own: str, written: Written) -> None:
+    code = f"""\
+        global CUP, several, unused
+        CUP = object()
+        async def several(first="a", *others, **named): pass
+        def unused(): {other}
+        kept = {own}
+        del kept
+        await sleep(1)"""
+    code = textwrap.dedent(code)
+    with pytest.raises(PlanStructureError, match=rf"a_plan\.py:{line_of(code, f'kept = {own}')} calls"):
+        written(code)
+
+
+def test_a_line_that_calls_what_hands_over_an_argument_of_its_own_is_named(written: Written) -> None:
+    code = """\
+        global reach_b
+        import functools
+        def handing(function):
+            @functools.wraps(function)
+            def call(): return function("b")
+            return call
+        reach_b = handing(reach)
+        kept = reach_b()
+        del kept
+        await sleep(1)"""
+    code = textwrap.dedent(code)
+    with pytest.raises(PlanStructureError, match=rf"a_plan\.py:{line_of(code, 'kept = ')} calls"):
+        written(code)
+
+
 def test_lines_of_functions_that_exist_no_more_are_not_named(written: Written) -> None:
     code = "def old():\n    async def f(): reach()\nold()\nHELD.append(reach())\nHELD.clear()\nawait sleep(1)"
     with pytest.raises(PlanStructureError, match=rf"a_plan\.py:{line_of(code, 'HELD')} calls"):
