@@ -50,9 +50,7 @@ class Got:
         That is so if a constant is handed over that it did not get; and, where ``made`` hands on what it is called
         with, if arguments are too many or too few, or left out though it did not get the default.
         """
-        if any(
-            not any(type(one) is type(other) and one == other for other in self._values) for one in handed.constants
-        ):
+        if not all(map(self._has, handed.constants)):
             return True
         if not (self._is_new and handed.is_all):
             return False
