@@ -55,8 +55,9 @@ class Told:
     def plan(self, trace: str) -> str:
         """The bundled recipe; raises BadInput when it was another plan, which only the user can name."""
         if self.recipe is None:
-            advice = f"planlang run PLAN --resume {trace}, or planlang replay {trace} PLAN"
-            raise BadInput([error("X020", f"name the plan {self.name} of this trace", Span(trace), advice)])
+            advice = f"planlang run FILE --resume {trace}, or planlang replay {trace} FILE"
+            message = f"name the recipe or plan that was run: the trace tells only that it is {self.name}"
+            raise BadInput([error("X020", message, Span(trace), advice)])
         return self.recipe
 
 

@@ -52,6 +52,8 @@ def find(what: str, name: str, folder: Path) -> Path:
 
     Raises BadInput when there is none, naming the bundled ones.
     """
+    if not name.strip():
+        raise BadInput([error("C001", f"the name of the {what} is empty", help=_advice(what, names(folder)))])
     path = Path(name)
     try:
         if path.is_file():
@@ -68,13 +70,16 @@ def find(what: str, name: str, folder: Path) -> Path:
     if is_folder:
         raise BadInput([error("C001", f"{name} is a folder", help=f"name the {what}'s file in it")])
     if is_stream:
-        why = f"{name} is no file: a {what} is read more than once, which a pipe or a device cannot be"
+        why = f"{name} is no file: the {what} is read more than once, which a pipe or a device cannot be"
         raise BadInput([error("C001", why, help=f"write it to a file, and name that: ... > {what}.owl")])
     known = names(folder)
     similar = get_close_matches(name, known, n=1)
     guess = f"did you mean {similar[0]}? " if similar else ""
-    advice = f"{guess}give the path of a file, or the name of a bundled {what}: {', '.join(known) or 'there is none'}"
-    raise BadInput([error("C001", f"no such {what}: {name}", help=advice)])
+    raise BadInput([error("C001", f"no such {what}: {name}", help=guess + _advice(what, known))])
+
+
+def _advice(what: str, known: Sequence[str]) -> str:
+    return f"give the path of a file, or the name of a bundled {what}: {', '.join(known) or 'there is none'}"
 
 
 def read(name: str) -> PlanFile | RecipeFile:

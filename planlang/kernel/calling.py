@@ -11,14 +11,19 @@ from planlang.misuse import PlanStructureError, WrongType, contrast
 
 def called(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
     """What an async function gives, to be awaited at once; WrongType if it is not async or takes other arguments."""
-    try:
-        result = function(*arguments, **named)
-    except TypeError as error:
-        refuse_arguments(function, error)
-        raise
+    result = given(function, *arguments, **named)
     if not hasattr(result, "__await__"):
         refuse_result(name_of(function), result)
     return result
+
+
+def given(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+    """What a function gives; WrongType if it takes other arguments."""
+    try:
+        return function(*arguments, **named)
+    except TypeError as error:
+        refuse_arguments(function, error)
+        raise
 
 
 def refuse_arguments(function: Callable[..., Any], error: TypeError) -> None:

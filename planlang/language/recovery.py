@@ -8,7 +8,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.failures import PlanFailure, matches
-from planlang.kernel.calling import called
+from planlang.kernel.calling import called, given
 from planlang.kernel.journal import taken_over
 from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
@@ -207,7 +207,7 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
         return _otherwise(recovery.otherwise, failure)
     entry.used += 1
     try:
-        decision = await called(recovery.do, failure)
+        decision = await _asked(recovery, failure)
     except PlanFailure as raised:
         record("recovery", recovery=number, decision="failed", used=entry.used, failure=raised)
         if raised is not failure and raised.__cause__ is None:
@@ -226,6 +226,16 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
     await take_attempt("with_failure_handling")
     keywords.update(values)
     return None
+
+
+def _asked(recovery: Recovery, failure: PlanFailure) -> Awaitable[Decision]:
+    asked = given(recovery.do, failure)
+    if hasattr(asked, "__await__"):
+        return asked  # type: ignore[no-any-return]
+    name = type(failure).__name__
+    code = asked.name if isinstance(asked, _Decision) else written(asked)
+    message = f"do of the Recovery for {name} returned {code} at once; do is a function written with async def"
+    raise WrongType(contrast(message, _RECOVERY.shown("do", written(recovery.do)), _DECIDES))
 
 
 def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]:

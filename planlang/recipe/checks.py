@@ -24,7 +24,7 @@ from planlang.recipe.reading import recipes_for
 from planlang.recipe.repairs import repaired
 from planlang.recipe.scopes import added_by_scopes
 from planlang.recipe.statements import Statements
-from planlang.recipe.tasks import choose_task, read_recipes
+from planlang.recipe.tasks import choose_task, circular_task, read_recipes, top_tasks
 from planlang.recipe.wise import check_wisdom
 
 ORDERS_UNKNOWN = frozenset({"R010", "R011", "R020"})
@@ -76,7 +76,12 @@ def _read(
     try:
         chosen = choose_task(actions, task)
     except BadInput as problem:
-        return None, problem.diagnostics
+        circular = None if task is not None or top_tasks(actions) else circular_task(actions)
+        if circular is None:
+            return None, problem.diagnostics
+        within = _read(actions, circular, allow_abstract=allow_abstract, scopes=scopes)[1]
+        said = () if "R022" in {one.code for one in within} else problem.diagnostics
+        return None, (*said, *within)
     recipes = read_recipes(actions, chosen)
     diagnostics: list[Diagnostic] = list(check_recursion(recipes))
     is_finite = not diagnostics

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
+from graphlib import CycleError, TopologicalSorter
 
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Span, error
@@ -29,11 +30,7 @@ def top_tasks(actions: Actions) -> tuple[str, ...]:
     tasks = stated_tasks(actions)
     used: set[str] = set()
     for task in tasks:
-        statements = actions.statements(task)
-        assert statements is not None
-        below = set(statements.mentioned())
-        below |= {recipe for name in below for recipe in recipes_for(actions, name)[0]}
-        used |= below - {task}
+        used |= _below(actions, task) - {task}
     return tuple(task for task in tasks if task not in used)
 
 
@@ -62,6 +59,26 @@ def choose_task(actions: Actions, wanted: str | None = None) -> str:
         raise BadInput([error("R002", f"this file holds {len(tops)} tasks", span, advice)])
     message = "each task of this file is a sub-action of another: there is no first one"
     raise BadInput([error("R002", message, span, advice)])
+
+
+def circular_task(actions: Actions) -> str | None:
+    """Of tasks of which each is, through others, a sub-action of its own, the first stated; None if there are none."""
+    tasks = stated_tasks(actions)
+    below = {task: sorted(_below(actions, task)) for task in tasks}
+    try:
+        TopologicalSorter(below).prepare()
+    except CycleError as found:
+        circle: list[str] = found.args[1]
+        return min(circle, key=tasks.index)
+    return None
+
+
+def _below(actions: Actions, task: str) -> set[str]:
+    """The tasks that one uses, by a sub-action or by a name in its constraints."""
+    statements = actions.statements(task)
+    assert statements is not None
+    below = set(statements.mentioned())
+    return below | {recipe for name in below for recipe in recipes_for(actions, name)[0]}
 
 
 def _named(actions: Actions, wanted: str, span: Span) -> str:

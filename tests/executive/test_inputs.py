@@ -74,10 +74,16 @@ def test_a_users_own_recipe_is_not_taken_for_a_bundled_one(tmp_path: Path) -> No
     assert not found.is_bundled
 
 
+@pytest.mark.parametrize("name", ["", " "])
+def test_an_empty_name_is_said_to_be_empty(name: str) -> None:
+    with pytest.raises(BadInput, match="the name of the recipe is empty"):
+        read(name)
+
+
 @pytest.mark.parametrize("is_named", [True, False])
 def test_a_pipe_is_bad_input_that_says_what_to_do(tmp_path: Path, is_named: bool) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(BadInput, match="is no file: a recipe is read more than once") as caught:
+    with pytest.raises(BadInput, match="is no file: the recipe is read more than once") as caught:
         read(str(pipe) if is_named else "-")
     assert caught.value.diagnostics[0].help == "write it to a file, and name that: ... > recipe.owl"

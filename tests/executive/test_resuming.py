@@ -183,7 +183,8 @@ def test_a_plan_of_ones_own_has_to_be_named(stepwise: tuple[Path, Path], tmp_pat
     for command in (("run", "--resume", part), ("replay", part)):
         refused = answer(*command)
         assert (refused["exit_code"], codes(refused)) == (2, ["X020"])
-        assert "planlang run PLAN --resume" in refused["diagnostics"][0]["help"]
+        assert "name the recipe or plan" in refused["diagnostics"][0]["message"]
+        assert "planlang run FILE --resume" in refused["diagnostics"][0]["help"]
 
 
 def test_a_result_that_does_not_survive_is_told_when_it_is_recorded_and_when_the_run_is_resumed(tmp_path: Path) -> None:

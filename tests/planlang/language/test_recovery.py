@@ -186,6 +186,17 @@ def test_any_other_decision_is_a_type_error_that_names_the_three() -> None:
         go(partial(with_failure_handling, Body(GraspMissed()), Recovery(GraspMissed, forgets)))
 
 
+def test_a_recovery_that_decides_at_once_is_a_type_error_that_shows_how_to_write_it() -> None:
+    at_once: Any = lambda failure: RETRY  # noqa: E731
+    with pytest.raises(TypeError) as caught:
+        go(partial(with_failure_handling, Body(GraspMissed()), Recovery(GraspMissed, at_once)))
+    assert str(caught.value) == (
+        "do of the Recovery for GraspMissed returned RETRY at once; do is a function written with async def\n"
+        "  wrong: Recovery(GraspMissed, lambda: ...)\n"
+        "  right: async def do(failure): ...; return RETRY"
+    )
+
+
 def test_a_failure_of_the_recovery_goes_outward_only_with_its_cause() -> None:
     async def breaks(failure: PlanFailure) -> Any:
         raise ObjectNotFound("while recovering")
