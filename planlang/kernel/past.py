@@ -76,6 +76,8 @@ class Past:
         self.kept = [line for line in before if not self._dropped(line)]
         self.nodes = max((int(line.record.get("node", 0)) for line in before), default=0)
         """The highest number that a node has been given."""
+        self.calls = max((_call(line) for line in self.kept if line.event == "called"), default=0)
+        """The highest number that a call in a thread has been given."""
         self._begun = {str(one.path): details(one.record) for one in self.kept if one.event == "started"}
         self.order = [done for path, done in self.done.items() if not self._inside_done(path)]
         """What is taken over, in the order in which it completed, without what is inside of other such steps."""
@@ -116,11 +118,6 @@ class Past:
                         return int(str(number)), answer
         raise DamagedTrace("a call in a thread is not recorded", 1)
 
-    @property
-    def calls(self) -> int:
-        """The highest number that a call in a thread has been given."""
-        return max((int(line.record.get("call", 0)) for line in self.kept if line.event == "called"), default=0)
-
     def beginning(self, path: str) -> Mapping[str, Any]:
         """What was told when a completed step began."""
         return self._begun[path]
@@ -139,6 +136,14 @@ def _around(path: str) -> Iterator[str]:
     while (end := path.rfind("/")) >= 0:
         path = path[:end]
         yield path
+
+
+def _call(line: Line) -> int:
+    """The number of a call in a thread."""
+    number = line.record.get("call")
+    if not isinstance(number, int):
+        raise DamagedTrace("a call in a thread is told by its number", line.number)
+    return number
 
 
 def _done(line: Line) -> Done:

@@ -131,9 +131,9 @@ def _check_header(record: Mapping[str, Any]) -> None:
 
 
 def _path(record: Mapping[str, Any], paths: dict[int, str], number: int) -> str | None:
-    node = record.get("node")
-    if node is None:
+    if "node" not in record:
         return None
+    node = record["node"]
     if not isinstance(node, int):
         raise DamagedTrace("a node is told by its number", number)
     if node not in paths:

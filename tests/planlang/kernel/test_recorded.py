@@ -120,6 +120,21 @@ def test_a_completed_step_that_cannot_be_read_is_told_with_its_line(key: str, va
     assert damage.value.line == number + 1
 
 
+@pytest.mark.parametrize(
+    ("event", "key", "value"), [("plan", "node", None), ("plan", "node", 1.5), ("called", "call", "first")]
+)
+def test_what_should_be_told_by_its_number_and_is_not_is_told_with_its_line(
+    event: str, key: str, value: Any, written: Path
+) -> None:
+    lines = written.read_text().splitlines()
+    number = next(number for number, line in enumerate(lines) if '"event": "started"' in line)
+    lines[number] = json.dumps({**json.loads(lines[number]), "event": event, key: value})
+    written.write_text("\n".join(lines) + "\n")
+    with pytest.raises(DamagedTrace, match="is told by its number") as damage:
+        Past(RecordedRun.read(written))
+    assert damage.value.line == number + 1
+
+
 def test_the_past_ends_with_the_last_completed_step_and_takes_over_whole_constructs(written: Path) -> None:
     found = RecordedRun.read(written)
     past = Past(found)
