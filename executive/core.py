@@ -54,7 +54,9 @@ class RobotExecutive:
                     break
 
     def move_to(self, solution: Solution) -> Action:
-        """The base motion that goes to a solution."""
+        """The base motion that goes to a solution; the arm with which it was found is the plan's choice from now on."""
+        if (arm := solution.detail.get("arm")) is not None:
+            self.platform.choices.choose(arm)
         x, y, yaw = map(float, solution.base)
         return action("Translation-LocationChange", x=x, y=y, yaw=yaw)
 

@@ -57,6 +57,7 @@ def find(what: str, name: str, folder: Path) -> Path:
         if path.is_file():
             return path
         is_folder = path.is_dir()
+        is_stream = name == "-" or (path.exists() and not is_folder)
     except (OSError, ValueError) as problem:  # a name too long, or with a null character
         raise BadInput([error("C001", f"no {what} can be read at {name[:80]!r}: {problem}")]) from None
     if path.name == name:
@@ -66,6 +67,9 @@ def find(what: str, name: str, folder: Path) -> Path:
                 return candidate
     if is_folder:
         raise BadInput([error("C001", f"{name} is a folder", help=f"name the {what}'s file in it")])
+    if is_stream:
+        why = f"{name} is no file: a {what} is read more than once, which a pipe or a device cannot be"
+        raise BadInput([error("C001", why, help=f"write it to a file, and name that: ... > {what}.owl")])
     known = names(folder)
     similar = get_close_matches(name, known, n=1)
     guess = f"did you mean {similar[0]}? " if similar else ""

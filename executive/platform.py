@@ -20,6 +20,7 @@ from executive.motion import (
     NoPath,
     cartesian_path,
     clearance_field,
+    keeps_line,
     plan_base_path,
     plan_path,
     time_curve,
@@ -141,21 +142,18 @@ class Platform:
         def is_free(row: Array) -> bool:
             return not self.around.contacts(base, arm, row, touches, among=quick.doubtful(row))
 
-        line = cartesian_path(
-            arm.solver,
-            start,
-            arm.solver.chain.fk(start)[0],
-            np.linalg.inv(Pose.planar(*base).matrix()) @ pose,
-            is_free,
-        )
+        chain = arm.solver.chain
+        beginning, end = chain.fk(start)[0], np.linalg.inv(Pose.planar(*base).matrix()) @ pose
+        line = cartesian_path(arm.solver, start, beginning, end, is_free)
         if line.waypoints is None:
             raise MotionError(line.reason)
-        for timing in (time_curve, time_path):  # a curve swings out a little, also over the limits of a joint
+        for timing in (time_curve, time_path):  # a curve swings out, also over the limits of a joint
             trajectory = self._timed(arm.joints, line.waypoints, timing)
             rows = trajectory.positions[1:]
-            if arm.solver.chain.within(rows, 1e-6).all() and all(map(is_free, rows)):
+            straight = keeps_line(chain.fk(trajectory.positions), beginning, end)
+            if straight and chain.within(rows, 1e-6).all() and all(map(is_free, rows)):
                 return trajectory
-        raise MotionError("in collision between two steps")
+        raise MotionError("in collision or off the line between two steps")
 
     def _timed(self, joints: Sequence[str], path: Array, timing: Callable[..., Trajectory] = time_path) -> Trajectory:
         limits = [self.robot.limits[name] for name in joints]

@@ -58,6 +58,7 @@ class BelievedSurroundings:
         }
         self._checks: tuple[object, dict[object, QuickCheck]] = (None, {})
         self._obstacles: tuple[Solids, Room] | None = None
+        self._near: tuple[Room, Array, float, Room] | None = None
         self._touched: tuple[object, tuple[Contact, ...]] | None = None
         self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
         self._arm_bodies: dict[tuple[str, bool], tuple[object, ArmBodies]] = {}
@@ -181,11 +182,9 @@ class BelievedSurroundings:
 
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
         """What rules out bases from which an arm, in its present posture, would stick into something."""
-        joints = self.world.configuration().joints
 
         def still() -> ArmBodies:
-            postures = [(arm, np.array([joints[name] for name in arm.joints])) for arm in self.arms]
-            first, *others = [self._bodies_of(arm, opened=False).still(q) for arm, q in postures]
+            first, *others = [self._chains[arm.name].still(self.world) for arm in self.arms]
             return first.together_with(others)
 
         return self._check("stance", near, still, (frozenset(), None))
@@ -200,9 +199,18 @@ class BelievedSurroundings:
         whole = key, None if near is None else (near[0].tobytes(), near[1])
         found = self._checks[1].get(whole)
         if found is None:
-            room = self._room() if near is None else self._room().near(*near)
-            found = self._checks[1][whole] = bodies().against(np.eye(4), room, ignored)
+            found = self._checks[1][whole] = bodies().against(np.eye(4), self._room_near(near), ignored)
         return found
+
+    def _room_near(self, near: tuple[Array, float] | None) -> Room:
+        """The bodies that meet a sphere, or all; the last is remembered, as several checks ask for the same."""
+        room = self._room()
+        if near is None:
+            return room
+        known = self._near
+        if known is None or known[0] is not room or known[2] != near[1] or not np.array_equal(known[1], near[0]):
+            known = self._near = room, *near, room.near(*near)
+        return known[3]
 
     def _room(self) -> Room:
         """All bodies as obstacles."""

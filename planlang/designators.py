@@ -385,3 +385,9 @@ def located(where: Location, what: Object | None = None) -> Condition:
 def local_name(iri: str) -> str:
     """The part of an IRI after ``#`` or the last ``/``."""
     return iri.rsplit("#", 1)[-1].rsplit("/", 1)[-1]
+
+
+def told_apart(first: str, second: str) -> tuple[str, str]:
+    """What two things (IRIs) are called beside each other: local names, or the whole IRIs if these are equal."""
+    short = local_name(first), local_name(second)
+    return short if short[0] != short[1] else (f"<{first}>", f"<{second}>")

@@ -175,7 +175,7 @@ CODES: dict[str, str] = {
     "R021": "a sub-action is neither a primitive nor has a recipe",
     "R022": "a recipe performs itself, maybe through a superclass",
     "R023": "recipes are nested too deeply",
-    "R024": "a sub-action is stated several times",
+    "R024": "a sub-action is stated several times, or asked for more than once",
     "R030": "two fillers of an action are exchanged; they were taken the right way round",
     "R031": "an action has no such property",
     "R032": "what fills a property is not in its range",

@@ -55,7 +55,7 @@ class Field:
         rows *= 2 * self.half + 3
         rows += columns
         rows += (2 * self.half + 4) * (self.half + 1)  # the middle cell
-        return np.asarray(self.factors[rows.astype(np.intp)])
+        return np.take(self.factors, rows.astype(np.intp))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,7 +24,7 @@ from executive.motion.errors import (
 from executive.motion.gaze import Gaze
 from executive.motion.kinematics import Chain, InverseKinematics
 from executive.motion.timing import time_curve, time_path
-from executive.motion.tip_line import TipLine, cartesian_path
+from executive.motion.tip_line import TipLine, cartesian_path, keeps_line
 
 __all__ = [
     "BadRobotDescription",
@@ -45,6 +45,7 @@ __all__ = [
     "cartesian_path",
     "clearance_at",
     "clearance_field",
+    "keeps_line",
     "plan_base_path",
     "plan_path",
     "time_curve",

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.collision import BASE, FIRST_JOINT, MAP, Movers, Obstacles, QuickCheck, Watched
+from executive.motion.facets import Facets
 from executive.motion.kinematics import Chain
 from executive.motion.link_shapes import Shaped, thing_in
 from executive.motion.solids import Solids
@@ -78,14 +79,8 @@ class ArmBodies:
         movers, obstacles = np.nonzero(watched)
         return Watched(movers, obstacles, allowed[movers, obstacles])
 
-    def still(self, q: Array) -> ArmBodies:
-        """All that moves with the chain, which stays at ``q`` (d,) and goes with its base wherever that goes."""
-        frames = self.chain.frames(q[None])[0]
-        every = np.ones(len(self.movers), bool)
-        return self._stiff(every, frames[self.movers.frames - FIRST_JOINT])
-
     def together_with(self, others: Sequence[ArmBodies]) -> ArmBodies:
-        """These and others that have been made :meth:`still`, at the same base."""
+        """These and others that have been made by :meth:`ArmShapes.still`, at the same base."""
         if not others:
             return self
         every = (self, *others)
@@ -100,21 +95,21 @@ class ArmBodies:
     def hand(self, tip: Array, frame: int) -> ArmBodies:
         """What goes with the hand, whose tip is at ``tip`` (4, 4) in a frame: in the tip frame, as that of the base."""
         mine = self.movers.frames == frame
-        return self._stiff(mine, np.broadcast_to(np.linalg.inv(tip), (int(mine.sum()), 4, 4)))
+        places = np.broadcast_to(np.linalg.inv(tip), (int(mine.sum()), 4, 4))
+        movers = _moved(self.movers.faceless().only(mine), places).going_with(BASE)
+        return _stiff(self.chain, movers, self.hands[mine], self.grounded[mine], self.held)
 
-    def _stiff(self, mine: NDArray[np.bool_], places: Array) -> ArmBodies:
-        """Some movers, from the frames they go with to one that sees these at places (k, 4, 4)."""
-        movers = _moved(self.movers.only(mine), places).going_with(BASE)
-        return replace(
-            self,
-            movers=movers,
-            own=Obstacles.of(()),
-            watched=Watched.of(()),
-            hands=self.hands[mine],
-            grounded=self.grounded[mine],
-            reach=np.inf,
-            whole=False,
-        )
+
+def _stiff(
+    chain: Chain,
+    movers: Movers,
+    hands: NDArray[np.bool_],
+    grounded: NDArray[np.bool_],
+    held: Mapping[str, frozenset[str]],
+) -> ArmBodies:
+    """Movers that all go with the base, against others than the robot: of them nothing is ever sure."""
+    own, watched = Obstacles.of(()), Watched.of(())
+    return ArmBodies(chain, movers, own, watched, hands, grounded, held, np.zeros(3), np.inf, whole=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,7 +136,7 @@ class Room:
             np.cumsum([0, *sizes.tolist(), 1]).astype(np.int32),
             Solids.joined([solids.only(np.argsort(of_piece, kind="stable")), Solids.of([ground])]),
             np.zeros(count),
-            (None,) * count,
+            Facets.unknown(count),
         )
         return Room(bodies, np.array([*(limb for _, limb in keys), False], bool))
 
@@ -205,20 +200,15 @@ class ArmShapes:
     def now(self, world: PyBulletWorld, joints: Mapping[str, float] | None = None) -> ArmBodies:
         """The robot, and what it holds, as it is now but for some joints; those of the chain may be anywhere."""
         robot = world.robot
-        there = Configuration(AT_ORIGIN, {**world.configuration().joints, **(joints or {})})
+        there, from_base, placed = self._placed(world, joints)
         q = np.array([there.joints[name] for name in self._chain.names])
-        from_base = np.linalg.inv(world.link_pose(self._base_link, there).matrix())
-        placed = from_base @ world.solid_frames(there)
         whole = np.tile(np.eye(4), (len(self._carriers) + FIRST_JOINT, 1, 1))
         whole[FIRST_JOINT:, :3] = self._chain.frames(q)[0][:, :3]
         back = np.linalg.inv(whole)
         local = back[self._frames] @ placed
         movers, own = _moved(self._movers, local[self._of_mover]), self._own
-        faces = [
-            None if one is None else one.moved(local[k]) for k, one in zip(self._obstacle_of, own.faces, strict=True)
-        ]
-        solids = own.solids.moved(local[self._of_piece])
-        own = Obstacles(own.names, own.frames, own.first, solids, own.slack, tuple(faces))
+        solids, faces = own.solids.moved(local[self._of_piece]), own.faces.moved(local[list(self._obstacle_of)])
+        own = Obstacles(own.names, own.frames, own.first, solids, own.slack, faces)
         hands, grounded, watched, held = self._hands, self._grounded, self._watched, {}
         before: list[_Part] = []
         for name, (link, offset) in _held(world).items():
@@ -242,6 +232,27 @@ class ArmShapes:
         return ArmBodies(
             self._chain, movers, own, watched, hands, grounded, held, self._centre, reach, whole=self._whole
         )
+
+    def still(self, world: PyBulletWorld, joints: Mapping[str, float] | None = None) -> ArmBodies:
+        """All that moves with the chain, as it is now but for some joints: it goes with the base wherever that goes."""
+        there, from_base, placed = self._placed(world, joints)
+        movers = [_moved(self._movers.faceless(), placed[self._of_mover]).going_with(BASE)]
+        hands, grounded, held = self._hands, self._grounded, {}
+        for name, (link, offset) in _held(world).items():
+            if self.frame_of(world, link) == BASE:
+                continue
+            at = from_base @ world.link_pose(link, there).matrix() @ offset
+            more = Movers.of([(name, BASE, *shape) for shape in thing_in(world, name).spheres]).faceless()
+            movers.append(_moved(more, np.tile(at, (len(more), 1, 1))))
+            hands, grounded = (np.append(mask, np.zeros(len(more), bool)) for mask in (hands, grounded))
+            held[name] = world.touched_since_grasp(name)
+        return _stiff(self._chain, Movers.joined(movers), hands, grounded, held)
+
+    def _placed(self, world: PyBulletWorld, joints: Mapping[str, float] | None) -> tuple[Configuration, Array, Array]:
+        """The robot as it is but for some joints, the map (4, 4) and the solid links (n, 4, 4) in the base frame."""
+        there = Configuration(AT_ORIGIN, {**world.configuration().joints, **(joints or {})})
+        from_base = np.asarray(np.linalg.inv(world.link_pose(self._base_link, there).matrix()), np.float64)
+        return there, from_base, from_base @ world.solid_frames(there)
 
     def _part(self, number: int) -> _Part:
         """A solid link that is known to go with a frame."""
@@ -290,8 +301,7 @@ def _moved(movers: Movers, places: Array) -> Movers:
     of_sphere = np.repeat(np.arange(len(movers)), np.diff(movers.first))
     turned = np.einsum("sij,sj->si", places[of_sphere, :3, :3], movers.spheres[:, :3]) + places[of_sphere, :3, 3]
     spheres = np.column_stack([turned, movers.spheres[:, 3]])
-    faces = [None if one is None else one.moved(at) for one, at in zip(movers.faces, places, strict=True)]
-    return Movers(movers.names, movers.frames, movers.first, spheres, movers.slack, tuple(faces))
+    return Movers(movers.names, movers.frames, movers.first, spheres, movers.slack, movers.faces.moved(places))
 
 
 def _extent(chain: Chain) -> tuple[Array, Array]:

@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.backends import ALSO_SURE, SURE
+from executive.motion.backends import ALSO_SURE, SURE, UNSURE
+from executive.motion.facets import Facets
 from executive.motion.kinematics import Chain
 from executive.motion.solids import Solids
 from executive.motion.spheres import Faceted
@@ -51,8 +52,8 @@ class Movers:
     """Centres and radii (s, 4) [m]."""
     slack: Array
     """How far each sticks out of its spheres (m,) [m]."""
-    faces: tuple[Faceted | None, ...]
-    """The polyhedron of each, if that is known."""
+    faces: Facets
+    """The polyhedron of each (m)."""
 
     @staticmethod
     def of(rows: Sequence[tuple[str, int, Array, float, Faceted | None]]) -> Movers:
@@ -63,7 +64,7 @@ class Movers:
             np.cumsum([0, *(len(spheres) for _, _, spheres, *_ in rows)]).astype(np.int32),
             np.concatenate([np.zeros((0, 4)), *(spheres for _, _, spheres, *_ in rows)]),
             np.array([slack for *_, slack, _ in rows], float),
-            tuple(faces for *_, faces in rows),
+            Facets.of([faces for *_, faces in rows]),
         )
 
     def __len__(self) -> int:
@@ -78,8 +79,12 @@ class Movers:
             np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
             self.spheres[np.repeat(kept, sizes)],
             self.slack[kept],
-            tuple(compress(self.faces, kept.tolist())),
+            self.faces.only(kept),
         )
+
+    def faceless(self) -> Movers:
+        """The same with polyhedra that are not known: for checks that are never asked what is sure."""
+        return replace(self, faces=Facets.unknown(len(self)))
 
     def going_with(self, frame: int) -> Movers:
         """The same spheres in another frame than was said."""
@@ -95,7 +100,7 @@ class Movers:
             np.append(0, np.cumsum(sizes)).astype(np.int32),
             np.concatenate([movers.spheres for movers in several]),
             np.concatenate([movers.slack for movers in several]),
-            tuple(faces for movers in several for faces in movers.faces),
+            Facets.joined([movers.faces for movers in several]),
         )
 
 
@@ -111,8 +116,8 @@ class Obstacles:
     solids: Solids
     slack: Array
     """How much larger than its pieces what is meant is (o,) [m]."""
-    faces: tuple[Faceted | None, ...]
-    """The polyhedron that is meant, if that is known and pieces are not all of it."""
+    faces: Facets
+    """The polyhedron that is meant, if pieces are not all of it (o)."""
 
     @staticmethod
     def of(rows: Sequence[tuple[str, int, Solids, float, Faceted | None]]) -> Obstacles:
@@ -123,7 +128,7 @@ class Obstacles:
             np.cumsum([0, *(len(solids) for _, _, solids, *_ in rows)]).astype(np.int32),
             Solids.joined([solids for _, _, solids, *_ in rows]),
             np.array([slack for *_, slack, _ in rows], float),
-            tuple(faces for *_, faces in rows),
+            Facets.of([faces for *_, faces in rows]),
         )
 
     def __len__(self) -> int:
@@ -138,7 +143,7 @@ class Obstacles:
             np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
             self.solids.only(np.repeat(kept, sizes)),
             self.slack[kept],
-            tuple(compress(self.faces, kept.tolist())),
+            self.faces.only(kept),
         )
 
     def followed_by(self, other: Obstacles) -> Obstacles:
@@ -149,7 +154,7 @@ class Obstacles:
             np.concatenate([self.first, self.first[-1] + other.first[1:]]),
             Solids.joined([self.solids, other.solids]),
             np.concatenate([self.slack, other.slack]),
-            self.faces + other.faces,
+            Facets.joined([self.faces, other.faces]),
         )
 
 
@@ -241,7 +246,7 @@ class QuickCheck:
         order = order[sizes[order] > 0]
         groups = Watched(watched.movers[order], watched.obstacles[order], watched.allowed[order])
         self._movers, self._obstacles, self._groups = movers, obstacles, groups
-        self._bodies = _arrays(chain, base, movers, obstacles, groups, whole)
+        self._bodies = _arrays(chain, base, movers, obstacles, groups)
         self._least = self._bodies.limit.copy()
         self._most = np.full(len(self._least), np.inf)
         self.whole = whole
@@ -284,15 +289,19 @@ class QuickCheck:
 
     def clear(self, bases: Array, q: Array) -> NDArray[np.bool_]:
         """From which base poses (n, 4, 4) configurations (n, d) hit nothing for sure, as far as that is told."""
-        return np.asarray(self._checker.hits(q, _rows(bases), ALSO_SURE) == SURE)
+        return self._sure(self._checker.hits(q, _rows(bases), ALSO_SURE))
 
     def judge(self, q: Array) -> NDArray[np.int32]:
         """For each configuration (n, d) SURE, UNSURE, or the number of a pair that is hit."""
-        return self._checker.judge(q)
+        found = self._checker.judge(q)
+        return found if self.whole else np.where(found == SURE, np.int32(UNSURE), found)
 
     def sure(self, q: Array) -> NDArray[np.bool_]:
         """Which configurations (n, d) hit nothing for sure."""
-        return np.asarray(self._checker.judge(q) == SURE)
+        return self._sure(self._checker.judge(q))
+
+    def _sure(self, found: NDArray[np.int32]) -> NDArray[np.bool_]:
+        return np.asarray((found == SURE) & self.whole)
 
     def doubtful(self, q: Array) -> list[tuple[str, str]] | None:
         """Mover and obstacle that may touch at a configuration (d,), no others do; None if that is not known."""
@@ -337,7 +346,7 @@ def _rows(bases: Array) -> Array:
     return np.concatenate([bases[:, :3, :3].reshape(-1, 9), bases[:, :3, 3]], axis=1)
 
 
-def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, groups: Watched, whole: bool) -> Bodies:
+def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, groups: Watched) -> Bodies:
     solids, first = obstacles.solids, obstacles.first
     sizes = np.diff(first)[groups.obstacles]
     keys = np.stack([movers.frames[groups.movers], groups.obstacles], axis=1)
@@ -349,13 +358,7 @@ def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, gro
     of_frames = np.searchsorted(movers.frames[by_frame], np.arange(frames + 1))
     pieces = np.column_stack([solids.centres, solids.reach])
     slack = np.repeat(movers.slack[groups.movers] + obstacles.slack[groups.obstacles], sizes)
-    polyhedra = [one for one in (*movers.faces, *obstacles.faces) if one is not None]
-    told = np.array([one is not None for one in (*movers.faces, *obstacles.faces)], bool)
-    numbers = np.where(told, np.cumsum(told) - 1, -1).astype(np.int32)
-    of_piece = np.repeat(numbers[len(movers) :], np.diff(first))
-    boxes = np.flatnonzero((of_piece < 0) & (solids.kinds == 1))
-    of_piece[boxes] = len(polyhedra) + np.arange(len(boxes))
-    corners, planes = _box_faces(solids, boxes)
+    faces, part_faces, piece_faces = _polyhedra(movers, obstacles)
     steps = np.arange(group_pair[-1]) - np.repeat(group_pair[:-1], sizes)
     found = Bodies(
         base=np.concatenate([base[:3, :3].ravel(), base[:3, 3]]),
@@ -372,36 +375,51 @@ def _arrays(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, gro
         spheres=movers.spheres,
         pair_piece=(np.repeat(first[groups.obstacles], sizes) + steps).astype(np.int32),
         limit=-np.repeat(groups.allowed, sizes) - TOUCHING,
-        sure=slack + BEYOND if whole else np.full(len(slack), np.inf),
+        sure=slack + BEYOND,
         piece_kind=solids.kinds.astype(np.int32),
         piece=np.concatenate([solids.centres, solids.axes.reshape(-1, 9), solids.half, solids.reach[:, None]], axis=1),
         solids=solids,
         part_frame=movers.frames,
         pair_part=np.repeat(groups.movers, sizes).astype(np.int32),
         piece_frame=np.repeat(obstacles.frames, np.diff(first)),
-        part_faces=numbers[: len(movers)],
-        piece_faces=of_piece,
-        corner_first=np.cumsum([0, *(len(one.corners) for one in polyhedra), *[8] * len(boxes)]).astype(np.int32),
-        corners=np.concatenate([np.zeros((0, 3)), *(one.corners for one in polyhedra), corners]),
-        plane_first=np.cumsum([0, *(len(one.planes) for one in polyhedra), *[6] * len(boxes)]).astype(np.int32),
-        planes=np.concatenate([np.zeros((0, 4)), *(one.planes for one in polyhedra), planes]),
-        beyond=np.array([*(one.beyond for one in polyhedra), *[0.0] * len(boxes)]) + BEYOND / 2,
+        part_faces=part_faces,
+        piece_faces=piece_faces,
+        corner_first=faces.corner_first,
+        corners=faces.corners,
+        plane_first=faces.plane_first,
+        planes=faces.planes,
+        beyond=faces.beyond + BEYOND / 2,
     )
     found.widen()
     return found
+
+
+def _polyhedra(movers: Movers, obstacles: Obstacles) -> tuple[Facets, NDArray[np.int32], NDArray[np.int32]]:
+    """Those of movers, obstacles and pieces that are boxes, and which a mover (m,) and a piece (k,) has, -1: none."""
+    solids = obstacles.solids
+    if not movers.faces.known.any():  # a plane is only between two that are known
+        return Facets.unknown(0), np.full(len(movers), -1, np.int32), np.full(len(solids), -1, np.int32)
+    faces = Facets.joined([movers.faces, obstacles.faces])
+    numbers = np.where(faces.known, np.arange(len(faces)), -1).astype(np.int32)
+    of_piece = np.repeat(numbers[len(movers) :], np.diff(obstacles.first))
+    boxes = np.flatnonzero((of_piece < 0) & (solids.kinds == 1))
+    of_piece[boxes] = len(faces) + np.arange(len(boxes))
+    return Facets.joined([faces, _box_faces(solids, boxes)]), numbers[: len(movers)], of_piece
 
 
 _SIDES = np.array([[side * (axis == k) for k in range(3)] for axis in range(3) for side in (-1.0, 1.0)])
 _ENDS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
-def _box_faces(solids: Solids, boxes: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Corners (8 b, 3) and planes (6 b, 4) of pieces that are boxes (b,)."""
+def _box_faces(solids: Solids, boxes: NDArray[np.intp]) -> Facets:
+    """Of pieces that are boxes (b,)."""
     centres, axes, half = solids.centres[boxes, None], solids.axes[boxes], solids.half[boxes, None]
     corners = centres + np.einsum("bij,bcj->bci", axes, _ENDS * half)
     normals = np.einsum("bij,fj->bfi", axes, _SIDES)
     offsets = np.einsum("bfi,bki->bf", normals, centres) + (np.abs(_SIDES) * half).sum(axis=2)
-    return corners.reshape(-1, 3), np.concatenate([normals, offsets[..., None]], axis=2).reshape(-1, 4)
+    planes = np.concatenate([normals, offsets[..., None]], axis=2).reshape(-1, 4)
+    counts = np.arange(len(boxes) + 1, dtype=np.int32)
+    return Facets(8 * counts, corners.reshape(-1, 3), 6 * counts, planes, np.zeros(len(boxes)))
 
 
 def _balls(spheres: Array, first: ArrayLike) -> Array:

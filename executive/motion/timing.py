@@ -74,18 +74,20 @@ def time_curve(
     """As :func:`time_path`, along the natural cubic spline through the waypoints, without a stop between its ends.
 
     Rows are on the spline, not on straight lines between the waypoints: what has to be free has to be checked again.
+    Its parameter is centripetal (E. T. Y. Lee, Choosing nodes in parametric curve interpolation, 1989): measured in
+    time at full speed, it swings out far where a slow joint comes to rest at its limit and the others take over.
     """
     points, (v, a, j) = _checked(names, waypoints, (velocity, acceleration, jerk), rate)
     if len(points) <= 2:
         return time_path(names, points, velocity=v, acceleration=a, jerk=j, rate=rate)
-    times = (np.abs(np.diff(points, axis=0)) / v).max(axis=1)
-    bends = _bends(points, times)
-    first, second, third = _steepest(points, times, bends)
+    lengths = np.sqrt((np.abs(np.diff(points, axis=0)) / v).max(axis=1))
+    bends = _bends(points, lengths)
+    first, second, third = _steepest(points, lengths, bends)
     with np.errstate(divide="ignore"):
         speed = min((v / first).min(), np.sqrt(a / 2 / second).min(), np.cbrt(j / 3 / third).min())
         push = min((a / 2 / first).min(), (j / 9 / second).min() / speed)
-        along = _profile(times.sum(), speed, push, (j / 3 / first).min(), rate)
-    rows = np.concatenate([points[:1], _on_spline(points, times, bends, along)])
+        along = _profile(lengths.sum(), speed, push, (j / 3 / first).min(), rate)
+    rows = np.concatenate([points[:1], _on_spline(points, lengths, bends, along)])
     rows[-1] = points[-1]
     return Trajectory(tuple(names), rows)
 
@@ -105,21 +107,21 @@ def _checked(
     return points[np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))], (v, a, j)
 
 
-def _bends(points: Array, times: Array) -> Array:
+def _bends(points: Array, lengths: Array) -> Array:
     """Second derivatives (n, d) of the natural cubic spline at its waypoints."""
     count = len(points)
     matrix, right = np.eye(count), np.zeros_like(points)
-    slopes = np.diff(points, axis=0) / times[:, None]
+    slopes = np.diff(points, axis=0) / lengths[:, None]
     for k in range(1, count - 1):
-        matrix[k, k - 1 : k + 2] = times[k - 1] / 6, (times[k - 1] + times[k]) / 3, times[k] / 6
+        matrix[k, k - 1 : k + 2] = lengths[k - 1] / 6, (lengths[k - 1] + lengths[k]) / 3, lengths[k] / 6
         right[k] = slopes[k] - slopes[k - 1]
     return np.asarray(np.linalg.solve(matrix, right))
 
 
-def _steepest(points: Array, times: Array, bends: Array) -> tuple[Array, Array, Array]:
+def _steepest(points: Array, lengths: Array, bends: Array) -> tuple[Array, Array, Array]:
     """The largest first, second and third derivative of each joint (d,), absolute, anywhere on the spline."""
-    slopes = np.diff(points, axis=0) / times[:, None]
-    before, after, h = bends[:-1], bends[1:], times[:, None]
+    slopes = np.diff(points, axis=0) / lengths[:, None]
+    before, after, h = bends[:-1], bends[1:], lengths[:, None]
     begin, end = slopes - h * (2 * before + after) / 6, slopes + h * (before + 2 * after) / 6
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(before * after < 0, before / (before - after), 0.0)  # where the bend changes its sign
@@ -128,11 +130,11 @@ def _steepest(points: Array, times: Array, bends: Array) -> tuple[Array, Array, 
     return first, np.abs(bends).max(axis=0), np.abs((after - before) / h).max(axis=0)
 
 
-def _on_spline(points: Array, times: Array, bends: Array, along: Array) -> Array:
+def _on_spline(points: Array, lengths: Array, bends: Array, along: Array) -> Array:
     """The spline (m, d) at places (m,)."""
-    marks = np.concatenate([[0.0], np.cumsum(times)])
-    k = np.clip(np.searchsorted(marks, along, side="right") - 1, 0, len(times) - 1)
-    h, x = times[k][:, None], (along - marks[k])[:, None]
+    marks = np.concatenate([[0.0], np.cumsum(lengths)])
+    k = np.clip(np.searchsorted(marks, along, side="right") - 1, 0, len(lengths) - 1)
+    h, x = lengths[k][:, None], (along - marks[k])[:, None]
     y, step = points[k], np.diff(points, axis=0)[k]
     before, after = bends[k], bends[k + 1]
     slope = step / h - h * (2 * before + after) / 6

@@ -18,6 +18,16 @@ HALF_TURN = 1e-3
 """Nearer to half a turn than half of this the antisymmetric part of a rotation is too small to tell its axis [rad]."""
 
 
+UNMOVED = 1e-18
+"""Squared lengths up to this are no way [m^2]."""
+LARGEST_STRAY = 1e-3
+"""How far the tip may leave a straight line [m]."""
+LARGEST_TILT = 1e-2
+"""How far it may turn there in another way than evenly from the first rotation to the last [rad]."""
+REFINED = 3
+"""So many times the steps of a line are halved if the tip leaves it between them."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TipLine:
     """A straight line of the tip: its ``waypoints`` (n, d), or None and the ``reason`` why it cannot be followed."""
@@ -39,11 +49,45 @@ def cartesian_path(
     """Move the tip straight from one pose (4, 4) to another in the chain's base frame, turning it evenly.
 
     Each step's solution starts from the last one and may move no joint by more than ``largest_step`` [rad, m]; every
-    configuration but ``start_q`` (d,) is checked. The line between two waypoints is straight in joint space.
+    configuration but ``start_q`` (d,) is checked. The line between two waypoints is straight in joint space; where the
+    tip would leave its own line by more than :func:`keeps_line` allows, steps are halved.
     """
-    q = np.array(start_q, float)
-    waypoints = [q]
-    for i, pose in enumerate(_between(np.asarray(start_pose, float), np.asarray(goal_pose, float), steps), start=1):
+    start, goal = np.asarray(start_pose, float), np.asarray(goal_pose, float)
+    counts = [steps * 2**halved for halved in range(REFINED + 1)]
+    for count in counts:
+        line = _in_steps(ik, np.array(start_q, float), _between(start, goal, count), is_free, largest_step)
+        if line.waypoints is None:
+            return line
+        middles = ik.chain.fk((line.waypoints[:-1] + line.waypoints[1:]) / 2)
+        if keeps_line(middles, start, goal):
+            return line
+    return TipLine(None, f"the tip leaves the line between steps, even {counts[-1]} of them")
+
+
+def keeps_line(poses: Array, start: Array, goal: Array) -> bool:
+    """Whether poses (n, 4, 4) are on the line from one pose (4, 4) to another, but for LARGEST_STRAY and LARGEST_TILT.
+
+    Where along the line they are is not asked.
+    """
+    way = goal[:3, 3] - start[:3, 3]
+    moved = poses[:, :3, 3] - start[:3, 3]
+    along = np.clip(moved @ way / max(float(way @ way), UNMOVED), 0.0, 1.0)
+    stray = np.linalg.norm(moved - along[:, None] * way, axis=1).max()
+    turns = poses[:, :3, :3] @ start[:3, :3].T
+    axis, _ = _turn(start, goal)
+    if axis is None:
+        cosines = (np.trace(turns, axis1=1, axis2=2) - 1) / 2
+    else:  # turned about it alone, an axis stays where it is
+        cosines = (turns @ axis) @ axis
+    return bool(stray <= LARGEST_STRAY and cosines.min() >= math.cos(LARGEST_TILT))
+
+
+def _in_steps(
+    ik: InverseKinematics, q: Array, poses: Array, is_free: Callable[[Array], bool], largest_step: float
+) -> TipLine:
+    """From a configuration (d,) through poses (n, 4, 4), one after the other."""
+    waypoints, steps = [q], len(poses)
+    for i, pose in enumerate(poses, start=1):
         found = ik.solve_one(pose, q)
         if found is None:
             return TipLine(None, f"the tip does not reach step {i} of {steps}")
@@ -63,17 +107,25 @@ def _between(start: Array, goal: Array, steps: int) -> Array:
     shares = np.arange(1, steps + 1) / steps
     poses = np.repeat(start[None], steps, axis=0)
     poses[:, :3, 3] += shares[:, None] * (goal[:3, 3] - start[:3, 3])
-    turn = goal[:3, :3] @ start[:3, :3].T
-    twice = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    cosine, double_sine = (np.trace(turn) - 1) / 2, math.sqrt(twice @ twice)
-    if cosine < 0 or double_sine > UNTURNED:
-        axis = twice / double_sine if cosine > 0 or double_sine > HALF_TURN else _axis(turn)
+    axis, angle = _turn(start, goal)
+    if axis is not None:
         cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-        parts = shares[:, None, None] * math.atan2(axis @ twice / 2, cosine)
+        parts = shares[:, None, None] * angle
         turns = np.eye(3) + np.sin(parts) * cross + (1 - np.cos(parts)) * (cross @ cross)
         poses[:, :3, :3] = turns @ start[:3, :3]
     poses[-1] = goal
     return poses
+
+
+def _turn(start: Array, goal: Array) -> tuple[Array | None, float]:
+    """About which axis (3,) and how far [rad] one pose (4, 4) is turned against another; None where it is not."""
+    turn = goal[:3, :3] @ start[:3, :3].T
+    twice = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    cosine, double_sine = (np.trace(turn) - 1) / 2, math.sqrt(twice @ twice)
+    if cosine >= 0 and double_sine <= UNTURNED:
+        return None, 0.0
+    axis = twice / double_sine if cosine > 0 or double_sine > HALF_TURN else _axis(turn)
+    return axis, math.atan2(axis @ twice / 2, cosine)
 
 
 def _axis(turn: Array) -> Array:

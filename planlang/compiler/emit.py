@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 
-from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, call, sequence, statement
+from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, sequence, signature, statement
 from planlang.compiler.statements import Statements
 from planlang.compiler.symbols import Symbols, is_iri, quoted
 from planlang.compiler.tree import Function, PlanTree
@@ -93,25 +93,20 @@ def _imports(symbols: Symbols) -> list[str]:
 
 
 def _namespaces(symbols: Symbols) -> list[str]:
-    return [line for name, start in symbols.namespaces() for line in _assignment(name, Text(quoted(start)))]
+    return [
+        line for name, start in symbols.namespaces() for line in assignment([Text(name)], Text(quoted(start)), depth=0)
+    ]
 
 
 def _thing(symbols: Symbols, thing: Thing) -> list[str]:
-    arguments = [quoted(thing.type) if not is_iri(thing.type) else symbols.iri(thing.type)]
+    arguments: list[Expression | str] = [quoted(thing.type) if not is_iri(thing.type) else symbols.iri(thing.type)]
     if thing.iri is not None:
         arguments.append(symbols.iri(thing.iri))
-    return _assignment(symbols.constant(thing), call(symbols.use(MAKERS[thing.kind]), *arguments))
+    return assignment([Text(symbols.constant(thing))], call(symbols.use(MAKERS[thing.kind]), *arguments), depth=0)
 
 
 def _posture(symbols: Symbols, place: Place) -> list[str]:
-    return _assignment(symbols.place(place), call(symbols.use("a_posture"), quoted(place.name)))
-
-
-def _assignment(name: str, expression: Expression) -> list[str]:
-    lines = statement(expression, depth=0, before=f"{name} = ")
-    if len(lines) == 1 and len(lines[0]) > WIDTH and len(INDENT + expression.flat()) <= WIDTH:
-        return [f"{name} = (", INDENT + expression.flat(), ")"]
-    return lines
+    return assignment([Text(symbols.place(place))], call(symbols.use("a_posture"), quoted(place.name)), depth=0)
 
 
 def _places(symbols: Symbols) -> list[list[str]]:
@@ -141,7 +136,7 @@ def _place(symbols: Symbols, place: Place) -> list[str]:
     text = f"{place.label.rstrip('. ')}: {phrase}" if place.label else phrase
     parameters = [f"{symbols.thing(thing)}: {symbols.use(TYPES[thing.kind])}" for thing in _parameters(place)]
     return [
-        *_signature(f"def {symbols.place(place)}", parameters, symbols.use("Location")),
+        *signature(f"def {symbols.place(place)}", parameters, symbols.use("Location"), depth=0),
         *_docstring([_sentence(text)], depth=1),
         *statement(call(symbols.use("a_location"), quoted(place.name), **keywords), depth=1, before="return "),
     ]
@@ -173,24 +168,10 @@ def _function(symbols: Symbols, function: Function) -> list[str]:
         body.insert(0, "")
     return [
         *statement(call("@" + symbols.use("plan"), symbols.iri(function.iri)), depth=0),
-        *_signature(f"async def {name}", ["*", *parameters] if parameters else [], "None"),
+        *signature(f"async def {name}", ["*", *parameters] if parameters else [], "None", depth=0),
         *_docstring([title], depth=1),
         *body,
     ]
-
-
-def _signature(start: str, parameters: list[str], returns: str) -> list[str]:
-    """A function's first lines; parameters on one line if they fit, else one per line."""
-    line = f"{start}({', '.join(parameters)}) -> {returns}:"
-    if len(line) <= WIDTH or not parameters:
-        return [line]
-    together = INDENT + ", ".join(parameters)
-    inside = [f"{INDENT}{parameter}," for parameter in parameters]
-    if len(together) <= WIDTH:
-        inside = [together] if len(parameters) > 1 else [together + ","]
-    elif parameters[0] == "*":
-        inside[0] = f"{INDENT}*,"
-    return [f"{start}(", *inside, f") -> {returns}:"]
 
 
 def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:

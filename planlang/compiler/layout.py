@@ -8,7 +8,7 @@ from dataclasses import dataclass
 WIDTH = 88
 """Columns of a line: what ruff and black take where nobody has set a width, so that either leaves a plan unchanged.
 
-Not kept to: first lines of functions without parameters, and of local ones, whose names alone are too long.
+Longer are lines with a name that is too long alone: no formatter breaks a name.
 """
 
 INDENT = "    "
@@ -23,6 +23,30 @@ class Text:
     def flat(self) -> str:
         """The text."""
         return self.text
+
+
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """``left + right`` as an argument of a call."""
+
+    left: str
+    right: str
+
+    def flat(self) -> str:
+        """The sum on one line."""
+        return f"{self.left} + {self.right}"
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """What a mapping or a sequence holds: ``holder[key]``."""
+
+    holder: str
+    key: str
+
+    def flat(self) -> str:
+        """The item on one line."""
+        return f"{self.holder}[{self.key}]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +68,7 @@ class Display:
 
     brackets: str
     items: tuple[Expression, ...]
-    keys: tuple[str, ...] = ()
+    keys: tuple[Expression, ...] = ()
 
     def flat(self) -> str:
         """The display on one line."""
@@ -55,11 +79,11 @@ class Display:
 
     def labelled(self) -> list[tuple[str, Expression]]:
         """The items, each with what stands before it: ``"key": `` or nothing."""
-        labels = [f"{key}: " for key in self.keys] if self.keys else [""] * len(self.items)
+        labels = [f"{key.flat()}: " for key in self.keys] if self.keys else [""] * len(self.items)
         return list(zip(labels, self.items, strict=True))
 
 
-Expression = Text | Call | Display
+Expression = Text | Sum | Item | Call | Display
 
 
 def call(function: str, *positional: Expression | str, **keywords: Expression | str) -> Call:
@@ -79,6 +103,54 @@ def statement(expression: Expression, *, depth: int, before: str = "", after: st
     return _lines(expression, depth, before, after)
 
 
+def assignment(targets: Sequence[Expression], expression: Expression, *, depth: int, before: str = "") -> list[str]:
+    """Lines of a statement that assigns a value to one target, or its parts to several.
+
+    A value whose beginning does not fit beside its target stands in brackets, if that makes all lines fit.
+    """
+    indent, together = INDENT * depth, ", ".join(target.flat() for target in targets)
+    lines = statement(expression, depth=depth, before=f"{together} = {before}")
+    if len(lines[0]) <= WIDTH:
+        return lines
+    if len(targets) > 1:
+        return [f"{indent}(", *_items(targets, depth), *statement(expression, depth=depth, before=f") = {before}")]
+    inside = statement(expression, depth=depth + 1, before=before)
+    bracketed = [f"{indent}{together} = (", *inside, f"{indent})"]
+    return bracketed if max(map(len, bracketed)) <= WIDTH else lines
+
+
+def returned(values: Sequence[Expression], *, depth: int) -> list[str]:
+    """Lines of a statement that returns one value, or several."""
+    line = f"{INDENT * depth}return {', '.join(value.flat() for value in values)}"
+    if len(values) == 1 or len(line) <= WIDTH:
+        return [line]
+    return [INDENT * depth + "return (", *_items(values, depth), INDENT * depth + ")"]
+
+
+def signature(start: str, parameters: Sequence[str], returns: str, *, depth: int) -> list[str]:
+    """First lines of a function: ``start`` is what stands before its brackets, ``returns`` the type of its result.
+
+    Parameters share a line if they fit, else have one each. Without any the type is what is broken: inside of its own
+    brackets if these begin on the line, else inside of a pair around it.
+    """
+    indent, inner = INDENT * depth, INDENT * (depth + 1)
+    line = f"{indent}{start}({', '.join(parameters)}) -> {returns}:"
+    if len(line) <= WIDTH:
+        return [line]
+    if not parameters:
+        outer, bracket, arguments = returns.partition("[")
+        opening = f"{indent}{start}() -> {outer}["
+        if bracket and len(opening) <= WIDTH:
+            return [opening, inner + arguments.removesuffix("]"), f"{indent}]:"]
+        return [f"{indent}{start}() -> (", inner + returns, f"{indent}):"]
+    together = inner + ", ".join(parameters)
+    if len(parameters) == 1 or len(together) > WIDTH:
+        inside = [f"{inner}{parameter}," for parameter in parameters]
+    else:
+        inside = [together]
+    return [f"{indent}{start}(", *inside, f"{indent}) -> {returns}:"]
+
+
 def _lines(expression: Expression, depth: int, before: str, after: str) -> list[str]:
     indent = INDENT * depth
     is_wide = _is_wide(expression)
@@ -88,6 +160,10 @@ def _lines(expression: Expression, depth: int, before: str, after: str) -> list[
         if is_whole or len(line) <= WIDTH:
             return [line]
     assert not isinstance(expression, Text)
+    if isinstance(expression, Sum):
+        return [f"{indent}{before}{expression.left}", f"{indent}+ {expression.right}{after}"]
+    if isinstance(expression, Item):
+        return [f"{indent}{before}{expression.holder}[", f"{indent}{INDENT}{expression.key}", f"{indent}]{after}"]
     if isinstance(expression, Call):
         opening, closing = f"{expression.function}(", ")"
         items = [(_labelled(keyword), argument) for keyword, argument in expression.arguments]
@@ -95,16 +171,33 @@ def _lines(expression: Expression, depth: int, before: str, after: str) -> list[
             together = INDENT * (depth + 1) + ", ".join(label + item.flat() for label, item in items)
             if len(together) <= WIDTH:
                 return [f"{indent}{before}{opening}", together, f"{indent}{closing}{after}"]
+        is_bare = len(items) == 1 and isinstance(items[0][1], (Text, Sum, Item))
+        inside = [line for label, item in items for line in _lines(item, depth + 1, label, "" if is_bare else ",")]
     else:
         opening, closing = expression.brackets[0], expression.brackets[1]
-        items = expression.labelled()
-    inside = [line for label, item in items for line in _lines(item, depth + 1, label, ",")]
+        if expression.keys:
+            pairs = zip(expression.keys, expression.items, strict=True)
+            inside = [line for key, item in pairs for line in _pair(key, item, depth)]
+        else:
+            inside = _items(expression.items, depth)
     return [f"{indent}{before}{opening}", *inside, f"{indent}{closing}{after}"]
+
+
+def _items(items: Sequence[Expression], depth: int) -> list[str]:
+    """Items of a display, each on lines of its own."""
+    return [line for item in items for line in _lines(item, depth + 1, "", ",")]
+
+
+def _pair(key: Expression, item: Expression, depth: int) -> list[str]:
+    """An entry of a dict: its key is broken only where its value cannot be."""
+    if isinstance(item, Text):
+        return _lines(key, depth + 1, "", f": {item.flat()},")
+    return _lines(item, depth + 1, f"{key.flat()}: ", ",")
 
 
 def _is_wide(expression: Expression) -> bool:
     """True if an expression has too many parts for any line: each takes a character, a comma and a blank."""
-    if isinstance(expression, Text):
+    if isinstance(expression, (Text, Sum, Item)):
         return False
     parts = [part for _, part in expression.arguments] if isinstance(expression, Call) else expression.items
     return 3 * len(parts) > WIDTH or any(map(_is_wide, parts))

@@ -5,7 +5,20 @@ from __future__ import annotations
 import textwrap
 
 from planlang.compiler.expressions import Expressions, partial_call
-from planlang.compiler.layout import INDENT, WIDTH, Display, Expression, Text, call, sequence, statement
+from planlang.compiler.layout import (
+    INDENT,
+    WIDTH,
+    Display,
+    Expression,
+    Item,
+    Text,
+    assignment,
+    call,
+    returned,
+    sequence,
+    signature,
+    statement,
+)
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.machines import DONE, FALSE, TRUE
 from planlang.compiler.naming import Names, snake_case
@@ -35,6 +48,9 @@ from planlang.designators import local_name
 MOST_UNPACKED = 4
 """Branches of which results are taken by position; of more they are taken from a list."""
 
+LONGEST_VARIABLE = 40
+"""Characters of a variable that is called after a step; after a longer one it is called by what it holds alone."""
+
 
 class Statements:
     """Writes the body of one plan function."""
@@ -56,26 +72,23 @@ class Statements:
 
     def lines(self) -> list[str]:
         """The statements of the function."""
-        return self.body(self._body, 1)
+        return _spaced(self.body(self._body, 1))
 
     def body(self, series: Series, depth: int) -> list[str]:
         """The statements of a series; at least one line."""
         lines: list[str] = []
         for event in self._passing.events(series):
-            self._events[event] = self._local_name(f"{snake_case(local_name(event.step))}_{snake_case(event.moment)}")
+            moment = snake_case(event.moment)
+            wanted = f"{snake_case(local_name(event.step))}_{moment}"
+            self._events[event] = self._local_name(wanted if len(wanted) <= LONGEST_VARIABLE else moment)
             made = call(self._symbols.use("Fluent"), "False")
-            lines += statement(made, depth=depth, before=f"{self._events[event]} = ")
+            lines += assignment([Text(self._events[event])], made, depth=depth)
         for node in series.nodes:
             written = self._statement(node, depth)
-            comment = _comment(node, depth)
-            written = [*comment, *written]
-            is_definition = written[len(comment)].lstrip().startswith("async def ")
-            if lines and is_definition:
-                lines.append("")
-            lines += written
+            lines += [*_comment(node, depth), *written]
         leaving = self._passing.leaving(series)
         if leaving:
-            lines.append(f"{INDENT * depth}return {', '.join(self._variable(step) for step in leaving)}")
+            lines += returned(self._targets(leaving), depth=depth)
         return lines or [f"{INDENT * depth}pass"]
 
     def _statement(self, node: Node, depth: int) -> list[str]:
@@ -86,45 +99,48 @@ class Statements:
         if isinstance(node, Hold):
             holding = call(self._symbols.use("using"), *map(quoted, node.roles))
             before, expression = self._awaited(node.body, depth)
-            start, after = self._bound(node, depth + 1)
-            inside = statement(expression, depth=depth + 1, before=f"{start}await ")
-            return [*before, *statement(holding, depth=depth, before="async with ", after=":"), *inside, *after]
+            inside = self._bound(node, expression, depth + 1)
+            return [*before, *statement(holding, depth=depth, before="async with ", after=":"), *inside]
         before, expression = self._awaited(node, depth)
-        start, after = self._bound(node, depth)
-        return [*before, *statement(expression, depth=depth, before=f"{start}await "), *after]
+        return [*before, *self._bound(node, expression, depth)]
 
-    def _bound(self, node: Node, depth: int) -> tuple[str, list[str]]:
-        """What a result is assigned to, if others use it, and statements that take it apart."""
+    def _bound(self, node: Node, expression: Expression, depth: int) -> list[str]:
+        """Awaiting what does a node; its result is assigned, and taken apart, if others use it."""
         leaving = self._passing.leaving(node)
         if not leaving:
-            return "", []
+            return statement(expression, depth=depth, before="await ")
         if not isinstance(node, (Parallel, PartialOrder)):
-            return f"{', '.join(map(self._variable, leaving))} = ", []
+            return assignment(self._targets(leaving), expression, depth=depth, before="await ")
         giving = [
             (key, branch, self._passing.leaving(branch)) for key, branch in node.branches if self._is_giving(branch)
         ]
         if isinstance(node, Parallel) and len(node.branches) <= MOST_UNPACKED:
             by_key = {key: self._target(steps) for key, _, steps in giving}
-            return f"{', '.join(by_key.get(key, '_') for key, _ in node.branches)} = ", []
+            targets = [by_key.get(key, Text("_")) for key, _ in node.branches]
+            return assignment(targets, expression, depth=depth, before="await ")
         results = self._local_name("results")
-        lines = []
+        lines = assignment([Text(results)], expression, depth=depth, before="await ")
         for key, _, steps in giving:
             place = str([name for name, _ in node.branches].index(key)) if isinstance(node, Parallel) else quoted(key)
-            targets = [self._variable(step) if step in leaving else "_" for step in steps]
+            targets = [Text(self._variable(step) if step in leaving else "_") for step in steps]
             if any(step in leaving for step in steps):
-                lines.append(f"{INDENT * depth}{', '.join(targets)} = {results}[{place}]")
-        return f"{results} = ", lines
+                lines += assignment(targets, Item(results, place), depth=depth)
+        return lines
 
     def _is_giving(self, node: Node) -> bool:
         return bool(self._passing.leaving(node))
 
-    def _target(self, steps: tuple[str, ...]) -> str:
-        target = ", ".join(map(self._variable, steps))
-        return target if len(steps) == 1 else f"({target})"
+    def _targets(self, steps: tuple[str, ...]) -> list[Expression]:
+        return [Text(self._variable(step)) for step in steps]
+
+    def _target(self, steps: tuple[str, ...]) -> Expression:
+        targets = self._targets(steps)
+        return targets[0] if len(targets) == 1 else sequence(targets)
 
     def _variable(self, step: str) -> str:
         if step not in self._variables:
-            self._variables[step] = self._local_name(f"result_of_{snake_case(local_name(step))}")
+            wanted = f"result_of_{snake_case(local_name(step))}"
+            self._variables[step] = self._local_name(wanted if len(wanted) <= LONGEST_VARIABLE else "result")
         return self._variables[step]
 
     def _gate(self, gate: Gate, depth: int) -> list[str]:
@@ -137,7 +153,7 @@ class Statements:
         lines = []
         for entry in entries:
             if isinstance(entry, Event):
-                lines.append(f"{INDENT * depth}{self._events[entry]}.set(True)")
+                lines += statement(call(f"{self._events[entry]}.set", "True"), depth=depth)
             else:
                 lines += [
                     line
@@ -216,16 +232,17 @@ class Statements:
             lines += [*_comment(node, depth + 1), *self._statement(node, depth + 1)]
             leaving = self._passing.leaving(node)
             if leaving:
-                lines.append(f"{INDENT * (depth + 1)}return {', '.join(map(self._variable, leaving))}")
-        arguments = ", ".join(f"{key}: {self._symbols.use('Any', 'typing')}" for key in parameters)
-        return [f"{INDENT * depth}async def {name}({arguments}) -> {self._returned(node)}:", *lines, ""]
+                lines += returned(self._targets(leaving), depth=depth + 1)
+        arguments = [f"{key}: {self._symbols.use('Any', 'typing')}" for key in parameters]
+        return [*signature(f"async def {name}", arguments, self._returned(node), depth=depth), *lines, ""]
 
     def _returned(self, node: Node) -> str:
         number = len(self._passing.leaving(node))
         if not number:
             return "None"
         anything = self._symbols.use("Any", "typing")
-        return anything if number == 1 else f"tuple[{', '.join([anything] * number)}]"
+        several = [anything] * number if number <= MOST_UNPACKED else [anything, "..."]
+        return anything if number == 1 else f"tuple[{', '.join(several)}]"
 
     def _taken_apart(self, parameters: tuple[str, ...], depth: int) -> list[str]:
         """Statements that take apart what a step gets from others by parameters, where these made several things."""
@@ -235,7 +252,7 @@ class Statements:
             if len(steps) == 1:
                 self._variables[steps[0]] = key
             else:
-                lines.append(f"{INDENT * depth}{', '.join(map(self._variable, steps))} = {key}")
+                lines += assignment(self._targets(steps), Text(key), depth=depth)
         return lines
 
     def _scope(self, scope: Scope, depth: int) -> tuple[list[str], CallExpression]:
@@ -277,8 +294,8 @@ class Statements:
             else:
                 inner, named[key] = self._branch(branch, depth, key)
                 before += inner
-        steps = Display("{}", tuple(named.values()), tuple(map(quoted, named)))
         keys = {key: Text(quoted(key)) for key in named}
+        steps = Display("{}", tuple(named.values()), tuple(keys.values()))
         orderings = [sequence([keys[a], keys[b]]) for a, b in node.orderings]
         return before, call(self._symbols.use("partial_order"), steps, sequence(orderings, "[]"))
 
@@ -299,15 +316,15 @@ class Statements:
             comment = _comment(state.body, depth + 1)
             first, expression = self._awaited(state.body, depth + 1)
             lines = [*comment, *first, *self._outcome(state, expression, depth + 1, has_done=state.name in done)]
-            before += [f"{INDENT * depth}async def {name}() -> str:", *lines, ""]
+            before += [*signature(f"async def {name}", [], "str", depth=depth), *lines, ""]
         cases = [
-            (sequence([Text(quoted(case.state)), self._case(case)]).flat(), Text(quoted(case.target)))
+            (sequence([Text(quoted(case.state)), self._case(case)]), Text(quoted(case.target)))
             for case in machine.cases
         ]
         ends = [Text(quoted(end)) for end in machine.ends]
         more: dict[str, Expression | str] = {"start": quoted(machine.start)}
         more["end"] = ends[0] if len(ends) == 1 else sequence(ends)
-        table = Display("{}", tuple(states.values()), tuple(map(quoted, states)))
+        table = Display("{}", tuple(states.values()), tuple(Text(quoted(name)) for name in states))
         transitions = Display("{}", tuple(target for _, target in cases), tuple(key for key, _ in cases))
         return before, call(self._symbols.use("state_machine"), table, transitions, **more)
 
@@ -315,7 +332,8 @@ class Statements:
         """A fluent for each thing that states make and other states use; it has a name, so that a run can go on."""
         lines: list[str] = []
         for kept in dict.fromkeys(kept for state in machine.states for kept in state.keeps):
-            self._kept[kept] = self._local_name(f"latest_{snake_case(kept)}")
+            wanted = f"latest_{snake_case(kept)}"
+            self._kept[kept] = self._local_name(wanted if len(wanted) <= LONGEST_VARIABLE else "latest")
             made = call(self._symbols.use("Fluent"), "None", quoted(kept))
             annotation = f"{self._kept[kept]}: Fluent[{self._symbols.use('Any', 'typing')}] = "
             lines += statement(made, depth=depth, before=annotation)
@@ -346,14 +364,34 @@ class Statements:
             if not has_done:
                 return [*said, f"{indent}return str({outcome})"]
             known = sequence([Text(quoted(one)) for one in state.outcomes])
-            start, end = f"return str({outcome}) if {outcome} in ", f" else {quoted(DONE)}"
-            return [*said, *statement(known, depth=depth, before=start, after=end)]
+            return [
+                *said,
+                *statement(known, depth=depth, before=f"if {outcome} in ", after=":"),
+                f"{indent}{INDENT}return str({outcome})",
+                f"{indent}return {quoted(DONE)}",
+            ]
         if state.keeps:
             made = self._local_name("made")
             said = [*statement(expression, depth=depth, before=f"{made} = await "), *kept(made)]
         else:
             said = statement(expression, depth=depth, before="await ")
         return [*said, f"{indent}return {quoted(DONE)}"]
+
+
+def _spaced(lines: list[str]) -> list[str]:
+    """The lines with an empty one between a statement and a local function that follows it, or its comment."""
+    found: list[str] = []
+    for line in lines:
+        code = line.lstrip()
+        if code.startswith("async def "):
+            indent = line[: len(line) - len(code)]
+            place = len(found)
+            while place and found[place - 1].startswith(f"{indent}#"):
+                place -= 1
+            if place and found[place - 1].startswith(indent):
+                found.insert(place, "")
+        found.append(line)
+    return found
 
 
 def _comment(node: Node, depth: int) -> list[str]:

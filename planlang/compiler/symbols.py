@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from planlang.compiler.layout import Sum
 from planlang.compiler.naming import Names, snake_case, without_digits
 from planlang.compiler.tree import PlanTree
 from planlang.designators import local_name
@@ -56,12 +57,12 @@ class Symbols:
         name = self._places[place.iri][1]
         return name.upper() if place.is_posture else name
 
-    def iri(self, iri: str) -> str:
+    def iri(self, iri: str) -> Sum:
         """An expression for an IRI: the constant of its namespace and its local name."""
         start = namespace(iri)
         if start not in self._namespaces:
             self._namespaces[start] = self._claim(_stem(start)).upper()
-        return f"{self._namespaces[start]} + {quoted(iri[len(start) :])}"
+        return Sum(self._namespaces[start], quoted(iri[len(start) :]))
 
     def local_names(self) -> Names:
         """A scope inside a function: all names of the module are taken."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from difflib import get_close_matches
 
-from planlang.designators import local_name
+from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Span, error, note
 from planlang.ontology import Ontology
 from planlang.recipe.graph import recipe_cycle, recipe_order
@@ -165,8 +165,8 @@ def follow_from_others(recipe: Recipe) -> frozenset[tuple[str, str]]:
 
 def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:
     """A help line with the ordering constraint to add, in Manchester syntax."""
-    a, b = local_name(before), local_name(after)
-    name = f"{recipe.name}_{a}_{b}"
+    name = f"{recipe.name}_{local_name(before)}_{local_name(after)}"
+    a, b = told_apart(before, after)
     facts = f"occursBeforeInOrdering {a}, occursAfterInOrdering {b}"
     return (
         f"add `orderingConstraints value {name}` to `{recipe.name}`"

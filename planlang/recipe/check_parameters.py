@@ -153,7 +153,9 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
         return
     if read_filler(ontology, term) is None:
         message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, which nothing defines"
-        severity = Severity.WARNING if short in AGENTS else Severity.ERROR
+        severity = Severity.ERROR
+        if short in AGENTS or not is_vocabulary(short):
+            message, severity = f"{message}: it is left out", Severity.WARNING
         meant = _meant(ontology, term)
         yield Diagnostic(severity, "R033", message, span, _asked(meant), meant)
     elif (

@@ -120,6 +120,7 @@ def _uncovered(actions: Actions, machine: StateMachine, recipe: Recipe) -> Itera
                 yield warning("R055", message, regular[0].span, "remove the transition, or the taskEndState")
             continue
         checks = endings & {Ending.TRUE, Ending.FALSE}
+        yield from _unsaid(actions, step.name, own, checked=bool(checks))
         missing: list[str] = []
         if len(checks) == 1:
             missing = ["CONDITION_FALSE" if Ending.TRUE in checks else "CONDITION_TRUE"]
@@ -131,6 +132,27 @@ def _uncovered(actions: Actions, machine: StateMachine, recipe: Recipe) -> Itera
             message = f"nothing comes after `{step.name}` if it ends with {names}, and it is no end of `{recipe.name}`"
             advice = f"add a transition with `fromState {step.name}, causedBy {missing[0]}`"
             yield warning("R055", message, step.span, advice)
+
+
+def _unsaid(actions: Actions, state: str, own: list[Transition], *, checked: bool) -> Iterator[Diagnostic]:
+    """Outcomes in whose names no word tells what they mean: what performs the state has to give them by name."""
+    for one in own:
+        if one.ending is not Ending.OTHER or one.outcome is None:
+            continue
+        if checked:
+            message = (
+                f"`{state}` is asked whether its condition holds: the transition with `{_word(one)}` is never taken"
+            )
+            yield warning("R055", message, one.span, "write `causedBy CONDITION_TRUE`, or CONDITION_FALSE")
+        elif not actions.ontology.defined(one.outcome):
+            message = (
+                f"nothing defines the outcome `{_word(one)}`: it is taken only if what performs `{state}` returns it"
+            )
+            advice = (
+                "write `causedBy` CONDITION_TRUE, CONDITION_FALSE, COMPLETED_OK or COMPLETED_FAILED;"
+                f" if it is a result by name, `Individual: {_word(one)}` with `Types: ActionResult`"
+            )
+            yield warning("R055", message, one.span, advice)
 
 
 def _failures(machine: StateMachine, recipe: Recipe) -> Iterator[Diagnostic]:

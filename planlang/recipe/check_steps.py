@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
-from planlang.designators import local_name
+from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Order, Rename, Severity, error, note, warning
 from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
@@ -40,8 +40,12 @@ def check_sub_actions(
             advice, meant = _instead(ontology, statements, iri)
             yield error("R020", message, sub_action.span, advice, meant)
         if sub_action.times > 1:
-            message = f"`{local_name(iri)}` is stated {sub_action.times} times in `{recipe.name}`: it is performed once"
-            yield warning("R024", message, sub_action.span, "state a class of its own for each time")
+            short = local_name(iri)
+            message = f"`{recipe.name}` asks for {sub_action.times} times `{short}`, but a step is performed once"
+            advice = (
+                f"state a class of its own for each time: sub-actions {short}1, {short}2, ..., classes below {short}"
+            )
+            yield error("R024", message, sub_action.span, advice)
     for filling in statements.foreign:
         word = local_name(filling.property)
         message = f"{word} stands in a namespace of its own ({filling.property}): it is read as KnowRob's"
@@ -96,7 +100,8 @@ def _same_names(recipe: Recipe) -> Iterator[Diagnostic]:
         for name in dict.fromkeys((step.name, step.label or step.name)):
             earlier = first.setdefault(name.lower(), step)
             if earlier is not step:
-                message = f"two steps of `{recipe.name}` are called {name!r}: `{earlier.name}` and `{step.name}`"
+                one, other = told_apart(earlier.iri, step.iri)
+                message = f"two steps of `{recipe.name}` are called {name!r}: `{one}` and `{other}`"
                 yield warning("R048", message, step.span, "give one of them another name or label")
                 break
 
@@ -108,8 +113,8 @@ def check_base_motions(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> 
     moving = [step for step in order.extension if step in movers.opening | movers.ending]
     for first, second in pairwise(moving):
         if not order.before(first, second):
-            both = f"`{local_name(first)}` and `{local_name(second)}`"
-            message = f"{both} both move the base, and nothing says which comes first"
+            one, other = told_apart(first, second)
+            message = f"`{one}` and `{other}` both move the base, and nothing says which comes first"
             advice = ordering_to_write(recipe, first, second)
             yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, first, second))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 
+from planlang.designators import told_apart
 from planlang.diagnostics import Diagnostic, Order, note, warning
 from planlang.recipe.actions import Actions
 from planlang.recipe.check_orderings import ordering_to_write
@@ -71,8 +72,9 @@ def check_unordered(
         first, second = pairs[0]
         both = " and the ".join(sorted(shared(first, second)))
         more = f" (and {len(pairs) - 1} more such pairs)" if len(pairs) > 1 else ""
+        one, other = told_apart(first.iri, second.iri)
         message = (
-            f"`{first.name}` and `{second.name}` both need the {both}, and nothing orders them: they come one after"
+            f"`{one}` and `{other}` both need the {both}, and nothing orders them: they come one after"
             f" the other, either first{more}"
         )
         advice = ordering_to_write(recipe, first.iri, second.iri)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from executive.arm_choice import ArmChoices
+from executive.process_modules.gripper import GripperModule
 from planlang import VirtualHost, checkpoint, par, perform, run, seq
-from planlang.designators import a_location, action, an_object
-from planlang.protocols import Pose
+from planlang.designators import a_device, a_location, action, an_object
+from planlang.protocols import Pose, Solution
 from sim import Body
 from tests.executive.conftest import CABINET, PLACE, MakeStage
 
@@ -66,6 +67,16 @@ def test_where_no_plan_runs_the_last_choice_counts() -> None:
     for arm in CHOICES:
         choices.choose(arm)
         assert (choices.mine(), choices.others()) == (arm, frozenset())
+
+
+def test_what_is_done_at_a_place_is_done_with_the_arm_it_was_found_for(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET)
+    opens = GripperModule(stage.executive.platform)
+    for arm in CHOICES:
+        stage.executive.move_to(Solution((0.0, 0.0, 0.0), stage.executive.revision(), {"arm": arm}))
+        assert opens.resources(action("OpeningAGripper", device_used=a_device("HolderGripper"))) == (arm,)
+    stage.executive.move_to(Solution((0.0, 0.0, 0.0), stage.executive.revision(), {}))
+    assert opens.resources(action("OpeningAGripper")) == (arm,)
 
 
 def test_two_plans_side_by_side_take_two_things_with_two_arms(make_stage: MakeStage) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -71,3 +72,12 @@ def test_a_users_own_recipe_is_not_taken_for_a_bundled_one(tmp_path: Path) -> No
     found = read(str(path))
     assert isinstance(found, RecipeFile)
     assert not found.is_bundled
+
+
+@pytest.mark.parametrize("is_named", [True, False])
+def test_a_pipe_is_bad_input_that_says_what_to_do(tmp_path: Path, is_named: bool) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(BadInput, match="is no file: a recipe is read more than once") as caught:
+        read(str(pipe) if is_named else "-")
+    assert caught.value.diagnostics[0].help == "write it to a file, and name that: ... > recipe.owl"

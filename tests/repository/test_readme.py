@@ -55,12 +55,28 @@ def shape(text: str) -> str:
 
 
 def fitted(shown: str, real: str) -> str:
-    """A new output in the place of an old one; where that left lines out, as many at each end are kept."""
-    if ELISION not in shown:
+    """A new output in the place of an old one; where that left lines out, the new one leaves the same ones out.
+
+    As many lines as before are kept at each end; an excerpt between two ``...`` is looked for, numbers aside, and
+    LookupError tells one that is no longer there.
+    """
+    first, *excerpts = shown.split(ELISION)
+    if not excerpts:
         return real
-    first, last = shown[: shown.index(ELISION)].count("\n"), shown[shown.rindex(ELISION) :].count("\n") - 1
     lines = real.splitlines(keepends=True)
-    return "".join([*lines[:first], ELISION, *lines[len(lines) - last :]])
+    *middle, last = excerpts
+    end = first.count("\n")
+    parts = ["".join(lines[:end])]
+    for excerpt in middle:
+        number, shapes = excerpt.count("\n"), shape(excerpt)
+        places = range(end, len(lines) - number + 1)
+        start = next((place for place in places if shape("".join(lines[place : place + number])) == shapes), None)
+        if start is None:
+            raise LookupError(f"choose an excerpt of the new output by hand, in the place of\n{excerpt}")
+        end = start + number
+        parts.append("".join(lines[start:end]))
+    parts.append("".join(lines[len(lines) - last.count("\n") :]))
+    return ELISION.join(parts)
 
 
 def prepare(command: str, folder: Path, corpus: Path) -> bool:
@@ -88,6 +104,16 @@ def test_an_output_in_the_readme_is_what_its_command_prints(
     assert prepare(command, tmp_path, corpus), "the corpus lacks a file of the README"
     real = output(command, tmp_path)
     assert agrees(shape(shown), shape(real)), f"planlang {command} prints:\n{real}"
+
+
+def test_a_new_output_keeps_what_was_shown_of_the_old_one() -> None:
+    old = "a 1\n...\nc 1\nd 1\n...\nf 1\n"
+    new = "a 2\nb 2\nc 2\nd 2\ne 2\nf 2\n"
+    assert fitted(old, new) == "a 2\n...\nc 2\nd 2\n...\nf 2\n"
+    assert fitted("...\nd 1\n...\n", new) == "...\nd 2\n...\n"
+    assert fitted("a 1\n", new) == new
+    with pytest.raises(LookupError, match="by hand"):
+        fitted("...\nx 1\n...\n", new)
 
 
 def test_the_recipe_in_the_readme_is_the_bundled_one() -> None:

@@ -31,7 +31,9 @@ WITHIN = 0.001
 TIP, TURN = 2e-3, 2e-2
 """How far a tip may be from the pose that is claimed [m], [rad]."""
 STEPS = 8
-"""In so many steps the way from one pose of a claim to the next is looked at, in twice as many one that it tells."""
+"""In so many steps the way from one pose of a claim to the next is looked at; in twice as many what one touches that
+it tells, of which the tip is looked at everywhere.
+"""
 NEIGHBOURS = 2
 """Links that are so few joints apart may touch each other."""
 GAZES = 15
@@ -321,13 +323,12 @@ class Oracle:
         if len(claim.motions) not in (0, len(claim.poses) - 1):
             return f"{len(claim.motions)} motions join {len(claim.poses)} poses"
         for number, rows in enumerate(claim.motions or [on_the_way(claim.values)]):
-            tips = []
-            for values in rows[_spread(len(rows))] if claim.motions else rows:
-                joints = dict(zip(claim.joints, values.tolist(), strict=True))
-                self.place(claim.base, {**self.posture, **fingers, **joints})
-                if pair := self.touched(hand, claim.target):
-                    return f"between its poses {pair[0]} touches {pair[1]}"
+            tips, touching = [], _spread(len(rows)) if claim.motions else range(len(rows))
+            for row, values in enumerate(rows.tolist()):
+                self.place(claim.base, {**self.posture, **fingers, **dict(zip(claim.joints, values, strict=True))})
                 tips.append(self.link(arm.tip))
+                if row in touching and (pair := self.touched(hand, claim.target)):
+                    return f"between its poses {pair[0]} touches {pair[1]}"
             if claim.motions and (problem := strays(np.array(tips), *claim.poses[number : number + 2])):
                 return f"after pose {number} {problem}"
         return None
@@ -421,14 +422,14 @@ def strays(tips: Array, start: Array, end: Array) -> str | None:
     turned = max(angle(tip[:3, :3], start[:3, :3]) for tip in tips)
     if off.max() > TIP or turned > TURN:
         return f"the tip is {off.max():.4f} m and {turned:.4f} rad off the straight line"
-    if np.diff(along, prepend=0.0, append=1.0).max() > 3 / STEPS:
+    if np.diff(along, prepend=0.0, append=1.0).max() > 2 / STEPS:
         return "parts of the straight line are left out"
     return None
 
 
-def _spread(count: int) -> Array:
-    """Numbers of rows, of so many, at which a motion is looked at."""
-    return np.unique(np.linspace(0, count - 1, 2 * STEPS).round()).astype(int)
+def _spread(count: int) -> frozenset[int]:
+    """Rows of a motion, of so many, at which it is looked at what is touched; the tip is looked at in all."""
+    return frozenset(np.linspace(0, count - 1, 2 * STEPS).round().astype(int).tolist())
 
 
 def angle(one: Array, other: Array) -> float:

@@ -147,9 +147,11 @@ def test_an_arm_held_still_and_a_hand_alone_hit_what_the_whole_arm_hits(reacher:
     hand = bodies.hand(*shapes.tip).against(base, room, (frozenset(), None))
     seen = 0
     for q in reacher.chain.sample(np.random.default_rng(7), 40):
-        still = bodies.still(q).against(base, room, (frozenset(), None))
+        joints = dict(zip(reacher.chain.names, q.tolist(), strict=True))
+        still = shapes.still(reacher.world, joints).against(base, room, (frozenset(), None))
         in_room = [body if body in room.bodies.names else None for body in whole.hit(base[None], q[None])]
         assert still.hit(base[None]) == in_room
+        assert not still.clear(base[None], q[None]).any(), "more is there than the arm"
         met = hand.hit(base[None] @ reacher.chain.fk(q[None]))[0]
         seen += met is not None
         assert met is None or in_room[0] is not None

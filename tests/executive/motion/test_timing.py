@@ -123,6 +123,14 @@ def test_a_curve_stays_near_to_the_way_that_its_waypoints_are_of() -> None:
     assert away.max() < 0.003
 
 
+def test_a_curve_does_not_swing_out_where_a_slow_joint_comes_to_rest_before_the_others() -> None:
+    steps = np.arange(10)
+    lift = np.minimum(steps, 4.5) * 0.02
+    rows = curved(np.stack([lift, 0 * lift, 0.005 * steps], axis=1))
+    np.testing.assert_allclose(rows[:, 0], np.interp(rows[:, 2], 0.005 * steps, lift), atol=0.01)
+    assert np.diff(rows, axis=0).min() > -2e-4, "a joint goes back"
+
+
 @pytest.mark.parametrize("count", [3, 5, 10, 40, 200])
 @pytest.mark.parametrize("bend", [0.05, 0.3, 1.0, 4.0])
 def test_limits_are_kept_on_curves(count: int, bend: float) -> None:

@@ -22,7 +22,7 @@ def some_expression(rng: random.Random, depth: int) -> Expression:
         case 1:
             return Display(rng.choice(["()", "[]"]), tuple(inside))
         case 2:
-            return Display("{}", tuple(inside), tuple(f'"{name}{index}"' for index in range(len(inside))))
+            return Display("{}", tuple(inside), tuple(Text(f'"{name}{index}"') for index in range(len(inside))))
         case _:
             split = rng.randrange(len(inside) + 1)
             positional = [(None, item) for item in inside[:split]]
