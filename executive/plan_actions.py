@@ -50,6 +50,14 @@ class Judgement:
     infeasible: tuple[tuple[Alternative, Missing], ...] = ()
     unknown: tuple[Missing, ...] = ()
 
+    def also(self, lacking: Iterable[Missing]) -> Judgement:
+        """With what the recipe of the plan requires besides; each thing is told once."""
+        known = {(one.kind, one.name) for one in (*self.missing, *self.unknown)}
+        others = [one for one in lacking if (one.kind, one.name) not in known]
+        missing = tuple(one for one in others if one.state == "missing")
+        unknown = tuple(one for one in others if one.state != "missing")
+        return Judgement((*self.missing, *missing), self.infeasible, (*self.unknown, *unknown))
+
     def notes(self, file: Path | None) -> Iterator[Diagnostic]:
         """A note for each alternative that the robot cannot do, a warning for what it may lack.
 

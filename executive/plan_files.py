@@ -20,30 +20,30 @@ from executive.knowledge import MapObject, SemanticMap
 from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.language.plans import Plan
-from planlang.ontology import expand, shorten
+from planlang.ontology import Ontology, expand, shorten
+from planlang.recipe import RecipeSet
 
 MOST_NAMES = 20
 """Things of a map that one message lists."""
 
 
 def compiled_plan(
-    recipe: Path,
+    recipe: Ontology,
     stack: ExitStack,
     found: list[Diagnostic],
     *,
     task: str | None = None,
-    folders: Sequence[Path] = (),
     allow_abstract: bool = False,
-) -> Path:
+) -> tuple[Path, RecipeSet]:
     """Compile a recipe into a temporary folder that ``stack`` removes; warnings and notes go to ``found``."""
-    from planlang.compiler import compile_recipe
+    from planlang.compiler import compile_ontology
 
-    compiled = compile_recipe(recipe, task=task, folders=folders, allow_abstract=allow_abstract)
+    compiled = compile_ontology(recipe, task=task, allow_abstract=allow_abstract)
     found.extend(compiled.diagnostics)
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-")))
     path = folder / f"{compiled.functions[-1]}.py"
     path.write_text(compiled.source, encoding="utf-8")
-    return path
+    return path, compiled.recipes
 
 
 def import_plan(path: Path) -> ModuleType:

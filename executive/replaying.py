@@ -18,6 +18,7 @@ from planlang.kernel.continued import Different
 from planlang.kernel.recorded import RecordedRun
 from planlang.language.plans import Plan
 from planlang.language.replaying import replay
+from planlang.ontology import load
 
 WIDTH = 56
 """Characters of a value that are shown; of longer ones the end."""
@@ -37,7 +38,8 @@ def replay_trace(
         found: list[Diagnostic] = []
         if plan is None:
             assert recipe is not None
-            plan = compiled_plan(recipe, stack, found, task=task, folders=folders, allow_abstract=allow_abstract)
+            read = load(recipe, folders=folders)
+            plan, _ = compiled_plan(read, stack, found, task=task, allow_abstract=allow_abstract)
             task = None
         if sha256(plan) != recorded.header.get("plan_sha256"):
             found.append(warning("X022", "the plan is another one than that of the trace", Span(recorded.name)))

@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.assembly import platform_of, real_scene, world_at_start
-from executive.capabilities import Robot, bind_robot, missing_capabilities
+from executive.capabilities import Missing, Robot, bind_robot, missing_capabilities
+from executive.capabilities.matching import possessions_of
+from executive.capabilities.tasks import match
 from executive.carrying import with_carrying
 from executive.console import DONE, FAILED, INTERRUPTED, MISSING_CAPABILITY
 from executive.core import RobotExecutive
@@ -96,7 +98,7 @@ def run_plan_file(options: RunOptions) -> RunResult:
     """
     with ExitStack() as stack:
         found = list(options.notes)
-        path = options.plan or _compiled(options, stack, found)
+        path, stated = (options.plan, None) if options.plan is not None else _compiled(options, stack, found)
         module = import_plan(path)
         plan = main_plan(module, options.task if options.plan is not None else None)
         assert options.environment is not None
@@ -108,6 +110,8 @@ def run_plan_file(options: RunOptions) -> RunResult:
         scene = scene_of(semantic_map, found)
         bound = bound_parameters(plan, options.bindings or {}, semantic_map, found)
         able = judged(needs_of(module, plan), partial(missing_capabilities, semantic_map.ontology, robot=robot))
+        if stated is not None:
+            able = able.also(stated(robot))
         found.extend(able.notes(options.plan))
         options.announce(found)
         if able.missing and not options.force:
@@ -213,16 +217,14 @@ def _is_own(problem: BaseException, plan: Path) -> bool:
     return any(file.is_relative_to(folder) for file in below for folder in folders)
 
 
-def _compiled(options: RunOptions, stack: ExitStack, found: list[Diagnostic]) -> Path:
+def _compiled(
+    options: RunOptions, stack: ExitStack, found: list[Diagnostic]
+) -> tuple[Path, Callable[[Robot], tuple[Missing, ...]]]:
+    """The plan of a recipe, and what the recipe itself requires of a robot, beyond what the plan's actions do."""
     assert options.recipe is not None
-    return compiled_plan(
-        options.recipe,
-        stack,
-        found,
-        task=options.task,
-        folders=options.ontologies,
-        allow_abstract=options.allow_abstract,
-    )
+    read = load(options.recipe, folders=options.ontologies)
+    path, recipes = compiled_plan(read, stack, found, task=options.task, allow_abstract=options.allow_abstract)
+    return path, lambda robot: match(read, recipes, possessions_of(robot)).lacking()
 
 
 class _Filmed:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Ontology, Term, expand
 from planlang.ontology.described import expression_of, text_of
@@ -15,6 +16,12 @@ PROPERTIES = {
     "capability": expand("srdl2-cap:dependsOnCapability"),
     "component": expand("srdl2-comp:dependsOnComponent"),
 }
+WORDS = {
+    "dependsOnCapability": "capability",
+    "hasCapabilityDependency": "capability",
+    "dependsOnComponent": "component",
+}
+"""The same by local names, and that of 2010: SRDL has them in several namespaces."""
 
 
 class Semantics(Enum):
@@ -66,6 +73,8 @@ def requirements_of(ontology: Ontology, cls: str, semantics: Semantics = Semanti
     found: dict[tuple[str, str, Term, int], Requirement] = {}
     for restriction in ontology.inherited_restrictions(cls):
         kind = kinds.get(restriction.property)
+        if kind is None and semantics is Semantics.CLOSURE:
+            kind = WORDS.get(local_name(restriction.property))
         if kind is None or restriction.kind == "only" or isinstance(restriction.filler, Literal):
             continue
         if semantics is Semantics.ORIGINAL and (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from executive.capabilities.finding import Availability, Finding, together
-from executive.capabilities.matching import Judge, Possessions
+from executive.capabilities.matching import Judge, Missing, Possessions
 from executive.capabilities.requirements import Semantics
 from planlang.designators import local_name
 from planlang.ontology import Ontology
@@ -44,6 +44,24 @@ class Match:
     def in_state(self, state: Availability) -> tuple[Finding, ...]:
         """Required capabilities, then components, that are missing, unknown or available."""
         return tuple(one for kind in ("capability", "component") for one in self.required(kind) if one.state is state)
+
+    def lacking(self) -> tuple[Missing, ...]:
+        """What is missing, or may be, for the task; not what only an alternative needs for which another stands in."""
+        found: dict[tuple[str, str], Missing] = {}
+        for finding, path in self.tree.walk():
+            if finding.kind not in ("capability", "component") or finding.state is Availability.AVAILABLE:
+                continue
+            choices = [one.state for one in path if one.kind == "alternatives"]
+            if Availability.AVAILABLE in choices or (
+                finding.state is Availability.MISSING and any(one is not Availability.MISSING for one in choices)
+            ):
+                continue
+            because = tuple(one.iri or one.text for one in (*path, finding) if one.kind != "alternatives")
+            what = finding.iri or finding.text
+            found.setdefault(
+                (finding.kind, what), Missing(what, finding.kind, finding.state.value, because, finding.reason)
+            )
+        return tuple(found.values())
 
     def lines(self, *, all_of_it: bool = True) -> Iterator[str]:
         """The verdict, the tree, and where what is missing could be had."""

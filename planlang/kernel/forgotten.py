@@ -60,7 +60,7 @@ def _collector(phase: str, details: dict[str, int]) -> None:
 def _dropped(coroutine: Coroutine) -> None:
     """A coroutine was freed that never ran. Nothing may be raised here."""
     scheduler, call = running.scheduler, running.call
-    if call is None and (scheduler is None or id(coroutine) in scheduler.coroutines.before):
+    if call is None and scheduler is None:
         if _Watch.warn is not None:
             _Watch.warn(coroutine)
         return

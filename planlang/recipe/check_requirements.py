@@ -60,7 +60,7 @@ def _judged(ontology: Ontology, cls: str, restriction: Restriction) -> Iterator[
 
 def _alternatives(ontology: Ontology, word: str) -> tuple[str, ...]:
     upper = _UPPER.get(word)
-    return ontology.subclasses(expand(upper)) if upper else ontology.class_names()
+    return ontology.subclasses(expand(upper))[1:] if upper else ontology.class_names()
 
 
 def _excluded(ontology: Ontology, needed: str | BNode) -> tuple[str, str] | None:

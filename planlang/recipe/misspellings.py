@@ -81,13 +81,13 @@ class _Names:
         self._ontology = ontology
         self._store = ontology.store
         self._main = ontology.store.ranges[0]
-        spaces = Counter(map(_space, filter(None, map(self._store.name, self._own_defined))))
-        self.own = tuple(space for space, _ in spaces.most_common() if space not in _W3C)
-        """The namespaces in which the main document defines something, the one with the most names first."""
 
     @cached_property
-    def _own_defined(self) -> dict[int, None]:
-        return {self._store.subjects[row]: None for row in self._defining if row in self._main}
+    def own(self) -> tuple[str, ...]:
+        """The namespaces in which the main document defines something, the one with the most names first."""
+        defined = dict.fromkeys(self._store.subjects[row] for row in self._defining if row in self._main)
+        spaces = Counter(map(_space, filter(None, map(self._store.name, defined))))
+        return tuple(space for space, _ in spaces.most_common() if space not in _W3C)
 
     @cached_property
     def _defined(self) -> frozenset[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain
 from typing import NamedTuple
 
 from planlang.designators import local_name
@@ -80,17 +81,14 @@ class Statements:
 
     def mentioned(self) -> tuple[str, ...]:
         """The sub-actions, and everything else that is ordered, passed something, or a state."""
-        found = dict.fromkeys(self.names)
-        for ordering in self.orderings:
-            found |= dict.fromkeys((ordering.before, ordering.after))
-        for overlap in self.overlaps:
-            found |= dict.fromkeys((overlap.first, overlap.second))
-        for flow in self.flows:
-            found |= dict.fromkeys((flow.producer, flow.consumer))
-        for transition in self.machine.transitions if self.machine is not None else ():
-            found |= dict.fromkeys((transition.source, transition.target))
-        found |= dict.fromkeys((*self.starts, *self.ends))
-        return tuple(found)
+        transitions = self.machine.transitions if self.machine is not None else ()
+        pairs = (
+            *((one.before, one.after) for one in self.orderings),
+            *((one.first, one.second) for one in self.overlaps),
+            *((one.producer, one.consumer) for one in self.flows),
+            *((one.source, one.target) for one in transitions),
+        )
+        return tuple(dict.fromkeys((*self.names, *chain.from_iterable(pairs), *self.starts, *self.ends)))
 
 
 def is_word(iri: str, *names: str) -> bool:

@@ -308,3 +308,31 @@ def test_match_explains_and_ends_with_3_if_something_is_missing(tmp_path: Path) 
 def test_match_of_the_bundled_recipe_and_robot_lacks_nothing() -> None:
     result = CliRunner().invoke(app, ["match", "serve_a_drink", "--json"])
     assert (result.exit_code, json.loads(result.stdout)["feasible"]) == (0, True)
+
+
+@pytest.mark.parametrize("word", ["knowrob:dependsOnComponent", "<http://knowrob.org/kb/srdl2.owl#dependsOnComponent>"])
+def test_words_of_requirements_count_in_whatever_namespace(tmp_path: Path, word: str) -> None:
+    text = TASK.replace("{requires}", needing("some srdl2-comp:MobileBase")).replace(
+        "srdl2-comp:dependsOnComponent", word
+    )
+    path = written(tmp_path, text + ROBOT.replace("{claims}", CLAIM))
+    assert word in path.read_text(encoding="utf-8")
+    assert matched(path, modelled(path), task="MakingTea").feasible is False
+
+
+@pytest.mark.parametrize(("needed", "code"), [("Tilting2DLaserScanner", 3), ("ArmComponent", 0)])
+def test_run_refuses_what_the_recipe_itself_requires_and_the_robot_lacks(
+    tmp_path: Path, needed: str, code: int
+) -> None:
+    parking = """
+Class: :Park
+    SubClassOf: knowrob:Action, knowrob:subAction some :Reach, srdl2-comp:dependsOnComponent some srdl2-comp:{needed}
+Class: :Reach
+    SubClassOf: knowrob:Reaching, knowrob:toLocation value :parking
+Individual: :parking
+    Types: knowrob:Point3D
+"""
+    path = written(tmp_path, parking.replace("{needed}", needed))
+    result = CliRunner().invoke(app, ["run", str(path), "--robot", "amigo", "--environment", "hospital_room"])
+    assert result.exit_code == code, result.output
+    assert (f"component {needed}: amigo has none (required by Park > {needed})" in result.stdout) is bool(code)

@@ -611,8 +611,11 @@ def test_what_was_handed_to_another_thread_is_awaited_there_after_the_run(how: s
     assert ran == [how]
 
 
-def test_what_was_made_before_the_run_is_pythons_own_matter() -> None:
+@pytest.mark.parametrize("collected", [(), (0,), (0, 1), (2,)])
+def test_what_was_made_before_the_run_is_pythons_own_matter(collected: tuple[int, ...]) -> None:
     early = [reach()]
+    for generation in collected:
+        gc.collect(generation)
 
     async def body() -> str:
         early.clear()
@@ -623,6 +626,19 @@ def test_what_was_made_before_the_run_is_pythons_own_matter() -> None:
         warnings.simplefilter("always")
         assert go(body) == "done"
     assert [str(one.message) for one in caught] == ["coroutine 'reach' was never awaited"]
+
+
+def test_what_was_made_before_the_run_hides_nothing_that_the_run_forgets() -> None:
+    early = [reach() for _ in range(50)]
+
+    async def body() -> None:
+        while early:
+            early.pop().close()
+        reach()
+        await sleep(1)
+
+    with pytest.raises(PlanStructureError, match="without await"):
+        go(body)
 
 
 def test_what_survived_a_collection_of_garbage_is_found_too(written: Written) -> None:
