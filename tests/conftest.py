@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import gc
 import os
 import signal
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ settings.load_profile("planlang")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+TESTS = Path(__file__).resolve().parent
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
 
 
@@ -49,3 +51,44 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Con
         del os.environ["XDG_CACHE_HOME"]
     else:
         os.environ["XDG_CACHE_HOME"] = before
+
+
+LONGEST = (
+    "planlang/language/test_reference_machine.py",
+    "executive/test_other_robots.py",
+    "executive/test_resuming.py",
+    "executive/motion/test_arm_path.py",
+    "executive/locations/test_rooms.py",
+    "executive/test_running.py",
+    "repository/test_readme.py",
+    "executive/test_whole_runs.py",
+    "planlang/ontology/test_writing.py",
+    "planlang/language/test_law.py",
+)
+"""Files that take longest: begun first, so that at the end no worker waits for another."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Files are handed out in our order, not by the number of their tests."""
+    if hasattr(config.option, "loadscopereorder"):
+        config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first."""
+    ranks = {TESTS / name: rank for rank, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
+
+
+WHOLE_HEAP = ("kernel", "language", "testing")
+"""Folders of tests of what a run leaves in memory: there all of it is looked through, what was imported, too."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_garbage(request: pytest.FixtureRequest) -> None:
+    """Elsewhere collections of garbage pass over what was there before: tests, libraries, and what they hold."""
+    if request.path.is_relative_to(TESTS / "planlang") and request.path.parent.name in WHOLE_HEAP:
+        gc.unfreeze()
+    elif not gc.get_freeze_count():
+        gc.collect()
+        gc.freeze()

@@ -272,6 +272,7 @@ def _solved(
     every = np.stack(np.unravel_index(np.arange(count), lattice.shape), axis=-1)
     coarse = np.flatnonzero((every % COARSE == 0).all(axis=1))
     del every
+    coarse = coarse[chain.may_reach(lattice.poses(coarse))]
     seeds = np.concatenate([postures, chain.sample(rng, RESTARTS)])
     tried, ok = solver.solve(lattice.poses(coarse), np.broadcast_to(seeds, (len(coarse), *seeds.shape)))
     added = coarse[ok]

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.collision import BASE, FIRST_JOINT, MAP, Movers, Obstacles, QuickCheck, Watched
+from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Movers, Obstacles, Watched
+from executive.motion.collision import QuickCheck
 from executive.motion.facets import Facets
 from executive.motion.kinematics import Chain
 from executive.motion.link_shapes import Shaped, thing_in

@@ -12,7 +12,7 @@ from executive.motion.urdf import Joint, Variable
 from planlang.protocols import Array
 
 if TYPE_CHECKING:
-    from executive.motion.collision import Bodies
+    from executive.motion.body_arrays import Bodies
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ from planlang.protocols import Array
 
 if TYPE_CHECKING:  # backends chooses between this and the virtual machine
     from executive.motion.backends import ChainFacts
-    from executive.motion.collision import Bodies
+    from executive.motion.body_arrays import Bodies
 
 STEPS = 40
 """Steps of inverse kinematics after which a seed is given up."""

@@ -164,6 +164,31 @@ class Chain:
         turns = np.where(self.continuous, np.round((other - given) / (2 * np.pi)), 0.0)
         return np.asarray(given + 2 * np.pi * turns)
 
+    def may_reach(self, targets: ArrayLike) -> NDArray[np.bool_]:
+        """Which targets (m, 4, 4) in the base are not too far away: no configuration takes the tip to the others."""
+        center, radius, last = self._span
+        poses = np.asarray(targets, float)
+        last_frames = poses[:, :3, :3] @ last + poses[:, :3, 3]
+        slack = POSITION_TOLERANCE + ANGLE_TOLERANCE * float(np.linalg.norm(last)) + 1e-6
+        return np.asarray(np.linalg.norm(last_frames - center, axis=1) <= radius + slack)
+
+    @cached_property
+    def _span(self) -> tuple[Array, float, Array]:
+        """Centre (3,) and radius [m] of a ball in the base that the last moving link's origin, (3,) of the tip, is in.
+
+        From one such link to the next the distance of origins is fixed, but for the travel of a joint that slides.
+        """
+        middle = (self.lower + self.upper) / 2
+        origins = self.frames(middle)[0, :, :3, 3]
+        tip = self.fk(middle)[0]
+        travel = [
+            abs(variable.multiplier) * float(self.upper[variable.index] - self.lower[variable.index])
+            for joint, variable in zip(self._joints, self._variables, strict=True)
+            if variable.index is not None and joint.kind == "prismatic"
+        ]
+        radius = float(np.linalg.norm(np.diff(origins, axis=0), axis=1).sum()) + sum(travel)
+        return origins[0], radius, tip[:3, :3].T @ (origins[-1] - tip[:3, 3])
+
     def sample(self, rng: np.random.Generator, shape: int | tuple[int, ...]) -> Array:
         """Uniform configurations (*shape, d) within the limits."""
         sizes = (shape,) if isinstance(shape, int) else shape

@@ -14,7 +14,7 @@ from executive.motion.symbolic import frames_function, pose_function, position_f
 from planlang.protocols import Array
 
 if TYPE_CHECKING:
-    from executive.motion.collision import Bodies
+    from executive.motion.body_arrays import Bodies
     from executive.motion.solids import Solids
 
 BLOCKS = (256, 32, 4, 1)

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from types import CellType, CoroutineType, FrameType, FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any, ClassVar, TypeGuard
 from weakref import ReferenceType
 
 from planlang.kernel.errors import PlanStructureError
@@ -31,52 +31,69 @@ _runs: set[int] = set()
 """The runs of the process that go on, in whatever thread. What is made beside others is nobody's in particular."""
 
 
-class Found:
-    """What one run knows about coroutines that never ran: those that were there before it, and those that grew old.
+class _Noted:
+    """What the process remembers of coroutines that never ran.
 
-    Only the youngest generation of the collector is ever looked through, at each collection and at the end: how much
-    else there is in the process costs nothing.
+    Once the whole heap is looked through, then only the youngest generation of the collector, at each collection and
+    when a run begins or ends: how much else there is in the process costs nothing, as long as there are collections.
     """
 
-    def __init__(self, root: Task) -> None:
-        self.root = root
-        """The top-level task."""
-        self.before = {id(one): one for one in _young()}
-        """By identity. They are kept, or one that the run makes might get the identity of one that is gone."""
-        self._old: list[ReferenceType[Coroutine]] = []
-        self._many = 1000
+    old: ClassVar[list[ReferenceType[Coroutine]]] = []
+    """Those that have been seen at a collection; others are young."""
+    limit = 1000
 
-    def collecting(self, phase: str, details: dict[str, int]) -> None:
+    @classmethod
+    def begin(cls) -> None:
+        """Once per process."""
+        if cls.collecting not in gc.callbacks:
+            gc.callbacks.append(cls.collecting)
+            cls.old += map(ReferenceType, filter(_unbegun, gc.get_objects()))
+
+    @classmethod
+    def collecting(cls, phase: str, details: dict[str, int]) -> None:
         """Before a collection: what is young now may be old afterwards."""
-        if phase != "start":
-            return
-        self._old += map(ReferenceType, _young())
-        if len(self._old) > self._many:
-            self._old = [one for one in self._old if _unbegun(one())]
-            self._many = 2 * len(self._old) + 1000
+        if phase == "start":
+            cls.old += map(ReferenceType, _young())
+            if len(cls.old) > cls.limit:
+                cls.old = [one for one in cls.old if _unbegun(one())]
+                cls.limit = 2 * len(cls.old) + 1000
 
-    def left(self) -> list[Coroutine]:
-        """Coroutines that were made since then and never ran, in the order in which they were made."""
-        old = [one for reference in self._old if (one := reference()) is not None and _unbegun(one)]
-        met = {id(one) for one in old}.union(self.before)
-        return [one for one in old if id(one) not in self.before] + [one for one in _young() if id(one) not in met]
+    @classmethod
+    def all(cls) -> dict[int, Coroutine]:
+        """By identity, in the order in which they were made."""
+        old = [one for reference in cls.old if _unbegun(one := reference())]
+        return {id(one): one for one in [*old, *_young()]}
 
 
 def _young() -> list[Coroutine]:
     things = gc.get_objects(generation=0)
-    return [one for one in things if _unbegun(one)] if CoroutineType in map(type, things) else []
+    return list(filter(_unbegun, things)) if CoroutineType in map(type, things) else []
 
 
 def _unbegun(thing: object) -> TypeGuard[Coroutine]:
     return type(thing) is CoroutineType and inspect.getcoroutinestate(thing) == inspect.CORO_CREATED
 
 
+class Found:
+    """What one run knows about coroutines that never ran."""
+
+    def __init__(self, root: Task) -> None:
+        self.root = root
+        """The top-level task."""
+        _Noted.begin()
+        self.before = _Noted.all()
+        """They are kept, or one that the run makes might get the identity of one that is gone."""
+
+    def left(self) -> list[Coroutine]:
+        """Coroutines that were made since then and never ran, in the order in which they were made."""
+        return [one for identity, one in _Noted.all().items() if identity not in self.before]
+
+
 @contextmanager
 def watching(scheduler: Scheduler, root: Task) -> Iterator[None]:
     """While the run lasts. Of one that fails, what was never awaited is closed: why it fails is more important."""
     watch()
-    scheduler.coroutines = found = Found(root)
-    gc.callbacks.append(found.collecting)
+    scheduler.coroutines = Found(root)
     _runs.add(id(scheduler))
     try:
         yield
@@ -86,8 +103,7 @@ def watching(scheduler: Scheduler, root: Task) -> Iterator[None]:
         raise
     finally:
         _runs.discard(id(scheduler))
-        found.before.clear()
-        gc.callbacks.remove(found.collecting)
+        scheduler.coroutines.before.clear()
 
 
 def _close_left(scheduler: Scheduler, root: Task) -> None:

@@ -83,6 +83,26 @@ def test_amigos_right_arm_hangs_from_its_lift(chain_of: Callable[[str], Chain]) 
     assert lifted[2, 3] - tip[2, 3] == pytest.approx(0.3)
 
 
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_what_a_configuration_reaches_is_not_too_far_away(robot: str, chain_of: Callable[[str], Chain]) -> None:
+    chain = chain_of(robot)
+    reached = chain.fk(chain.sample(np.random.default_rng(2), 5000))
+    assert chain.may_reach(reached).all()
+    farthest = np.linalg.norm(reached[:, :3, 3] - chain.fk(chain.sample(np.random.default_rng(3), 1))[0, :3, 3], axis=1)
+    away = reached.copy()
+    away[:, :3, 3] += 3 * farthest.max() * np.array([0.6, 0.0, 0.8])
+    assert not chain.may_reach(away).any()
+
+
+def test_joints_that_slide_and_mimic_reach_as_far_as_both_of_them_slide(small: Path) -> None:
+    chain = Chain.from_urdf(small, "a", "f")
+    reached = chain.fk(np.stack([chain.lower, chain.upper, (chain.lower + chain.upper) / 2]))
+    assert chain.may_reach(reached).all()
+    outstretched = reached[1]
+    outstretched[:3, 3] *= 1.5
+    assert not chain.may_reach(outstretched[None]).any()
+
+
 def test_result_of_a_row_does_not_depend_on_other_rows(chain_of: Callable[[str], Chain]) -> None:
     chain = chain_of("panda")
     q = chain.sample(np.random.default_rng(3), 300)

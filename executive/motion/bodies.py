@@ -1,0 +1,160 @@
+"""What moves with a chain, as spheres, and what it must not touch, as convex pieces; frames are numbered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.motion.facets import Facets
+from executive.motion.solids import Solids
+from executive.motion.spheres import Faceted
+from planlang.protocols import Array
+
+MAP, BASE, FIRST_JOINT = 0, 1, 2
+"""Numbers of frames."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Movers:
+    """m links or held objects, or convex shapes of them, as spheres in the frames that they move with."""
+
+    names: tuple[str, ...]
+    frames: NDArray[np.int32]
+    """(m,)."""
+    first: NDArray[np.int32]
+    """Whose the spheres are: mover i has those from [i] to [i + 1] - 1, (m + 1,)."""
+    spheres: Array
+    """Centres and radii (s, 4) [m]."""
+    slack: Array
+    """How far each sticks out of its spheres (m,) [m]."""
+    faces: Facets
+    """The polyhedron of each (m)."""
+
+    @staticmethod
+    def of(rows: Sequence[tuple[str, int, Array, float, Faceted | None]]) -> Movers:
+        """From name, frame, spheres (k, 4), slack and faces of each."""
+        return Movers(
+            tuple(name for name, *_ in rows),
+            np.array([frame for _, frame, *_ in rows], np.int32),
+            np.cumsum([0, *(len(spheres) for _, _, spheres, *_ in rows)]).astype(np.int32),
+            np.concatenate([np.zeros((0, 4)), *(spheres for _, _, spheres, *_ in rows)]),
+            np.array([slack for *_, slack, _ in rows], float),
+            Facets.of([faces for *_, faces in rows]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def only(self, kept: NDArray[np.bool_]) -> Movers:
+        """Those of a mask (m,)."""
+        sizes = np.diff(self.first)
+        return Movers(
+            tuple(compress(self.names, kept.tolist())),
+            self.frames[kept],
+            np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
+            self.spheres[np.repeat(kept, sizes)],
+            self.slack[kept],
+            self.faces.only(kept),
+        )
+
+    def faceless(self) -> Movers:
+        """The same with polyhedra that are not known: for checks that are never asked what is sure."""
+        return replace(self, faces=Facets.unknown(len(self)))
+
+    def going_with(self, frame: int) -> Movers:
+        """The same spheres in another frame than was said."""
+        return replace(self, frames=np.full(len(self), frame, np.int32))
+
+    @staticmethod
+    def joined(several: Sequence[Movers]) -> Movers:
+        """All of several, one after another."""
+        sizes = np.concatenate([np.diff(movers.first) for movers in several])
+        return Movers(
+            tuple(name for movers in several for name in movers.names),
+            np.concatenate([movers.frames for movers in several]),
+            np.append(0, np.cumsum(sizes)).astype(np.int32),
+            np.concatenate([movers.spheres for movers in several]),
+            np.concatenate([movers.slack for movers in several]),
+            Facets.joined([movers.faces for movers in several]),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Obstacles:
+    """o bodies as convex pieces in the frames that they move with."""
+
+    names: tuple[str, ...]
+    frames: NDArray[np.int32]
+    """(o,)."""
+    first: NDArray[np.int32]
+    """Whose the pieces are: obstacle i has those from [i] to [i + 1] - 1, (o + 1,)."""
+    solids: Solids
+    slack: Array
+    """How much larger than its pieces what is meant is (o,) [m]."""
+    faces: Facets
+    """The polyhedron that is meant, if pieces are not all of it (o)."""
+
+    @staticmethod
+    def of(rows: Sequence[tuple[str, int, Solids, float, Faceted | None]]) -> Obstacles:
+        """From name, frame, pieces, slack and faces of each."""
+        return Obstacles(
+            tuple(name for name, *_ in rows),
+            np.array([frame for _, frame, *_ in rows], np.int32),
+            np.cumsum([0, *(len(solids) for _, _, solids, *_ in rows)]).astype(np.int32),
+            Solids.joined([solids for _, _, solids, *_ in rows]),
+            np.array([slack for *_, slack, _ in rows], float),
+            Facets.of([faces for *_, faces in rows]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def only(self, kept: NDArray[np.bool_]) -> Obstacles:
+        """Those of a mask (o,)."""
+        sizes = np.diff(self.first)
+        return Obstacles(
+            tuple(compress(self.names, kept.tolist())),
+            self.frames[kept],
+            np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
+            self.solids.only(np.repeat(kept, sizes)),
+            self.slack[kept],
+            self.faces.only(kept),
+        )
+
+    def followed_by(self, other: Obstacles) -> Obstacles:
+        """These, then others."""
+        return Obstacles(
+            self.names + other.names,
+            np.concatenate([self.frames, other.frames]),
+            np.concatenate([self.first, self.first[-1] + other.first[1:]]),
+            Solids.joined([self.solids, other.solids]),
+            np.concatenate([self.slack, other.slack]),
+            Facets.joined([self.faces, other.faces]),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Watched:
+    """w pairs of a mover and an obstacle, by number, that must not be deeper in each other than ``allowed`` [m]."""
+
+    movers: NDArray[np.intp]
+    obstacles: NDArray[np.intp]
+    allowed: Array
+
+    @staticmethod
+    def of(pairs: Sequence[tuple[int, int]]) -> Watched:
+        """Pairs that must not touch at all."""
+        rows = np.array(pairs, np.intp).reshape(-1, 2)
+        return Watched(rows[:, 0], rows[:, 1], np.zeros(len(rows)))
+
+    def followed_by(self, other: Watched) -> Watched:
+        """These, then others."""
+        return Watched(
+            np.concatenate([self.movers, other.movers]),
+            np.concatenate([self.obstacles, other.obstacles]),
+            np.concatenate([self.allowed, other.allowed]),
+        )
