@@ -277,7 +277,7 @@ CODES: dict[str, str] = {
     "C008": "the robot or the environment is not named and has no default",
     "C009": "the recipe has changed since the plan was compiled from it",
     "C010": "the plan was edited since it was compiled",
-    "C011": "the recipe of a plan was not found",
+    "C011": "the recipe of a plan was not found, or cannot be read",
     "C012": "recordings need a package that is not installed",
     "C013": "there is no display for a window",
     "C014": "the suffix of a graph's file names no format",
