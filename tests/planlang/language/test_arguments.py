@@ -401,7 +401,7 @@ async def answers() -> bool:
         (lambda: at_once(Recovery, ()), "Recovery((), look_again)"),
         (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={1: list})), "{1: list}"),
         (lambda: with_failure_handling(fails, Recovery(GraspMissed, otherwise=lambda failure: 5)), "lambda failure"),
-        (lambda: with_failure_handling(fails, Recovery(GraspMissed, lambda failure: 5)), "def reach(): ..."),
+        (lambda: with_failure_handling(fails, Recovery(GraspMissed, lambda failure: 5)), "GraspMissed, lambda"),
         (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={"g": ["top"]})), "{'g': ['top']}"),
         (lambda: with_failure_handling(works, Recovery(GraspMissed, alternatives={"grasp": lambda: 5})), "lambda: ..."),
         (lambda: achieve(lambda: answers(), works), "lambda: ..."),
