@@ -47,8 +47,11 @@ class Field:
         x, y = points[:, 0] - self.x, points[:, 1] - self.y
         turns = headings - self.yaw
         cosine, sine = np.cos(turns)[:, None] / CELL, np.sin(turns)[:, None] / CELL
-        rows = (c * x + s * y + HAIR)[:, None] - (cosine * v[:, 0] - sine * v[:, 1])
-        columns = (c * y - s * x + HAIR)[:, None] - (sine * v[:, 0] + cosine * v[:, 1])
+        rows, columns, other = cosine * v[:, 0], sine * v[:, 0], sine * v[:, 1]
+        rows -= other
+        np.subtract((c * x + s * y + HAIR)[:, None], rows, out=rows)
+        columns += np.multiply(cosine, v[:, 1], out=other)
+        np.subtract((c * y - s * x + HAIR)[:, None], columns, out=columns)
         # a hair towards the larger cell: places of the maps are on borders of cells, wherever the map has its origin
         np.rint(rows, out=rows)
         np.rint(columns, out=columns)
@@ -78,7 +81,7 @@ class Floor:
 
     def holds(self, bases: Array) -> NDArray[np.bool_]:
         """At which bases (m, 3) the robot, as it is turned there, stands in nothing (m,)."""
-        room, least = clearances_at(bases[:, :2], self.boxes, (self.silhouette, cores(self.outlines)))
+        room, least = clearances_at(bases[:, :2], self.boxes, (self.silhouette, cores(self.outlines)), most=0.0)
         free = room > 0.0
         tight = np.flatnonzero(~free & (least > -TOUCHING))
         free[tight] = stands_in_none(bases[tight], self.boxes, self.outlines)
@@ -92,7 +95,8 @@ class Floor:
         c, s = math.cos(yaw), math.sin(yaw)
         points = np.stack([centre[0] + c * along - s * across, centre[1] + s * along + c * across], axis=-1)
         flat = points.reshape(-1, 2)
-        room, least = clearances_at(flat, self.boxes, (self.silhouette, cores(self.outlines))).round(9)
+        silhouettes = self.silhouette, cores(self.outlines)
+        room, least = clearances_at(flat, self.boxes, silhouettes, most=ROOMY).round(9)
         factors = np.where(room > 0.0, 0.3 + np.clip(room, 0.0, ROOMY), np.where(least > -SLACK, DOUBTFUL, 0.0))
         factors = np.where(self._on_map(flat), factors, 0.0).reshape(along.shape)
         return Field(centre[0], centre[1], yaw, half, np.pad(factors, 1).ravel())

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Movers, Obstacles, Watched
 from executive.motion.collision import QuickCheck
-from executive.motion.facets import Facets
+from executive.motion.facets import Facets, sizes_of
 from executive.motion.kinematics import Chain
 from executive.motion.link_shapes import Shaped, thing_in
 from executive.motion.solids import Solids
@@ -299,7 +299,7 @@ def _movers(links: Sequence[Shaped], numbers: Sequence[int], frames: Sequence[in
 
 def _moved(movers: Movers, places: Array) -> Movers:
     """Each at a place (m, 4, 4)."""
-    of_sphere = np.repeat(np.arange(len(movers)), np.diff(movers.first))
+    of_sphere = np.repeat(np.arange(len(movers)), sizes_of(movers.first))
     turned = np.einsum("sij,sj->si", places[of_sphere, :3, :3], movers.spheres[:, :3]) + places[of_sphere, :3, 3]
     spheres = np.column_stack([turned, movers.spheres[:, 3]])
     return Movers(movers.names, movers.frames, movers.first, spheres, movers.slack, movers.faces.moved(places))
@@ -320,5 +320,5 @@ def _reach(movers: Movers, along: Array) -> float:
     if not len(movers.spheres):
         return 0.0
     far = np.linalg.norm(movers.spheres[:, :3], axis=1) + movers.spheres[:, 3]
-    of_sphere = np.repeat(along[movers.frames - FIRST_JOINT] + movers.slack, np.diff(movers.first))
+    of_sphere = np.repeat(along[movers.frames - FIRST_JOINT] + movers.slack, sizes_of(movers.first))
     return float((far + of_sphere).max())

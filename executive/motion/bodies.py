@@ -9,7 +9,7 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.facets import Facets
+from executive.motion.facets import Facets, sizes_of
 from executive.motion.solids import Solids
 from executive.motion.spheres import Faceted
 from planlang.protocols import Array
@@ -51,7 +51,7 @@ class Movers:
 
     def only(self, kept: NDArray[np.bool_]) -> Movers:
         """Those of a mask (m,)."""
-        sizes = np.diff(self.first)
+        sizes = sizes_of(self.first)
         return Movers(
             tuple(compress(self.names, kept.tolist())),
             self.frames[kept],
@@ -72,7 +72,7 @@ class Movers:
     @staticmethod
     def joined(several: Sequence[Movers]) -> Movers:
         """All of several, one after another."""
-        sizes = np.concatenate([np.diff(movers.first) for movers in several])
+        sizes = np.concatenate([sizes_of(movers.first) for movers in several])
         return Movers(
             tuple(name for movers in several for name in movers.names),
             np.concatenate([movers.frames for movers in several]),
@@ -115,7 +115,7 @@ class Obstacles:
 
     def only(self, kept: NDArray[np.bool_]) -> Obstacles:
         """Those of a mask (o,)."""
-        sizes = np.diff(self.first)
+        sizes = sizes_of(self.first)
         return Obstacles(
             tuple(compress(self.names, kept.tolist())),
             self.frames[kept],
@@ -127,6 +127,8 @@ class Obstacles:
 
     def followed_by(self, other: Obstacles) -> Obstacles:
         """These, then others."""
+        if not len(other):
+            return self
         return Obstacles(
             self.names + other.names,
             np.concatenate([self.frames, other.frames]),
@@ -153,6 +155,8 @@ class Watched:
 
     def followed_by(self, other: Watched) -> Watched:
         """These, then others."""
+        if not len(other.movers):
+            return self
         return Watched(
             np.concatenate([self.movers, other.movers]),
             np.concatenate([self.obstacles, other.obstacles]),

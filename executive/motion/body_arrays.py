@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from executive.motion.bodies import FIRST_JOINT, Movers, Obstacles, Watched
-from executive.motion.facets import Facets
+from executive.motion.facets import Facets, sizes_of
 from executive.motion.kinematics import Chain
 from executive.motion.solids import Solids
 from planlang.protocols import Array
@@ -65,7 +65,7 @@ class Bodies:
 def arrays_of(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, groups: Watched) -> Bodies:
     """What a checker reads, for a base pose (4, 4) in the map and pairs in groups by obstacle and frame."""
     solids, first = obstacles.solids, obstacles.first
-    sizes = np.diff(first)[groups.obstacles]
+    sizes = sizes_of(first)[groups.obstacles]
     keys = np.stack([movers.frames[groups.movers], groups.obstacles], axis=1)
     begins = np.flatnonzero(np.append(True, (keys[1:] != keys[:-1]).any(axis=1))[: len(keys)])
     group_pair = np.concatenate([[0], np.cumsum(sizes)])
@@ -98,7 +98,7 @@ def arrays_of(chain: Chain, base: Array, movers: Movers, obstacles: Obstacles, g
         solids=solids,
         part_frame=movers.frames,
         pair_part=np.repeat(groups.movers, sizes).astype(np.int32),
-        piece_frame=np.repeat(obstacles.frames, np.diff(first)),
+        piece_frame=np.repeat(obstacles.frames, sizes_of(first)),
         part_faces=part_faces,
         piece_faces=piece_faces,
         corner_first=faces.corner_first,
@@ -118,7 +118,7 @@ def _polyhedra(movers: Movers, obstacles: Obstacles) -> tuple[Facets, NDArray[np
         return Facets.unknown(0), np.full(len(movers), -1, np.int32), np.full(len(solids), -1, np.int32)
     faces = Facets.joined([movers.faces, obstacles.faces])
     numbers = np.where(faces.known, np.arange(len(faces)), -1).astype(np.int32)
-    of_piece = np.repeat(numbers[len(movers) :], np.diff(obstacles.first))
+    of_piece = np.repeat(numbers[len(movers) :], sizes_of(obstacles.first))
     boxes = np.flatnonzero((of_piece < 0) & (solids.kinds == 1))
     of_piece[boxes] = len(faces) + np.arange(len(boxes))
     return Facets.joined([faces, _box_faces(solids, boxes)]), numbers[: len(movers)], of_piece
@@ -142,13 +142,14 @@ def _box_faces(solids: Solids, boxes: NDArray[np.intp]) -> Facets:
 def _balls(spheres: Array, first: ArrayLike) -> Array:
     """Centres and radii (m, 4) of spheres around groups of spheres (s, 4); group i: those from [i] to [i + 1] - 1."""
     bounds = np.asarray(first, np.intp)
-    full = np.flatnonzero(np.diff(bounds))
+    sizes = sizes_of(bounds)
+    full = np.flatnonzero(sizes)
     balls = np.zeros((len(bounds) - 1, 4))
     if len(full):
-        begins, group = bounds[full], np.repeat(np.arange(len(full)), np.diff(bounds)[full])
+        begins, group = bounds[full], np.repeat(np.arange(len(full)), sizes[full])
         low = np.minimum.reduceat(spheres[:, :3] - spheres[:, 3:], begins)
         high = np.maximum.reduceat(spheres[:, :3] + spheres[:, 3:], begins)
         centres = (low + high) / 2
         away = np.sqrt(((spheres[:, :3] - centres[group]) ** 2).sum(axis=1)) + spheres[:, 3]
-        balls[full] = np.column_stack([centres, np.maximum.reduceat(away, begins)])
+        balls[full, :3], balls[full, 3] = centres, np.maximum.reduceat(away, begins)
     return balls

@@ -14,6 +14,8 @@ Band = tuple[float, float, float]
 """A slice of a robot's silhouette: from z_low to z_high [m] above the floor it stays within a radius [m]."""
 
 
+ROUNDING = 1e-6
+"""Boxes are left out only if they are farther away by this [m]."""
 AT_ONCE = 8192
 """Distances of places from boxes that are computed in one go, so that they stay in the processor's cache."""
 
@@ -98,8 +100,10 @@ def clearance_at(points: ArrayLike, boxes: Boxes, silhouette: Sequence[Band]) ->
     return clearances_at(points, boxes, (silhouette,)).reshape(-1)
 
 
-def clearances_at(points: ArrayLike, boxes: Boxes, silhouettes: Sequence[Sequence[Band]]) -> Array:
-    """The same for several silhouettes, (s, k)."""
+def clearances_at(
+    points: ArrayLike, boxes: Boxes, silhouettes: Sequence[Sequence[Band]], most: float = np.inf
+) -> Array:
+    """The same for several silhouettes, (s, k); what is more than ``most`` [m] may come out larger than it is."""
     places = np.asarray(points, float).reshape(-1, 2)
     rooms = np.full((len(silhouettes), len(places)), np.inf)
     bottom = boxes.centres[:, 2] - boxes.half_extents[:, 2]
@@ -110,19 +114,33 @@ def clearances_at(points: ArrayLike, boxes: Boxes, silhouettes: Sequence[Sequenc
         for low, high, radius in silhouette:
             met = (bottom < high) & (top > low)
             widest[number] = np.maximum(widest[number], np.where(met, radius, -np.inf))
-    meant = np.flatnonzero(np.isfinite(widest).any(axis=0))
     cosines, sines = np.cos(boxes.yaws)[:, None], np.sin(boxes.yaws)[:, None]
+    least = widest.max(axis=0, initial=-np.inf)
+    if most < np.inf and len(places):
+        least = np.where(_from_rectangle(places, boxes, cosines, sines) - least > most + ROUNDING, -np.inf, least)
+    meant = np.flatnonzero(np.isfinite(least))
     together = max(1, AT_ONCE // max(1, len(places)))
     for some in (meant[first : first + together] for first in range(0, len(meant), together)):
         dx, dy = places[:, 0] - boxes.centres[some, :1], places[:, 1] - boxes.centres[some, 1:2]
         cosine, sine = cosines[some], sines[some]
         along = np.abs(cosine * dx + sine * dy) - boxes.half_extents[some, :1]
         across = np.abs(cosine * dy - sine * dx) - boxes.half_extents[some, 1:2]
-        outside = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
-        outside += np.minimum(np.maximum(along, across), 0.0)
+        inside = np.minimum(np.maximum(along, across), 0.0)
+        outside = np.sqrt(np.square(np.maximum(along, 0.0)) + np.square(np.maximum(across, 0.0)))
+        outside += inside
         for room, radii in zip(rooms, widest[:, some], strict=True):
             np.minimum(room, (outside - radii[:, None]).min(axis=0), out=room)
     return rooms
+
+
+def _from_rectangle(places: Array, boxes: Boxes, cosines: Array, sines: Array) -> Array:
+    """How far boxes (n,) are at least from the rectangle around places (k, 2), along one of its sides [m]."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    turned = np.abs(np.concatenate([cosines, sines], axis=1))
+    x, y = boxes.half_extents[:, 0], boxes.half_extents[:, 1]
+    extents = x[:, None] * turned + y[:, None] * turned[:, ::-1]
+    centres = boxes.centres[:, :2]
+    return np.asarray((np.maximum(low - centres, centres - high) - extents).max(axis=1))
 
 
 def clearance_field(grid: Grid, boxes: Boxes, silhouette: Sequence[Band]) -> Array:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from executive.motion.backends import ALSO_SURE, SURE, UNSURE
 from executive.motion.bodies import Movers, Obstacles, Watched
 from executive.motion.body_arrays import TOUCHING, arrays_of
+from executive.motion.facets import sizes_of
 from executive.motion.kinematics import Chain
 from planlang.protocols import Array
 
@@ -45,10 +46,10 @@ class QuickCheck:
         whole: bool = True,
     ) -> None:
         """``base`` (4, 4) in the map. Not ``whole``: there is more than is told here, and nothing is ever sure."""
-        too_many = [movers.names[k] for k in np.flatnonzero(np.diff(movers.first) > SPHERES).tolist()]
+        too_many = [movers.names[k] for k in np.flatnonzero(sizes_of(movers.first) > SPHERES).tolist()]
         if too_many:
             raise ValueError(f"at most {SPHERES} spheres for one mover, more have {', '.join(too_many)}")
-        sizes = np.diff(obstacles.first)[watched.obstacles]
+        sizes = sizes_of(obstacles.first)[watched.obstacles]
         order = np.lexsort((watched.movers, movers.frames[watched.movers], watched.obstacles))
         order = order[sizes[order] > 0]
         groups = Watched(watched.movers[order], watched.obstacles[order], watched.allowed[order])

@@ -52,11 +52,13 @@ class Facets:
     @property
     def known(self) -> NDArray[np.bool_]:
         """Which are known (n,)."""
-        return np.diff(self.plane_first) > 0
+        return sizes_of(self.plane_first) > 0
 
     def only(self, kept: NDArray[np.bool_]) -> Facets:
         """Those of a mask (n,)."""
-        corners, planes = np.diff(self.corner_first), np.diff(self.plane_first)
+        if not len(self.planes):
+            return Facets.unknown(int(np.count_nonzero(kept)))
+        corners, planes = sizes_of(self.corner_first), sizes_of(self.plane_first)
         return Facets(
             _spans(corners[kept]),
             self.corners[np.repeat(kept, corners)],
@@ -67,9 +69,11 @@ class Facets:
 
     def moved(self, places: Array) -> Facets:
         """Each from the frame in which it is told to one that sees that frame at a place (n, 4, 4)."""
+        if not len(self.planes):
+            return self
         turns, shifts = places[:, :3, :3], places[:, :3, 3]
-        of_corner = np.repeat(np.arange(len(self)), np.diff(self.corner_first))
-        of_plane = np.repeat(np.arange(len(self)), np.diff(self.plane_first))
+        of_corner = np.repeat(np.arange(len(self)), sizes_of(self.corner_first))
+        of_plane = np.repeat(np.arange(len(self)), sizes_of(self.plane_first))
         corners = np.einsum("cij,cj->ci", turns[of_corner], self.corners) + shifts[of_corner]
         normals = np.einsum("fij,fj->fi", turns[of_plane], self.planes[:, :3])
         offsets = self.planes[:, 3] + np.einsum("fi,fi->f", normals, shifts[of_plane])
@@ -78,13 +82,20 @@ class Facets:
     @staticmethod
     def joined(several: Sequence[Facets]) -> Facets:
         """All of several, one after another."""
+        if not any(len(one.planes) for one in several):
+            return Facets.unknown(sum(map(len, several)))
         return Facets(
-            _spans(np.concatenate([np.diff(one.corner_first) for one in several])),
+            _spans(np.concatenate([sizes_of(one.corner_first) for one in several])),
             np.concatenate([one.corners for one in several]),
-            _spans(np.concatenate([np.diff(one.plane_first) for one in several])),
+            _spans(np.concatenate([sizes_of(one.plane_first) for one in several])),
             np.concatenate([one.planes for one in several]),
             np.concatenate([one.beyond for one in several]),
         )
+
+
+def sizes_of(spans: NDArray[np.integer]) -> NDArray[np.integer]:
+    """How many each has, where the i-th has those from [i] to [i + 1] - 1."""
+    return spans[1:] - spans[:-1]
 
 
 def _spans(sizes: Sequence[int] | NDArray[np.integer]) -> Spans:

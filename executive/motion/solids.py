@@ -62,7 +62,7 @@ class Solids:
     @staticmethod
     def joined(several: Sequence[Solids]) -> Solids:
         """All pieces of several, one after another."""
-        every = [Solids.of(()), *several]
+        every = several or [Solids.of(())]
         names = tuple(body for solids in every for body in solids.bodies)
         fields = ("centres", "axes", "half", "kinds", "reach", "limbs")
         return Solids(names, *(np.concatenate([getattr(solids, field) for solids in every]) for field in fields))
