@@ -183,11 +183,8 @@ class BelievedSurroundings:
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
         """What rules out bases from which an arm, in its present posture, would stick into something."""
 
-        def still() -> ArmBodies:
-            first, *others = [self._chains[arm.name].still(self.world) for arm in self.arms]
-            return first.together_with(others)
-
-        return self._check("stance", near, still, (frozenset(), None))
+        several = [self._chains[arm.name] for arm in self.arms]
+        return self._check("stance", near, lambda: ArmShapes.all_still(self.world, several), (frozenset(), None))
 
     def _check(
         self, key: object, near: tuple[Array, float] | None, bodies: Callable[[], ArmBodies], ignored: Ignored
@@ -224,12 +221,18 @@ class BelievedSurroundings:
         """An arm with all that its joints move and may meet of the robot; its own joints may be anywhere."""
         joints = self.world.configuration().joints
         rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
-        state = rest, self._state(), tuple(self.belief.held.values())
+        opened = opened and any(joints.get(name) != value for name, value in self._fingers(arm).items())
+        state = rest, self._in_hands()
         known = self._arm_bodies.get((arm.name, opened))
         if known is None or known[0] != state:
             found = self._chains[arm.name].now(self.world, self._fingers(arm) if opened else None)
             known = self._arm_bodies[arm.name, opened] = state, found
         return known[1]
+
+    def _in_hands(self) -> object:
+        """What the bodies of arms depend on beside joints; with empty hands nothing that happens in the world."""
+        held = tuple(self.belief.held.values())
+        return (self._state(), held) if held or self.world.attached() else None
 
     def _fingers(self, arm: ArmModel) -> Mapping[str, float]:
         """The joints of an arm's fingers where they are open."""

@@ -174,8 +174,10 @@ class _Part:
             )
             for way in index[free == 0].tolist()
         ]
-        index, factors = index[free > 0], factors[free > 0]
-        scores = factors * chosen.score * ways.weights[index, None]
+        if not free.all():
+            index, factors = index[free > 0], factors[free > 0]
+        scores = factors * chosen.score
+        scores *= ways.weights[index, None]
         unwanted = 0
         if weigh is not None and len(index):
             way, row = np.nonzero(factors)

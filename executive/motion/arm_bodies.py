@@ -236,7 +236,17 @@ class ArmShapes:
 
     def still(self, world: PyBulletWorld, joints: Mapping[str, float] | None = None) -> ArmBodies:
         """All that moves with the chain, as it is now but for some joints: it goes with the base wherever that goes."""
-        there, from_base, placed = self._placed(world, joints)
+        return self._still(world, self._placed(world, joints))
+
+    @staticmethod
+    def all_still(world: PyBulletWorld, several: Sequence[ArmShapes]) -> ArmBodies:
+        """The same of one or more chains of one robot together."""
+        placed = several[0]._placed(world, None)
+        first, *others = [shapes._still(world, placed) for shapes in several]
+        return first.together_with(others)
+
+    def _still(self, world: PyBulletWorld, there_and_links: tuple[Configuration, Array, Array]) -> ArmBodies:
+        there, from_base, placed = there_and_links
         movers = [_moved(self._movers.faceless(), placed[self._of_mover]).going_with(BASE)]
         hands, grounded, held = self._hands, self._grounded, {}
         for name, (link, offset) in _held(world).items():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
+from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field, clearances_at
 from planlang.protocols import Pose
 
 ROBOT = [(0.0, 0.4, 0.35), (0.4, 1.5, 0.2)]
@@ -56,6 +56,17 @@ def test_clearance_agrees_with_the_nearest_of_many_points_of_the_boxes() -> None
         nearest = np.minimum(nearest, away)
     room = clearance_at(places, Boxes.around(poses, sizes), ROBOT) + 0.35
     np.testing.assert_allclose(np.maximum(room, 0), nearest, atol=0.03)
+
+
+@pytest.mark.parametrize("most", [0.0, 0.3])
+def test_room_up_to_what_is_asked_for_is_the_same_whatever_is_left_out(most: float) -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(40):
+        boxes = Boxes(rng.uniform(-2, 2, (12, 3)), rng.uniform(0.02, 0.6, (12, 3)), rng.uniform(-4, 4, 12))
+        places = rng.uniform(-0.5, 0.5, (30, 2)) + rng.uniform(-1, 1, 2)
+        whole = clearances_at(places, boxes, (ROBOT, ROBOT[1:]))
+        found = clearances_at(places, boxes, (ROBOT, ROBOT[1:]), most)
+        np.testing.assert_array_equal(np.minimum(found, most), np.minimum(whole, most))
 
 
 def test_tilted_box_is_replaced_by_a_prism_that_holds_it() -> None:
