@@ -50,6 +50,8 @@ USUAL_MANIPULABILITY = 90
 """Percentile of a map's manipulability that counts as full."""
 SPARE = 0.125
 """Distance to the nearest joint limit, as a share of the joint's range, that counts as full."""
+CHUNK = 5_000
+"""Configurations that are scored at once."""
 MOST_ENTRIES = 60
 """Maps that are kept."""
 
@@ -200,22 +202,29 @@ class _Lattice:
 
     def poses(self, index: Index) -> Array:
         """Tip poses (m, 4, 4) of flat indices (m,)."""
+        headings = np.tile(np.eye(4), (YAWS, 1, 1))
+        headings[:, :3, :3] = self.grasp.rotations(np.arange(YAWS) * (2 * math.pi / YAWS), self.roll, self.frame)
         yaw, *cells = np.unravel_index(index, self.shape)
-        poses = np.tile(np.eye(4), (len(index), 1, 1))
-        poses[:, :3, :3] = self.grasp.rotations(yaw * (2 * math.pi / YAWS), self.roll, self.frame)
-        poses[:, :3, 3] = CELL * (np.stack(cells, axis=-1) + self.first)
+        poses = headings[yaw]
+        for axis, along in enumerate(cells):
+            poses[:, axis, 3] = CELL * (along + self.first[axis])
         return poses
+
+    def coarse(self) -> Index:
+        """Flat indices, in their order, of the poses of the coarse lattice."""
+        return np.ravel_multi_index(np.ix_(*(np.arange(0, n, COARSE) for n in self.shape)), self.shape).ravel()
 
     def neighbours(self, index: Index) -> Iterator[tuple[Index, Index]]:
         """Pairs of (positions in ``index``, flat index of a neighbour) for each of the eight directions."""
-        cells = np.stack(np.unravel_index(index, self.shape), axis=-1)
+        cells = np.unravel_index(index, self.shape)
         for axis, step in product(range(4), (1, -1)):
-            moved = cells.copy()
-            moved[:, axis] += step
-            if axis == 0:
-                moved[:, 0] %= YAWS
-            inside = np.flatnonzero((moved[:, axis] >= 0) & (moved[:, axis] < self.shape[axis]))
-            yield inside, np.ravel_multi_index(tuple(moved[inside].T), self.shape)
+            stride, last = math.prod(self.shape[axis + 1 :]), self.shape[axis] - 1
+            edge = cells[axis] == (last if step > 0 else 0)
+            if axis == 0:  # headings go around
+                yield np.arange(len(index)), index + step * stride * np.where(edge, -last, 1)
+            else:
+                inside = np.flatnonzero(~edge)
+                yield inside, index[inside] + step * stride
 
 
 def _carried(full: Chain, lift: Lift | None) -> Chain:
@@ -269,9 +278,7 @@ def _solved(
     q = np.zeros((count, chain.dof), np.float32)
     solved = np.zeros(count, np.bool_)
     score = np.zeros(count)
-    every = np.stack(np.unravel_index(np.arange(count), lattice.shape), axis=-1)
-    coarse = np.flatnonzero((every % COARSE == 0).all(axis=1))
-    del every
+    coarse = lattice.coarse()
     coarse = coarse[chain.may_reach(lattice.poses(coarse))]
     seeds = np.concatenate([postures, chain.sample(rng, RESTARTS)])
     tried, ok = solver.solve(lattice.poses(coarse), np.broadcast_to(seeds, (len(coarse), *seeds.shape)))
@@ -301,14 +308,21 @@ def _solved(
 
 def _scores(chain: Chain, q: Array) -> Array:
     """Manipulability (m,) (Yoshikawa 1985) of configurations (m, d), less near joint limits; not yet normalised."""
-    if not len(q):
-        return np.zeros(0)
+    scores = np.empty(len(q))
+    for start in range(0, len(q), CHUNK):  # what is between stays in the processor's cache
+        scores[start : start + CHUNK] = _few_scores(chain, q[start : start + CHUNK])
+    return scores
+
+
+def _few_scores(chain: Chain, q: Array) -> Array:
     jacobian = chain.jacobian(q)
     across = jacobian.transpose(0, 2, 1)
     squares = jacobian @ across if chain.dof >= 6 else across @ jacobian
     manipulability = np.sqrt(np.maximum(np.linalg.det(squares), 0.0))
-    span = np.where(chain.continuous, np.inf, np.maximum(chain.upper - chain.lower, 1e-9))
-    spare = np.where(chain.continuous, 1.0, np.minimum(q - chain.lower, chain.upper - q) / span).min(axis=1)
+    spare = np.ones(len(q))
+    for joint in np.flatnonzero(~chain.continuous):
+        low, high, values = chain.lower[joint], chain.upper[joint], q[:, joint]
+        np.minimum(spare, np.minimum(values - low, high - values) / np.maximum(high - low, 1e-9), out=spare)
     return np.asarray(manipulability * np.clip(spare / SPARE, 0.0, 1.0))
 
 
