@@ -50,10 +50,10 @@ def watch() -> None:
         _Watch.warn = getattr(warnings, _ATTRIBUTE, None)
         if _Watch.warn is not None:
             setattr(warnings, _ATTRIBUTE, _dropped)
-            gc.callbacks.append(_collector)
 
 
-def _collector(phase: str, details: dict[str, int]) -> None:
+def collector(phase: str, details: dict[str, int]) -> None:
+    """Called by the collector while runs go on."""
     _Watch.collecting = phase == "start"
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeGuard
 from weakref import ReferenceType
 
 from planlang.kernel.errors import PlanStructureError
-from planlang.kernel.forgotten import calls_of, judged, watch
+from planlang.kernel.forgotten import calls_of, collector, judged, watch
 from planlang.kernel.listing import is_own
 
 if TYPE_CHECKING:
@@ -34,19 +34,21 @@ _runs: set[int] = set()
 class _Noted:
     """What the process remembers of coroutines that never ran.
 
-    Once the whole heap is looked through, then only the youngest generation of the collector, at each collection and
-    when a run begins or ends: how much else there is in the process costs nothing, as long as there are collections.
+    Once the whole heap is looked through, then only the youngest generation of the collector: when a run begins or
+    ends, and at each collection within. Between runs nothing is called by the collector, for a Ctrl-C would get lost
+    in it.
     """
 
     old: ClassVar[list[ReferenceType[Coroutine]]] = []
-    """Those that have been seen at a collection; others are young."""
+    """Those that have been seen at a collection, or were there at the first run; others are young."""
     limit = 1000
+    begun = False
 
     @classmethod
     def begin(cls) -> None:
-        """Once per process."""
-        if cls.collecting not in gc.callbacks:
-            gc.callbacks.append(cls.collecting)
+        """With each run."""
+        if not cls.begun:
+            cls.begun = True
             cls.old += map(ReferenceType, filter(_unbegun, gc.get_objects()))
 
     @classmethod
@@ -63,6 +65,9 @@ class _Noted:
         """By identity, in the order in which they were made."""
         old = [one for reference in cls.old if _unbegun(one := reference())]
         return {id(one): one for one in [*old, *_young()]}
+
+
+_CALLED = (collector, _Noted.collecting)
 
 
 def _young() -> list[Coroutine]:
@@ -94,6 +99,7 @@ def watching(scheduler: Scheduler, root: Task) -> Iterator[None]:
     """While the run lasts. Of one that fails, what was never awaited is closed: why it fails is more important."""
     watch()
     scheduler.coroutines = Found(root)
+    gc.callbacks.extend(_CALLED)
     _runs.add(id(scheduler))
     try:
         yield
@@ -104,6 +110,8 @@ def watching(scheduler: Scheduler, root: Task) -> Iterator[None]:
     finally:
         _runs.discard(id(scheduler))
         scheduler.coroutines.before.clear()
+        for called in _CALLED:
+            gc.callbacks.remove(called)
 
 
 def _close_left(scheduler: Scheduler, root: Task) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Coroutine
@@ -77,3 +78,40 @@ def test_one_forgotten_call_is_found_among_thousands_that_are_closed() -> None:
 
     with pytest.raises(PlanStructureError, match=r"kept\.append\(await forgotten\(\)\)"):
         run(body, host=VirtualHost())
+
+
+EARLY = """
+import gc
+from planlang import VirtualHost, run, sleep
+
+async def reach():
+    await sleep(1)
+
+early = [reach()]
+gc.collect()
+
+async def body():
+    early.clear()
+    await sleep(1)
+    return "done"
+
+print(run(body, host=VirtualHost()))
+"""
+
+
+def test_what_was_made_and_collected_before_the_first_run_is_pythons_own_matter(tmp_path: Path) -> None:
+    file = tmp_path / "early.py"
+    file.write_text(EARLY)
+    ended = subprocess.run([sys.executable, str(file)], capture_output=True, text=True, timeout=60)
+    assert "coroutine 'reach' was never awaited" in ended.stderr
+    assert ended.stdout.splitlines()[0] == "done"
+
+
+def test_between_runs_the_collector_calls_nothing_in_which_a_ctrl_c_would_get_lost() -> None:
+    before = list(gc.callbacks)
+
+    async def body() -> bool:
+        return gc.callbacks != before
+
+    assert run(body, host=VirtualHost())
+    assert gc.callbacks == before
