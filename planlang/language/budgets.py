@@ -27,11 +27,13 @@ class _Budget(Limited):
         self.outer = _budget.get()
         self.spent: dict[str, int] = {}
         self.used: dict[str, int] = {}
+        self.used_up = False
+        """Somebody has asked for an attempt when none was left."""
         self.waiting: list[Task] = []
         """Tasks that have asked for an attempt when there was none left, until that is decided."""
 
     def decide(self, dead: list[Task]) -> None:
-        if self.waiting:
+        if self.used_up:
             self.expire()
             for task in self.waiting:
                 self.scheduler.wake(task)  # to go on if a shield keeps it
@@ -96,9 +98,14 @@ async def _pass(empty: list[_Budget]) -> None:
     if task.doomed:
         await deliver(task)
     for around in undecided:
+        around.used_up = True
         around.waiting.append(task)
         around.stir()
-    await park("the end of its budget")
+    try:
+        await park("the end of its budget")
+    finally:  # what it waits for afterwards is not the budget's matter
+        for around in undecided:
+            around.waiting.remove(task)
 
 
 def _around() -> Iterator[_Budget]:

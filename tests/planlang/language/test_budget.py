@@ -19,13 +19,14 @@ from planlang import (
     now,
     par,
     perform,
+    pursue,
     run,
     shield,
     sleep,
     unwind_protect,
     with_failure_handling,
 )
-from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, ObjectNotFound
+from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, ObjectNotFound, PlanFailure
 
 
 def go(plan: Any, executive: Any = None) -> Any:
@@ -172,3 +173,27 @@ def test_other_failures_pass_through() -> None:
 
     with pytest.raises(ObjectNotFound):
         go(partial(budget, body, 10))
+
+
+def test_a_budget_that_is_used_up_cuts_no_cleanup_short_of_what_was_evaporated_in_that_moment() -> None:
+    seen: list[float] = []
+
+    async def succeeds() -> None:
+        pass
+
+    async def fails() -> None:
+        raise PlanFailure("nothing there")
+
+    async def cleanup() -> None:
+        await sleep(5)
+        seen.append(now())
+
+    async def several() -> Any:
+        return await par(lambda: par(succeeds, fails, succeeds))
+
+    async def loser() -> None:
+        await par(lambda: unwind_protect(lambda: with_failure_handling(several, Recovery(PlanFailure)), cleanup))
+
+    with pytest.raises(BudgetExceeded):
+        run(lambda: budget(lambda: pursue(loser, succeeds), attempts=0), host=VirtualHost())
+    assert seen == [5]
