@@ -164,6 +164,10 @@ class PyBulletWorld:
             apart = self._robot.moved_apart(frozenset(moving)) if itself else None
         return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
 
+    def self_contacts(self, configuration: Configuration | None = None) -> tuple[Contact, ...]:
+        """Those of :meth:`contacts` that do not depend on where the robot is: with what it holds, in itself."""
+        return () if self._robot is None else self._find(configuration or self._now, Query(others=False))
+
     def passed(self, start: Configuration, steps: Sequence[Mapping[str, float]]) -> frozenset[str]:
         """Bodies that the links which some joints move may meet on a way; no others can be touched there.
 
