@@ -143,7 +143,7 @@ class Resolver:
             ways = ways_of(reach, arm, around, counted, extent)
             found = False
             if ways is not None:
-                ways = unblocked(ways, arm, around, counted)
+                ways = unblocked(ways, around.arm_check(arm, ways.touches, opened=ways.opened), counted)
                 for way in from_base(reach, base, arm, ways, around, self._inverse, counted, seed=begun, generous=True):
                     found = True
                     yield way

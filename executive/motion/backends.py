@@ -41,6 +41,8 @@ class Solver(Protocol):
         """
 
 
+MAP, BASE, FIRST_JOINT = 0, 1, 2
+"""Numbers of the frames of bodies: those of the children of moving joints follow in their order."""
 SURE, UNSURE = -2, -1
 """What a checker says of a configuration: nothing is hit for sure, or as far as spheres tell."""
 ALSO_SURE = -1.0
@@ -57,6 +59,12 @@ class Checker(Protocol):
         """For each (n, d) the first pair that is hit by ``deeper`` [m] or more, else negative: SURE where it is told.
 
         ``bases`` (n, 12): rotation row by row, and position, of the base of the chain in the map.
+        """
+
+    def frame_hits(self, frame: int, places: Array) -> NDArray[np.int32]:
+        """For each place (n, 12) of a moving frame in the map the first pair that is hit there, else negative.
+
+        Nothing counts but what moves with that frame, against what is in the map.
         """
 
     def edge_hit(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:

@@ -142,6 +142,7 @@ class _CollisionCode:
         self.frames = _function(code, "frames_rows", [_POINTER, _SIZE, _POINTER])
         self.judge = _function(code, "judge_rows", [_POINTER, _SIZE, _POINTER, _POINTER])
         self.hits = _function(code, "hit_rows", [_POINTER, _POINTER, _SIZE, ctypes.c_double, _POINTER, _POINTER])
+        self.frame_hits = _function(code, "frame_hit_rows", [ctypes.c_int, _POINTER, _SIZE, _POINTER, _POINTER])
         self.edge = _function(code, "edge_hit", [_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER])
         self.doubtful = _function(code, "doubtful_at", [_POINTER, _POINTER, _POINTER])
         self.edge.restype = self.doubtful.restype = ctypes.c_int
@@ -169,6 +170,12 @@ class CompiledChecker:
         q, bases = np.ascontiguousarray(q), np.ascontiguousarray(bases)
         found = np.empty(len(q), np.int32)
         self._code.hits(q.ctypes.data, bases.ctypes.data, len(q), deeper, self._all, found.ctypes.data)
+        return found
+
+    def frame_hits(self, frame: int, places: Array) -> NDArray[np.int32]:
+        """As ``Checker`` says."""
+        places, found = np.ascontiguousarray(places), np.empty(len(places), np.int32)
+        self._code.frame_hits(frame, places.ctypes.data, len(places), self._all, found.ctypes.data)
         return found
 
     def edge_hit(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
