@@ -57,10 +57,7 @@ FIRST = {  # these before them, where one of these files is broken
     "kernel/past.py": f"{LANGUAGE}/test_resumption.py",
     "kernel/exact.py": f"{LANGUAGE}/test_resumption.py",
     "kernel/compared.py": f"{LANGUAGE}/test_replays.py",
-    **{
-        f"kernel/{name}.py": f"{LANGUAGE}/test_forgotten_await.py"
-        for name in ("forgotten", "handed", "leftovers", "suspects")
-    },
+    **{f"kernel/{name}.py": f"{LANGUAGE}/forgotten_await" for name in ("forgotten", "handed", "leftovers", "suspects")},
 }
 SHORT = 4
 
