@@ -81,7 +81,7 @@ class Area:
 
     def _inside(self, points: Array) -> NDArray[np.bool_]:
         if not self.directions:
-            away = self.block.distance(points) - self.radius
+            away = self._gap(points)
             return np.asarray((away >= self.least - HAIR) & (away <= self.most + HAIR))
         found = np.zeros(len(points), bool)
         for direction in self.directions:
@@ -90,6 +90,10 @@ class Area:
             inside = (away >= self.least - HAIR) & (away <= self.most + HAIR) & (np.abs(aside) <= ahead + HAIR)
             found |= inside
         return found
+
+    def _gap(self, points: Array) -> Array:
+        """Distances (n,) between the outlines, 0 where they overlap [m]."""
+        return np.maximum(self.block.distance(points) - self.radius, 0.0)
 
     def _likeable(self, points: Array) -> Array:
         if self.directions:
@@ -101,7 +105,7 @@ class Area:
                 score = np.exp(-(((ahead - self.radius - middle) / width) ** 2) - (aside / np.maximum(ahead, 0.1)) ** 2)
                 best = np.maximum(best, score)
             return best
-        away = np.maximum(self.block.distance(points) - self.radius, 0.0)
+        away = self._gap(points)
         if math.isinf(self.most):
             return np.asarray(1.0 - 0.5 * np.exp(-(away - self.least)))
         return np.asarray(1.0 - 0.5 * (away - self.least) / max(self.most - self.least, 1e-6))
