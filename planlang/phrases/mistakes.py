@@ -164,8 +164,8 @@ _ADVICE = {
     "an arm": "for example: with the right arm",
     "'to'": "for example: 30 cm to 1 m left of the bed; at most 1 m left of the bed",
     "a name in <...>": (
-        "in brackets stands an IRI: the person called <http://example.org/room.owl#anna>; a thing that the map has is "
-        "told by its name there, without article: in reach of bottle1"
+        "names stand in brackets, whole IRIs too: the person called <patient1>; without 'called' a thing of the map is "
+        "told by its name alone: in reach of patient1"
     ),
 }
 
