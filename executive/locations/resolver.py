@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from executive.locations.answers import Answers
 from executive.locations.areas import SIDES
+from executive.locations.bounds import meaningless
 from executive.locations.effort import EFFORTS, Extent
 from executive.locations.hand_terms import hand_holds
 from executive.locations.hand_ways import ways_of
@@ -161,10 +162,8 @@ class Resolver:
         self._look(location)
         demand = thing_demand(location, around, max(size[:2]) / 2, self._viewer(location))
         if demand.on is None and demand.inside is None and not any(inside for _, inside in demand.people):
-            raise LocationUnresolvable(
-                f"{location} does not say where {name} rests: it needs on, in_ or in_reach_of a person",
-                designator=str(location),
-            )
+            needed = (("on", "in_"), " or ", ("in_reach_of",), " a person")
+            raise meaningless(location, location, f" does not say where {name} rests: it needs ", *needed)
         for pose in thing_poses(name, size, demand, around, log):
             if thing_holds(name, pose, size, demand, around):
                 yield pose
