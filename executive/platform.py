@@ -30,7 +30,7 @@ from executive.motion import (
 from executive.surroundings import BelievedSurroundings
 from planlang import Fluent, checkpoint, wait_for
 from planlang.designators import Location, Object
-from planlang.failures import ActionUnresolvable, LookingGoalUnreachable
+from planlang.failures import ActionUnresolvable, LookingGoalUnreachable, ObjectUnresolvable
 from planlang.protocols import Array, Motion, Pose, Trajectory, World
 
 STEPS = (1.0, 0.5, 0.25)
@@ -183,6 +183,17 @@ class Platform:
         """Those that hold something, and not for somebody else, the one that was chosen before first."""
         others = self.choices.others()
         return [arm for arm in self.in_order(arms) if self.around.held(arm.name) and arm.name not in others]
+
+    def free(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """Those that hold nothing: they take hold of things. In order as all arms are."""
+        return [arm for arm in self.in_order(arms) if self.around.held(arm.name) is None]
+
+    def in_hand(self, what: Object) -> bool:
+        """Whether the robot holds a thing, as far as it is known which that is."""
+        try:
+            return self.around.bind(what) in self.belief.held
+        except ObjectUnresolvable:
+            return False
 
     def use(self, arm: ArmModel, way: ReachSolution) -> None:
         """Remember which arm was chosen, and the grasp that was begun."""
