@@ -37,7 +37,8 @@ class Solver(Protocol):
         """Poses (m, 4, 4), seeds (m, s, d), tried in order -> the first solution (m, d), and whether there is one.
 
         Seeds outside of limits begin at the limit. A row without solution holds the configuration of the smallest error
-        found. Joints that turn without end come out within half a turn of the first seed.
+        found. Joints that turn without end come out within half a turn of the first seed. Raises ValueError for what
+        is no pose, as ``targets`` says.
         """
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from executive.motion.backends import MAP, SURE, UNSURE, ChainFacts
 from executive.motion.levenberg_marquardt import ROTATION_WEIGHT, step_function
 from executive.motion.symbolic import frames_function, pose_function, position_function, symbolic_chain
+from executive.motion.targets import check_targets
 from planlang.protocols import Array
 
 if TYPE_CHECKING:
@@ -130,6 +131,7 @@ class VirtualSolver:
 
     def __call__(self, poses: Array, seeds: Array) -> tuple[Array, NDArray[np.bool_]]:
         """As ``Solver`` says; a target's result does not depend on the other targets."""
+        check_targets(poses)
         targets = np.concatenate([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]], axis=1)
         first = seeds[:, 0]
         seeds = np.clip(seeds, self._facts.lowest, self._facts.highest)
