@@ -97,19 +97,19 @@ class Platform:
         grid = Grid.over((x_min, y_min), (x_max, y_max))
         room = clearance_field(grid, around.obstacles(), around.silhouette())
 
-        def is_free(x: float, y: float, yaw: float) -> bool:
-            return not around.contacts((x, y, yaw))
+        def touching(x: float, y: float, yaw: float) -> list[tuple[str, str]]:
+            return [(contact.part, contact.body) for contact in around.contacts((x, y, yaw))]
 
         for step in STEPS:
             trajectory = time_path(
                 ("x", "y", "yaw"),
-                plan_base_path(start, goal, grid, room, is_free, resolution=0.08 * step),
+                plan_base_path(start, goal, grid, room, touching, resolution=0.08 * step),
                 velocity=(drive.speed, drive.speed, drive.turn_speed),
                 acceleration=(drive.acceleration, drive.acceleration, drive.turn_acceleration),
                 jerk=drive.jerk,
                 rate=self.world.rate,
             )
-            if all(is_free(*map(float, row)) for row in trajectory.positions[1:]):
+            if not any(touching(*map(float, row)) for row in trajectory.positions[1:]):
                 return trajectory
         raise NoPath(start, goal, {"finer checks": len(STEPS)})
 
