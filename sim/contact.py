@@ -41,6 +41,8 @@ class Held:
     """Numbers of the hand's links; they may touch the object."""
     touched: set[str] = field(default_factory=set)
     """Bodies that it has touched ever since it was grasped."""
+    placed: int | None = None
+    """The robot's ``moves`` when it was put where the link has it; None when it has to be put there anew."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -227,7 +227,9 @@ class PyBulletWorld:
             configuration = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
         self._robot.show(configuration)
         for name, held in self._held.items():
-            self._bodies.place(name, self._robot.link_pose(held.link) @ held.offset)
+            if held.placed != self._robot.moves:
+                self._bodies.place(name, self._robot.link_pose(held.link) @ held.offset)
+                held.placed = self._robot.moves
 
     # Bodies
 
@@ -258,7 +260,8 @@ class PyBulletWorld:
         if name not in self._held:
             self._people.lose(name)
         else:
-            self._held[name].offset = self.robot.link_pose(self._held[name].link).inverse() @ pose
+            held = self._held[name]
+            held.offset, held.placed = self.robot.link_pose(held.link).inverse() @ pose, None
 
     def remove(self, name: str) -> None:
         """Take a body out of the world until :meth:`restore`; a held one is let go first."""

@@ -42,6 +42,8 @@ FACING = math.radians(30)
 """A base faces what is within this angle of its heading [rad]."""
 HAIR = 1e-3
 """Places come to a tenth of a millimetre: an area has its border this much farther out [m]."""
+POOREST = 1e-12
+"""Score of a point that is in an area and as bad as can be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,7 @@ class Area:
 
     def _inside(self, points: Array) -> NDArray[np.bool_]:
         if not self.directions:
-            away = self.block.distance(points) - self.radius
+            away = self._gap(points)
             return np.asarray((away >= self.least - HAIR) & (away <= self.most + HAIR))
         found = np.zeros(len(points), bool)
         for direction in self.directions:
@@ -90,6 +92,10 @@ class Area:
             inside = (away >= self.least - HAIR) & (away <= self.most + HAIR) & (np.abs(aside) <= ahead + HAIR)
             found |= inside
         return found
+
+    def _gap(self, points: Array) -> Array:
+        """Distances (n,) between the outlines, 0 where they overlap [m]."""
+        return np.maximum(self.block.distance(points) - self.radius, 0.0)
 
     def _likeable(self, points: Array) -> Array:
         if self.directions:
@@ -100,11 +106,12 @@ class Area:
                 width = max(min(self.most, self.least + 2.0) - self.least, 0.1)
                 score = np.exp(-(((ahead - self.radius - middle) / width) ** 2) - (aside / np.maximum(ahead, 0.1)) ** 2)
                 best = np.maximum(best, score)
-            return best
-        away = np.maximum(self.block.distance(points) - self.radius, 0.0)
+            return np.maximum(best, POOREST)
+        away = self._gap(points)
         if math.isinf(self.most):
-            return np.asarray(1.0 - 0.5 * np.exp(-(away - self.least)))
-        return np.asarray(1.0 - 0.5 * (away - self.least) / max(self.most - self.least, 1e-6))
+            return np.asarray(1.0 - 0.5 * np.exp(-np.maximum(away - self.least, -HAIR)))
+        share = (away - self.least) / max(self.most - self.least, 1e-6)
+        return np.asarray(np.maximum(1.0 - 0.5 * share, POOREST))
 
     def _along(self, points: Array, direction: float) -> tuple[Array, Array]:
         """How far points are before the side of the block in a direction, and how far aside of its middle (n,) [m]."""
