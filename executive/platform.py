@@ -101,13 +101,13 @@ class Platform:
         obstacles, silhouette = around.obstacles(), around.silhouette()
         room = clearance_field(grid, obstacles, silhouette)
 
-        def is_free(x: float, y: float, yaw: float) -> bool:
-            return not around.contacts((x, y, yaw))
+        def touching(x: float, y: float, yaw: float) -> list[tuple[str, str]]:
+            return [(contact.part, contact.body) for contact in around.contacts((x, y, yaw))]
 
         for step in STEPS:
             trajectory = time_path(
                 ("x", "y", "yaw"),
-                plan_base_path(start, goal, grid, room, is_free, resolution=0.08 * step),
+                plan_base_path(start, goal, grid, room, touching, resolution=0.08 * step),
                 velocity=(drive.speed, drive.speed, drive.turn_speed),
                 acceleration=(drive.acceleration, drive.acceleration, drive.turn_acceleration),
                 jerk=drive.jerk,
@@ -115,7 +115,7 @@ class Platform:
             )
             rows = trajectory.positions[1:]
             doubtful = rows[clearance_at(rows[:, :2], obstacles, silhouette) < ROOMY]
-            if all(is_free(*row) for row in doubtful.tolist()):
+            if not any(touching(*row) for row in doubtful.tolist()):
                 return trajectory
         raise NoPath(start, goal, {"finer checks": len(STEPS)})
 
