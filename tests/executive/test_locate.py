@@ -248,6 +248,11 @@ def test_a_conjunction_that_contradicts_itself_cannot_be_used_and_is_told_so(phr
         ("in reach of a place near the bottle", None, "needs one of above, on, in, in the center of", None),
         ("near a place on the bed", None, "near is said of a thing or a person; of a location only in reach of", None),
         ("on the bed and in cabinet1", "bottle1", "a thing rests in one place, not in bed1 and cabinet1", None),
+        ("on the bottle", "the bottle", "'on the drinking bottle' means nothing for bottle1 itself", None),
+        ("in the bottle", "the bottle", "means nothing for bottle1 itself", None),
+        ("near bottle1", "the bottle", "'near bottle1' means nothing for bottle1 itself: other things tell", None),
+        ("on the bed and not left of the bottle", "bottle1", "'not left of the drinking bottle' means nothing", None),
+        ("in reach of the patient", "patient1", "means nothing for patient1 itself", None),
         ("in reach of the bottle", "bottle1", "only in reach of a person does, and bottle1 is none", None),
     ],
 )  # fmt: skip
