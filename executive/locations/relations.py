@@ -116,6 +116,8 @@ def base_demand(location: Location, around: Surroundings, viewer: Viewer) -> Bas
         match relation.name, relation.reference:
             case "in_reach_of", Location() as hand:
                 reach = hand_demand(replace(hand, device=hand.device or location.device), around, viewer)
+                if reach.kind == "grasp" and reach.grasp is None:
+                    reach = replace(reach, grasp=location.grasp)
                 (unreached if relation.negated else reaches)[reach] = None
             case "in_reach_of", Object() as what:
                 reach = _for_body(what, location, around)

@@ -278,6 +278,45 @@ def test_what_cannot_be_in_this_room_is_told_with_the_reason(phrase: str, of: st
     assert re.match("no place found: [1-9]", answer["message"])
 
 
+@pytest.mark.parametrize(
+    ("phrase", "of", "idle", "used"),
+    [
+        ("near the bed with the left arm", None, "with the left arm", "near the bed"),
+        ("near the bed from the top", None, "from the top", "near the bed"),
+        ("on the bed with the left arm from the top", "bottle1", "with the left arm from the top", "on the bed"),
+        ("in reach of patient1 from the top", None, "from the top", "in reach of patient1"),
+        (
+            "in reach of a place (above the bed with the left arm) with the right arm",
+            None,
+            "with the right arm",
+            "in reach of a place (above the bed with the left arm)",
+        ),
+    ],
+)
+def test_an_arm_or_a_grasp_that_nothing_uses_is_left_out_with_a_warning(
+    phrase: str, of: str | None, idle: str, used: str
+) -> None:
+    answer = located(phrase, "--count", "1", *(() if of is None else ("--of", of)))
+    (found,) = answer["diagnostics"]
+    assert (found["severity"], found["code"]) == ("warning", "P011")
+    assert found["message"] == f"nothing uses {idle!r} here; it is left out"
+    assert answer["location"] == used
+
+
+@pytest.mark.parametrize(
+    "phrase",
+    ["in reach of the bed with the left arm", "in reach of the bottle with the left arm from the side",
+     "not in reach of the bottle with the left arm", "in reach of a place above the bed with the left arm",
+     "in reach of a place (in front of the bottle from the side)",
+     "in reach of a place in front of the bottle from the side"],
+)  # fmt: skip
+def test_an_arm_or_a_grasp_that_is_used_is_no_matter_of_a_warning(phrase: str) -> None:
+    answer = located(phrase, "--count", "1")
+    assert answer["diagnostics"] == []
+    assert "left" in answer["location"] or "from the side" in answer["location"]
+    assert all(place.get("arm", "left") == "left" for place in answer["solutions"] if "left" in phrase)
+
+
 def test_near_the_bed_a_thing_is_on_the_floor_and_not_on_the_top_of_the_room() -> None:
     (place,) = located("near the bed", "--of", "the bottle", "--count", "1")["solutions"]
     assert place["z"] == pytest.approx(0.1, abs=0.01)

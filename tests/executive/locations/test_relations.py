@@ -10,6 +10,7 @@ from itertools import islice
 import pytest
 
 from executive import memory
+from executive.locations.relations import base_demand
 from planlang.designators import Location, a_location, a_person, an_object, located
 from planlang.failures import LocationMeaningless, LocationUnresolvable
 from planlang.protocols import Configuration, Pose
@@ -112,6 +113,16 @@ def test_no_thing_is_told_by_a_relation_to_itself(location: Location, ward: Stag
         next(ward.resolver.things(location, THE_BOTTLE))
     with pytest.raises(LocationMeaningless, match="means nothing for bottle itself"):
         ward.resolver.holds(location, THE_BOTTLE)
+
+
+@pytest.mark.parametrize("grasp", ["top", "side"])
+def test_the_grasp_of_a_place_of_the_base_is_that_of_the_hand_there(grasp: str, make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, replace(BOTTLE, pose=Pose((1.5, 0.0, 0.96)), size=(0.05, 0.05, 0.12)))
+    location = a_location(in_reach_of=a_location(in_front_of=THE_BOTTLE), grasp=grasp)
+    demand = base_demand(location, stage.platform.around, (0.0, 0.0))
+    assert [reach.grasp for reach in demand.reaches] == [grasp]
+    own = a_location(in_reach_of=a_location(in_front_of=THE_BOTTLE, grasp="tilted"), grasp=grasp)
+    assert [reach.grasp for reach in base_demand(own, stage.platform.around, (0.0, 0.0)).reaches] == ["tilted"]
 
 
 def test_what_is_in_a_hand_is_put_near_where_it_was_and_not_on_itself(make_stage: MakeStage) -> None:
