@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,15 @@ from executive.carrying import with_carrying
 from executive.console import DONE, FAILED, MISSING_CAPABILITY, Answer
 from executive.knowledge import SemanticMap, read_map, scene_of
 from executive.locations import TABLE, Base, Rejections
+from executive.locations.idle import without_idle
 from executive.outputs import replace as write_complete
 from executive.platform import Platform
 from planlang.designators import Location, Object, Person, Relation
-from planlang.diagnostics import BadInput, Diagnostic, error, note
+from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.failures import LocationMeaningless, LocationUnresolvable, ObjectUnresolvable
 from planlang.ontology import expand, load, shorten
 from planlang.phrases import FORMS, Lexicon, read_location, read_thing, write_location, write_relation, write_thing
+from planlang.phrases.words import GRASP_FORMS
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,16 @@ def locate(options: LocateOptions) -> Answer:
         what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
         meant = _meant([*references(location), *([] if what is None else [what])], lexicon, platform)
         found.extend(_choices(meant, lexicon, platform))
-        return _resolved(location, what, lexicon, platform, meant, found, options)
+        try:
+            used = location
+            if what is not None:
+                used = replace(location, device=None, grasp=None)
+            else:
+                used = without_idle(location, platform.around, platform.base()[:2])
+            found.extend(_idle(location, used))
+            return _resolved(used, what, lexicon, platform, meant, found, options)
+        except LocationMeaningless as problem:
+            raise BadInput([*found, *_of_no_place(problem, location, what, lexicon)]) from None
 
 
 def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
@@ -124,6 +135,21 @@ def _of_no_place(
     yield error("P010", problem.told(words), help=_other_subject(location, what, lexicon))
 
 
+def _idle(said: Location, used: Location) -> Iterator[Diagnostic]:
+    """The arms and grasps that were said and are not used, places within places included."""
+    idle = []
+    if said.device is not None and used.device is None:
+        idle.append(f"with {write_thing(said.device)}")
+    if said.grasp is not None and used.grasp is None:
+        idle.append(GRASP_FORMS[said.grasp][0])
+    if idle:
+        help = "arms and grasps are said of what is reached: in reach of the bottle with the left arm from the top"
+        yield warning("P011", f"nothing uses {' '.join(idle)!r} here; it is left out", help=help)
+    for one, other in zip(said.relations, used.relations, strict=True):
+        if isinstance(one.reference, Location) and isinstance(other.reference, Location):
+            yield from _idle(one.reference, other.reference)
+
+
 def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) -> str | None:
     """How to ask for places of what a relation means something for, if it means nothing for what was asked for."""
     for relation in location.relations:
@@ -175,8 +201,8 @@ def _resolved(
             places.extend(_bases(location, platform, options.count, log))
         else:
             places.extend(_things(location, what, platform, options.count, log))
-    except LocationMeaningless as problem:
-        raise BadInput([*found, *_of_no_place(problem, location, what, lexicon)]) from None
+    except LocationMeaningless:
+        raise
     except LocationUnresolvable as problem:
         failure = problem
     counts, blocking = dict(log.counts.most_common()), dict(log.blocking.most_common())

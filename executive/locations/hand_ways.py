@@ -67,6 +67,9 @@ def _made(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejecti
     if held is None:
         rejections.add("nothing in the hand to put down")
         return None
+    if held.name == reach.body:
+        rejections.add("nothing rests on itself")
+        return None
     demand = ThingDemand(None if reach.inside else reach.body, reach.body if reach.inside else None)
     spots = islice(thing_poses(held.name, held.size, demand, around, rejections), MOST_SPOTS)
     centres = np.array([spot.position for spot in spots]).reshape(-1, 3)

@@ -116,6 +116,8 @@ def base_demand(location: Location, around: Surroundings, viewer: Viewer) -> Bas
         match relation.name, relation.reference:
             case "in_reach_of", Location() as hand:
                 reach = hand_demand(replace(hand, device=hand.device or location.device), around, viewer)
+                if reach.kind == "grasp" and reach.grasp is None:
+                    reach = replace(reach, grasp=location.grasp)
                 (unreached if relation.negated else reaches)[reach] = None
             case "in_reach_of", Object() as what:
                 reach = _for_body(what, location, around)
@@ -177,9 +179,13 @@ def hand_terms(location: Location, around: Surroundings, viewer: Viewer) -> tupl
     return tuple(terms)
 
 
-def thing_demand(location: Location, around: Surroundings, radius: float, viewer: Viewer) -> ThingDemand:
-    """What a location asks of an object whose outline has a radius [m]; raises LocationUnresolvable as above."""
+def thing_demand(location: Location, thing: str, around: Surroundings, viewer: Viewer) -> ThingDemand:
+    """What a location asks of an object, told by its name; raises LocationMeaningless as above.
+
+    Nothing is in a relation to itself; only of what is in a hand it can be said how far it is from where it was taken.
+    """
     check_consistent(location, OF_A_THING)
+    radius, taken = max(around.size(thing)[:2]) / 2, is_held(thing, around)
     on: list[str] = []
     inside: list[str] = []
     areas: list[Area] = []
@@ -189,19 +195,17 @@ def thing_demand(location: Location, around: Surroundings, radius: float, viewer
         if not isinstance(relation.reference, Object) or TABLE[relation.name].thing is None:
             raise _without_meaning(relation, "thing")
         body = _body(relation, relation.reference, around)
+        if relation.name == "in_reach_of" and not around.is_person(body):
+            only = (" means nothing for an object: only ", ("in_reach_of",), f" a person does, and {body} is none")
+            raise meaningless(relation, relation, *only)
+        if body == thing and not (taken and relation.name in OF_A_THING):
+            raise meaningless(relation, relation, f" means nothing for {thing} itself: other things tell a place")
         match relation.name:
             case "on" | "in_" if not relation.negated:
                 (on if relation.name == "on" else inside).append(body)
             case "on" | "in_":
                 neither.append((body, relation.name == "in_"))
             case "in_reach_of":
-                if not around.is_person(body):
-                    only = (
-                        " means nothing for an object: only ",
-                        ("in_reach_of",),
-                        f" a person does, and {body} is none",
-                    )
-                    raise meaningless(relation, relation, *only)
                 people.append((body, not relation.negated))
             case name:
                 areas.append(_area(relation, body, viewer, radius, OF_A_THING[name], around))

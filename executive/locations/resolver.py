@@ -170,7 +170,7 @@ class Resolver:
         name = around.bind(what)
         size = around.size(name)
         self._look(location)
-        demand = thing_demand(location, around, max(size[:2]) / 2, self._viewer(location))
+        demand = thing_demand(location, name, around, self._viewer(location))
         if demand.on is None and demand.inside is None and not any(inside for _, inside in demand.people):
             needed = (("on", "in_"), " or ", ("in_reach_of",), " a person")
             raise meaningless(location, location, f" does not say where {name} rests: it needs ", *needed)
@@ -196,7 +196,7 @@ class Resolver:
             return any(hand_holds(location, arm, around, viewer) for arm in around.arms_of(what))
         name = around.bind(what)
         size = around.size(name)
-        demand = thing_demand(location, around, max(size[:2]) / 2, viewer)
+        demand = thing_demand(location, name, around, viewer)
         return thing_holds(name, around.pose(name), size, demand, around)
 
     def _look(self, location: Location) -> None:

@@ -249,6 +249,11 @@ def test_a_conjunction_that_contradicts_itself_cannot_be_used_and_is_told_so(phr
         ("in reach of a place near the bottle", None, "needs one of above, on, in, in the center of", None),
         ("near a place on the bed", None, "near is said of a thing or a person; of a location only in reach of", None),
         ("on the bed and in cabinet1", "bottle1", "a thing rests in one place, not in bed1 and cabinet1", None),
+        ("on the bottle", "the bottle", "'on the drinking bottle' means nothing for bottle1 itself", None),
+        ("in the bottle", "the bottle", "means nothing for bottle1 itself", None),
+        ("near bottle1", "the bottle", "'near bottle1' means nothing for bottle1 itself: other things tell", None),
+        ("on the bed and not left of the bottle", "bottle1", "'not left of the drinking bottle' means nothing", None),
+        ("in reach of the patient", "patient1", "means nothing for patient1 itself", None),
         ("in reach of the bottle", "bottle1", "only in reach of a person does, and bottle1 is none", None),
     ],
 )  # fmt: skip
@@ -272,6 +277,45 @@ def test_what_cannot_be_in_this_room_is_told_with_the_reason(phrase: str, of: st
     answer = located(phrase, *(() if of is None else ("--of", of)), code=1)
     assert said in answer["message"]
     assert re.match("no place found: [1-9]", answer["message"])
+
+
+@pytest.mark.parametrize(
+    ("phrase", "of", "idle", "used"),
+    [
+        ("near the bed with the left arm", None, "with the left arm", "near the bed"),
+        ("near the bed from the top", None, "from the top", "near the bed"),
+        ("on the bed with the left arm from the top", "bottle1", "with the left arm from the top", "on the bed"),
+        ("in reach of patient1 from the top", None, "from the top", "in reach of patient1"),
+        (
+            "in reach of a place (above the bed with the left arm) with the right arm",
+            None,
+            "with the right arm",
+            "in reach of a place (above the bed with the left arm)",
+        ),
+    ],
+)
+def test_an_arm_or_a_grasp_that_nothing_uses_is_left_out_with_a_warning(
+    phrase: str, of: str | None, idle: str, used: str
+) -> None:
+    answer = located(phrase, "--count", "1", *(() if of is None else ("--of", of)))
+    (found,) = answer["diagnostics"]
+    assert (found["severity"], found["code"]) == ("warning", "P011")
+    assert found["message"] == f"nothing uses {idle!r} here; it is left out"
+    assert answer["location"] == used
+
+
+@pytest.mark.parametrize(
+    "phrase",
+    ["in reach of the bed with the left arm", "in reach of the bottle with the left arm from the side",
+     "not in reach of the bottle with the left arm", "in reach of a place above the bed with the left arm",
+     "in reach of a place (in front of the bottle from the side)",
+     "in reach of a place in front of the bottle from the side"],
+)  # fmt: skip
+def test_an_arm_or_a_grasp_that_is_used_is_no_matter_of_a_warning(phrase: str) -> None:
+    answer = located(phrase, "--count", "1")
+    assert answer["diagnostics"] == []
+    assert "left" in answer["location"] or "from the side" in answer["location"]
+    assert all(place.get("arm", "left") == "left" for place in answer["solutions"] if "left" in phrase)
 
 
 def test_near_the_bed_a_thing_is_on_the_floor_and_not_on_the_top_of_the_room() -> None:
