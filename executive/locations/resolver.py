@@ -28,7 +28,7 @@ from executive.locations.solving import unblocked
 from executive.locations.standing import standing_places
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from planlang.designators import Device, Location, Object
-from planlang.failures import LocationUnresolvable
+from planlang.failures import DesignatorFailure, LocationUnresolvable
 from planlang.protocols import Array, Pose, Solution
 
 APART = 0.05
@@ -73,8 +73,10 @@ class Resolver:
         arms = judge.arms(demand)
         if (wanted or demand.unreached) and not around.arms:
             raise LocationUnresolvable("the robot has no arm that could reach there", designator=str(location))
-        if wanted and not arms:
+        if any(reach.arms == () for reach in wanted):
             raise LocationUnresolvable("the robot has no arm as it is asked for", designator=str(location))
+        for reach in wanted:
+            judge.check_hands(reach, location)
         found: list[Base] = []
         x, y, yaw = around.base()
         here = (x, y, math.remainder(yaw, 2 * math.pi))
@@ -118,6 +120,13 @@ class Resolver:
 
     # Ways of a hand
 
+    def is_grasp(self, location: Location) -> bool:
+        """Whether a location is where a hand takes hold of something; False for a posture and what means nothing."""
+        try:
+            return hand_demand(location, self.around, self._viewer(location)).kind == "grasp"
+        except DesignatorFailure:
+            return False
+
     def hands(self, location: Location, arm: ArmModel, seed: Array) -> Iterator[ReachSolution]:
         """Ways of a hand to a location from where the base stands; raises LocationUnresolvable when there are no more.
 
@@ -125,6 +134,7 @@ class Resolver:
         """
         around = self.around
         reach = replace(hand_demand(location, around, self._viewer(location)), arms=None)
+        self._judge.check_hands(replace(reach, arms=(arm.name,)), location)
         base = around.base()
         known = {replace(other, arms=None): way for other, way in self._judge.reached(arm.name, base).items()}.get(
             reach
@@ -144,7 +154,7 @@ class Resolver:
             ways = ways_of(reach, arm, around, counted, extent)
             found = False
             if ways is not None:
-                ways = unblocked(ways, arm, around, counted)
+                ways = unblocked(ways, around.arm_check(arm, ways.touches, opened=ways.opened), counted)
                 for way in from_base(reach, base, arm, ways, around, self._inverse, counted, seed=begun, generous=True):
                     found = True
                     yield way

@@ -133,6 +133,7 @@ def test_the_picture_shows_the_places(tmp_path: Path) -> None:
 
 def test_a_picture_that_cannot_be_written_is_told_before_the_search() -> None:
     assert codes(located("near the bed", "--explain", "/nowhere/where.png", code=2)) == ["C004"]
+    assert codes(located("near the bed", "--explain", "where.jpg", code=2)) == ["C004"]
 
 
 MAP = (bundled("ontologies") / "environments" / "hospital_room.omn").read_text(encoding="utf-8")
