@@ -16,6 +16,7 @@ from executive.console import DONE, FAILED, MISSING_CAPABILITY, Answer
 from executive.knowledge import SemanticMap, read_map, scene_of
 from executive.locations import TABLE, Base, Rejections
 from executive.locations.idle import without_idle
+from executive.locations.relations import base_demand, sides, thing_demand
 from executive.outputs import replace as write_complete
 from executive.platform import Platform
 from planlang.designators import Location, Object, Person, Relation
@@ -63,13 +64,7 @@ def locate(options: LocateOptions) -> Answer:
         meant = _meant([*references(location), *([] if what is None else [what])], lexicon, platform)
         found.extend(_choices(meant, lexicon, platform))
         try:
-            used = location
-            if what is not None:
-                used = replace(location, device=None, grasp=None)
-            else:
-                used = without_idle(location, platform.around, platform.base()[:2])
-            found.extend(_idle(location, used))
-            return _resolved(used, what, lexicon, platform, meant, found, options)
+            return _resolved(location, what, lexicon, platform, meant, found, options)
         except LocationMeaningless as problem:
             raise BadInput([*found, *_of_no_place(problem, location, what, lexicon)]) from None
 
@@ -135,6 +130,13 @@ def _of_no_place(
     yield error("P010", problem.told(words), help=_other_subject(location, what, lexicon))
 
 
+def _used(location: Location, what: Object | None, platform: Platform) -> Location:
+    """The same without arms and grasps that nothing uses."""
+    if what is not None:
+        return replace(location, device=None, grasp=None)
+    return without_idle(location, platform.around, platform.base()[:2])
+
+
 def _idle(said: Location, used: Location) -> Iterator[Diagnostic]:
     """The arms and grasps that were said and are not used, places within places included."""
     idle = []
@@ -176,13 +178,29 @@ def _bases(location: Location, platform: Platform, count: int, log: Rejections) 
 
 
 def _things(
-    location: Location, what: Object, platform: Platform, count: int, log: Rejections
+    location: Location, what: Object, frame: Mapping[str, str], platform: Platform, count: int, log: Rejections
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Places for a thing: the centre of its box."""
     for number, pose in enumerate(islice(platform.resolver.things(location, what, log), count), 1):
         x, y, z = pose.position
         line = f"{number}  x {x:.3f}  y {y:.3f}  z {z:.3f}  yaw {pose.yaw:.3f}"
-        yield line, {"x": x, "y": y, "z": z, "yaw": pose.yaw}
+        yield line, {"x": x, "y": y, "z": z, "yaw": pose.yaw, **({"frame": frame} if frame else {})}
+
+
+def _frame(location: Location, what: str | None, platform: Platform) -> dict[str, str]:
+    """Whose sides are meant, by what is said of them."""
+    around, (x, y, _) = platform.around, platform.base()
+    if what is None:
+        return sides(base_demand(location, around, (x, y)), around)
+    return sides(thing_demand(location, what, around, (x, y)), around)
+
+
+def _told(frame: Mapping[str, str], platform: Platform) -> Iterator[str]:
+    """A line for each side."""
+    x, y, _ = platform.base()
+    for words, whose in frame.items():
+        seen = f"as seen from the robot at x {x:.3f}  y {y:.3f}"
+        yield f"  {words}: {'in its own frame' if whose == 'its own' else seen}"
 
 
 def _resolved(
@@ -196,11 +214,15 @@ def _resolved(
 ) -> Answer:
     log, failure = Rejections(explained=True), None
     places: list[tuple[str, dict[str, Any]]] = []
+    frame: Mapping[str, str] = {}
     try:
+        used = _used(location, what, platform)
+        found.extend(_idle(location, used))
+        location, frame = used, _frame(used, None if what is None else meant[what], platform)
         if what is None:
             places.extend(_bases(location, platform, options.count, log))
         else:
-            places.extend(_things(location, what, platform, options.count, log))
+            places.extend(_things(location, what, frame, platform, options.count, log))
     except LocationMeaningless:
         raise
     except LocationUnresolvable as problem:
@@ -214,11 +236,11 @@ def _resolved(
         "counts": counts,
         "blocking": blocking,
     }
-    lines = [phrase, *(f"  {line}" for line, _ in places)]
+    lines = [phrase, *_told(frame, platform), *(f"  {line}" for line, _ in places)]
     if not places:
         said = str(failure).replace(f": {location}", "", 1)  # the phrase says it already
         data |= {"failure": [type(failure).__name__], "message": said}
-        lines = [phrase, said]
+        lines.append(said)
     elif counts:
         lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in counts.items())}")
     if options.explain is not None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from executive.locations.areas import Area, Facing
+from executive.locations.areas import Facing
 from executive.locations.blind import Blind
 from executive.locations.effort import Extent
 from executive.locations.hand_ways import ways_of
@@ -22,7 +22,7 @@ from executive.locations.reach import (
     touched_at,
 )
 from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
-from executive.locations.relations import KINDS, BaseDemand, block_of, is_held
+from executive.locations.relations import KINDS, BaseDemand, block_of, is_held, sides
 from executive.locations.solving import unblocked
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.motion import QuickCheck
@@ -205,12 +205,7 @@ class BaseJudge:
 
     def _sides(self, demand: BaseDemand) -> dict[str, object]:
         """Whose left and right was meant, where a location names sides."""
-        said = {
-            term.words: "its own" if self.around.front(term.body) is not None else "the viewer's"
-            for term in demand.areas
-            if isinstance(term, Area) and term.directions
-        }
-        return {"frame": said} if said else {}
+        return {"frame": said} if (said := sides(demand, self.around)) else {}
 
     def _first(self, reach: Reach, base: Base, arms: Sequence[ArmModel], log: Rejections) -> ReachSolution | None:
         """The best way to satisfy a reach from a base with one of some arms."""

@@ -221,6 +221,16 @@ def thing_demand(location: Location, thing: str, around: Surroundings, viewer: V
     return ThingDemand(*where, tuple(areas), tuple(people), tuple(neither))
 
 
+def sides(demand: BaseDemand | ThingDemand, around: Surroundings) -> dict[str, str]:
+    """Whose left, right, front and back is meant, for each conjunct that names a side."""
+    named = {term.words: term.body for term in demand.areas if isinstance(term, Area) and term.directions}
+    reaches = (*demand.reaches, *demand.unreached) if isinstance(demand, BaseDemand) else ()
+    for term in (term for reach in reaches for term in reach.also if term.name in SIDES):
+        if not (term.name == "in_front_of" and (around.is_graspable(term.body) or is_held(term.body, around))):
+            named[_told(term.name, term.body, negated=term.negated)] = term.body
+    return {words: "the viewer's" if around.front(body) is None else "its own" for words, body in named.items()}
+
+
 def is_held(body: str, around: Surroundings) -> bool:
     """Whether one of the robot's hands holds the body."""
     return any((held := around.held(arm.name)) is not None and held.name == body for arm in around.arms)
@@ -308,8 +318,12 @@ def _clear(relation: Relation, body: str, around: Surroundings) -> Clear:
 
 
 def _words(relation: Relation, body: str) -> str:
-    said = f"{relation.name.strip('_').replace('_', ' ')} {body}"
-    return f"not {said}" if relation.negated else said
+    return _told(relation.name, body, negated=relation.negated)
+
+
+def _told(name: str, body: str, *, negated: bool) -> str:
+    said = f"{name.strip('_').replace('_', ' ')} {body}"
+    return f"not {said}" if negated else said
 
 
 def _without_meaning(relation: Relation, subject: str) -> LocationMeaningless:

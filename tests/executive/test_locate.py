@@ -318,6 +318,30 @@ def test_an_arm_or_a_grasp_that_is_used_is_no_matter_of_a_warning(phrase: str) -
     assert all(place.get("arm", "left") == "left" for place in answer["solutions"] if "left" in phrase)
 
 
+SEEN = "as seen from the robot at x 0.100  y 0.200"
+
+
+@pytest.mark.parametrize(
+    ("phrase", "of", "frame"),
+    [
+        ("left of the bottle", None, {"left of bottle1": SEEN}),
+        ("next to the bed, not behind bottle1", None, {"next to bed1": "in its own frame", "not behind bottle1": SEEN}),
+        ("right of the bed", "bottle1", {"right of bed1": "in its own frame"}),
+        ("in reach of a place (above cabinet1 and left of the bottle)", None, {"left of bottle1": SEEN}),
+        ("in reach of a place in front of the bottle", None, {}),
+        ("near the bed", "bottle1", {}),
+    ],
+)
+def test_whose_left_and_right_is_meant_is_stated(phrase: str, of: str | None, frame: dict[str, str]) -> None:
+    options = ("--count", "1", "--start=0.1,0.2,0", *(() if of is None else ("--of", of)))
+    _, *lines = CliRunner().invoke(app, ["locate", phrase, *WARD, *options]).stdout.splitlines()
+    assert lines[: len(frame)] == [f"  {side}: {whose}" for side, whose in frame.items()]
+    assert lines[len(frame)].startswith("  1  x ")
+    (place,) = located(phrase, *options)["solutions"]
+    short = {side: "the viewer's" if whose == SEEN else "its own" for side, whose in frame.items()}
+    assert place.get("frame", {}) == short
+
+
 def test_near_the_bed_a_thing_is_on_the_floor_and_not_on_the_top_of_the_room() -> None:
     (place,) = located("near the bed", "--of", "the bottle", "--count", "1")["solutions"]
     assert place["z"] == pytest.approx(0.1, abs=0.01)
