@@ -220,7 +220,8 @@ class BaseJudge:
                 ways = ways_of(reach, arm, self.around, counted, extent)
                 if ways is None:
                     continue
-                ways = unblocked(ways, arm, self.around, counted)
+                check = self.around.arm_check(arm, ways.touches, opened=ways.opened)
+                ways = unblocked(ways, check, counted)
                 way = next(from_base(reach, base, arm, ways, self.around, self.inverse, counted), None)
                 way = way or self._known(reach, base, arm)
                 if way is not None:

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from executive.locations.answers import Answers
 from executive.locations.areas import SIDES
+from executive.locations.bounds import meaningless
 from executive.locations.effort import EFFORTS, Extent
 from executive.locations.hand_terms import hand_holds
 from executive.locations.hand_ways import ways_of
@@ -157,7 +158,7 @@ class Resolver:
             ways = ways_of(reach, arm, around, counted, extent)
             found = False
             if ways is not None:
-                ways = unblocked(ways, arm, around, counted)
+                ways = unblocked(ways, around.arm_check(arm, ways.touches, opened=ways.opened), counted)
                 for way in from_base(reach, base, arm, ways, around, self._inverse, counted, seed=begun, generous=True):
                     found = True
                     yield way
@@ -173,12 +174,10 @@ class Resolver:
         name = around.bind(what)
         size = around.size(name)
         self._look(location)
-        demand = thing_demand(location, around, max(size[:2]) / 2, self._viewer(location))
+        demand = thing_demand(location, name, around, self._viewer(location))
         if demand.on is None and demand.inside is None and not any(inside for _, inside in demand.people):
-            raise LocationUnresolvable(
-                f"{location} does not say where {name} rests: it needs on, in_ or in_reach_of a person",
-                designator=str(location),
-            )
+            needed = (("on", "in_"), " or ", ("in_reach_of",), " a person")
+            raise meaningless(location, location, f" does not say where {name} rests: it needs ", *needed)
         found = 0
         for pose in thing_poses(name, size, demand, around, log):
             if thing_holds(name, pose, size, demand, around):
@@ -203,7 +202,7 @@ class Resolver:
             return any(hand_holds(location, arm, around, viewer) for arm in around.arms_of(what))
         name = around.bind(what)
         size = around.size(name)
-        demand = thing_demand(location, around, max(size[:2]) / 2, viewer)
+        demand = thing_demand(location, name, around, viewer)
         return thing_holds(name, around.pose(name), size, demand, around)
 
     def _look(self, location: Location) -> None:
