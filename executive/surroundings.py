@@ -178,7 +178,7 @@ class BelievedSurroundings:
         """What rules out poses of the tip, wherever the base stands."""
         key, ignored = ("hand", arm.name, touches, opened), (arm.hand_links, touches)
         tip = self._chains[arm.name].tip
-        return self._check(key, None, lambda: self._bodies_of(arm, opened=opened).hand(*tip), ignored)
+        return self._check(key, None, lambda: self._bodies_of(arm, opened=opened).hand(*tip, arm.hand_links), ignored)
 
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
         """What rules out bases from which an arm, in its present posture, would stick into something."""

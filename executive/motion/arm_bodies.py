@@ -7,7 +7,7 @@ for ways of an arm and, held still in a posture or as a hand alone, a search for
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,12 +93,17 @@ class ArmBodies:
             held={name: touched for one in every for name, touched in one.held.items()},
         )
 
-    def hand(self, tip: Array, frame: int) -> ArmBodies:
-        """What goes with the hand, whose tip is at ``tip`` (4, 4) in a frame: in the tip frame, as that of the base."""
+    def hand(self, tip: Array, frame: int, links: Collection[str]) -> ArmBodies:
+        """What goes with the hand, whose tip is at ``tip`` (4, 4) in a frame: in the tip frame, as that of the base.
+
+        It is whole if all ``links``, those of the hand, are among that.
+        """
         mine = self.movers.frames == frame
         places = np.broadcast_to(np.linalg.inv(tip), (int(mine.sum()), 4, 4))
-        movers = _moved(self.movers.faceless().only(mine), places).going_with(BASE)
-        return _stiff(self.chain, movers, self.hands[mine], self.grounded[mine], self.held)
+        movers = _moved(self.movers.only(mine), places).going_with(BASE)
+        others = {name for name, own in zip(self.movers.names, mine.tolist(), strict=True) if not own}
+        stiff = _stiff(self.chain, movers, self.hands[mine], self.grounded[mine], self.held)
+        return replace(stiff, whole=self.whole and others.isdisjoint(links))
 
 
 def _stiff(
@@ -108,7 +113,7 @@ def _stiff(
     grounded: NDArray[np.bool_],
     held: Mapping[str, frozenset[str]],
 ) -> ArmBodies:
-    """Movers that all go with the base, against others than the robot: of them nothing is ever sure."""
+    """Movers that all go with the base, against others than the robot; that they are all there is is not known."""
     own, watched = Obstacles.of(()), Watched.of(())
     return ArmBodies(chain, movers, own, watched, hands, grounded, held, np.zeros(3), np.inf, whole=False)
 

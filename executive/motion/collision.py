@@ -90,14 +90,17 @@ class QuickCheck:
         count = len(bases)
         if not count or not len(self._bodies.pair_piece):
             return [None] * count
-        found = self._checker.hits(np.zeros((count, self._dof)) if q is None else q, _rows(bases), deeper)
+        found = self._checker.hits(self._still(count) if q is None else q, _rows(bases), deeper)
         groups = self._groups_of(found)
         names, of_group = self._obstacles.names, self._groups.obstacles
         return [None if pair < 0 else names[of_group[g]] for pair, g in zip(found.tolist(), groups, strict=True)]
 
-    def clear(self, bases: Array, q: Array) -> NDArray[np.bool_]:
-        """From which base poses (n, 4, 4) configurations (n, d) hit nothing for sure, as far as that is told."""
-        return self._sure(self._checker.hits(q, _rows(bases), ALSO_SURE))
+    def clear(self, bases: Array, q: Array | None = None) -> NDArray[np.bool_]:
+        """From which base poses (n, 4, 4) configurations (n, d), or none as for :meth:`hit`, hit nothing for sure."""
+        return self._sure(self._checker.hits(self._still(len(bases)) if q is None else q, _rows(bases), ALSO_SURE))
+
+    def _still(self, count: int) -> Array:
+        return np.zeros((count, self._dof))
 
     def judge(self, q: Array) -> NDArray[np.int32]:
         """For each configuration (n, d) SURE, UNSURE, or the number of a pair that is hit."""
