@@ -7,13 +7,14 @@ one by one, only as many as are asked for.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.locations.between import between
 from executive.locations.blind import Blind
-from executive.locations.candidates import Candidates, invert
+from executive.locations.candidates import Candidates, Misses, invert
 from executive.locations.effort import Effort
 from executive.locations.hand_ways import ways_of
 from executive.locations.judging import PLACES, BaseJudge, scored
@@ -49,6 +50,7 @@ class ReachingSearch:
     ) -> None:
         self.judge, self.around, self.inverse = judge, judge.around, judge.inverse
         self.wanted, self.demand, self.arms, self.effort, self.log = wanted, demand, arms, effort, log
+        self._crowded: Sequence[tuple[float, Array]] = ()
 
     def places(self) -> Iterator[Solution]:
         """Places from which the first reach is possible by the maps, judged block by block."""
@@ -95,14 +97,31 @@ class ReachingSearch:
         log.add("not visible", found.unseen)
         if not len(found) and not found.without_room and not found.unwanted and not found.unseen:
             log.add("out of reach", sum(len(ways) for _, ways in hands))
+        self._crowded = found.crowded
         if log.explained:
             judge.name_crowding(found.crowded, log)
         if len(found):
-            yield from self._in_blocks(found, hands, middle, spread + reach)
-        if not log.explained:
-            judge.name_crowding(found.crowded, log)
+            some = False
+            for solution in self._in_blocks(found, hands, middle, spread + reach):
+                some = True
+                yield solution
+            if effort.then is not None and not some:
+                moved = between(found, floor, middle[:2], room.yaw, effort.most)
+                then = self._between(effort.then)
+                yield from then._in_blocks(moved, hands, middle, spread + reach, self._unseen()) if len(moved) else ()
 
-    def _unseen(self) -> Callable[[Array], NDArray[np.bool_]] | None:
+    def name_crowding(self) -> None:
+        """Count which bodies take the room of ways without any: when there will be no other search."""
+        if not self.log.explained:
+            self.judge.name_crowding(self._crowded, self.log)
+
+    def _between(self, effort: Effort) -> ReachingSearch:
+        """The same search for candidates that have been looked at elsewhere already: they are not counted again."""
+        log = self.log
+        log = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
+        return ReachingSearch(self.judge, self.wanted, self.demand, self.arms, effort, log)
+
+    def _unseen(self) -> Misses | None:
         """Tells from which bases the robot itself is in the way of seeing what has to be seen."""
         view = self.around.own_view()
         names = self.judge.to_see(self.demand)
@@ -117,6 +136,7 @@ class ReachingSearch:
         hands: Sequence[tuple[ArmModel, Ways]],
         middle: Array,
         radius: float,
+        misses: Misses | None = None,
     ) -> Iterator[Solution]:
         around, effort, log = self.around, self.effort, self.log
         x, y, _ = around.base()
@@ -160,7 +180,10 @@ class ReachingSearch:
             for rows in standing():
                 rows = rows[[not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]]
                 ways_ok, joints = self._solved(found, rows, bases, hands, checks)
-                for row in rows[ways_ok].tolist():
+                rows = rows[ways_ok]
+                if misses is not None and len(rows):
+                    rows = rows[~misses(bases[rows])]
+                for row in rows.tolist():
                     arm, ways = hands[int(found.arms[row])]
                     solution = ReachSolution(self.wanted[0], arm, ways.plan(int(found.ways[row])), joints[row])
                     yield row, solution, True

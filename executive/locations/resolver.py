@@ -80,23 +80,21 @@ class Resolver:
         if (solution := judge.at(here, 1.0, demand, arms, log)) is not None:
             found.append(here)
             yield solution
-        before = log.copy()
+        before, search = log.copy(), None
         for effort in EFFORTS if wanted else EFFORTS[:1]:
             if not log.counts[COLLISION]:  # nothing that a few degrees would help with
                 effort = replace(effort, extent=min(effort.extent, Extent.ALL))
             log.begin_again(before)
-            places = (
-                ReachingSearch(judge, wanted, demand, arms, effort, log).places()
-                if wanted
-                else standing_places(judge, demand, log)
-            )
-            for solution in places:
+            search = ReachingSearch(judge, wanted, demand, arms, effort, log) if wanted else None
+            for solution in standing_places(judge, demand, log) if search is None else search.places():
                 if any(round(math.dist(solution.base[:2], other[:2]), 4) <= APART for other in found):
                     continue
                 found.append(solution.base)
                 yield solution
             if found:
                 break
+        if search is not None:
+            search.name_crowding()
         raise log.failure(location)
 
     def reached_from(self, base: Base) -> Mapping[tuple[str, Base], Mapping[Reach, ReachSolution]]:
