@@ -123,14 +123,10 @@ def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings, c
 
     ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
     """
-    plan, arm, hand, bodies = solution.plan, solution.arm, solution.arm.hand_links, around.names()
+    plan, hand, bodies = solution.plan, solution.arm.hand_links, around.names()
     line = straight(solution, base)
-    rows = _unsure(solution.joints if line is None else np.concatenate([solution.joints, line]), base, check)
-    if len(rows):  # where the arm has little room the hand may have much
-        alone = around.hand_check(arm, plan.touches, opened=plan.opened)
-        rows = rows[~alone.clear(base_matrices(np.array([base])) @ arm.solver.chain.fk(rows))]
-    for q in rows:
-        contacts = around.contacts(base, arm, q, plan.touches, plan.opened)
+    for q in _unsure(solution.joints if line is None else np.concatenate([solution.joints, line]), base, check):
+        contacts = around.contacts(base, solution.arm, q, plan.touches, plan.opened)
         if any(contact.part in hand and contact.body in bodies for contact in contacts):
             return True
     if solution.reach.kind != "grasp":

@@ -7,7 +7,7 @@ one by one, only as many as are asked for.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,25 +47,33 @@ class ReachingSearch:
         arms: Sequence[ArmModel],
         effort: Effort,
         log: Rejections,
+        is_taken: Callable[[Base], bool] | None = None,
     ) -> None:
+        """``is_taken`` tells of which places nothing needs to be known any more."""
+        self.is_taken = is_taken
         self.judge, self.around, self.inverse = judge, judge.around, judge.inverse
         self.wanted, self.demand, self.arms, self.effort, self.log = wanted, demand, arms, effort, log
-        self._crowded: Sequence[tuple[float, Array]] = ()
 
     def places(self) -> Iterator[Solution]:
         """Places from which the first reach is possible by the maps, judged block by block."""
         around, judge, effort, log = self.around, self.judge, self.effort, self.log
         first = self.wanted[0]
-        hands = []
-        for arm in judge.arms_for(first, self.arms):
-            ways = ways_of(first, arm, around, log, effort.extent)
-            if ways is not None and len(ways := unblocked(ways, arm, around, log)):
-                hands.append((arm, ways))
+        asked = [(arm, ways_of(first, arm, around, log, effort.extent)) for arm in judge.arms_for(first, self.arms)]
+        possible = [(arm, ways) for arm, ways in asked if ways is not None]
+        if not possible:
+            return
+        reach = max(self.inverse(arm, CLASSES[g]).reach for arm, ways in possible for g in set(ways.grasps.tolist()))
+        near = _sphere([ways.points for _, ways in possible], reach)
+        hands, checks = [], []
+        for arm, ways in possible:
+            check = around.arm_check(arm, ways.touches, opened=ways.opened, near=near)
+            if len(free := unblocked(ways, check, log)):
+                hands.append((arm, free))
+                checks.append(check)
         if not hands:
             return
         middle = np.mean([ways.points.mean(axis=0) for _, ways in hands], axis=0)
         spread = max(float(np.linalg.norm(ways.points[:, :2] - middle[:2], axis=1).max()) for _, ways in hands)
-        reach = max(self.inverse(arm, CLASSES[int(g)]).reach for arm, ways in hands for g in np.unique(ways.grasps))
         floor = around.floor()
         room = floor.field((float(middle[0]), float(middle[1])), block_of(first.body, around).yaw, spread + reach)
         terms = self.demand.areas
@@ -97,23 +105,19 @@ class ReachingSearch:
         log.add("not visible", found.unseen)
         if not len(found) and not found.without_room and not found.unwanted and not found.unseen:
             log.add("out of reach", sum(len(ways) for _, ways in hands))
-        self._crowded = found.crowded
         if log.explained:
             judge.name_crowding(found.crowded, log)
         if len(found):
-            some = False
-            for solution in self._in_blocks(found, hands, middle, spread + reach):
+            some, stance = False, around.stance_check(near)
+            for solution in self._in_blocks(found, hands, checks, middle, stance):
                 some = True
                 yield solution
-            if effort.then is not None and not some:
+            if effort.then is not None and not some and self.is_taken is None:
                 moved = between(found, floor, middle[:2], room.yaw, effort.most)
                 then = self._between(effort.then)
-                yield from then._in_blocks(moved, hands, middle, spread + reach, self._unseen()) if len(moved) else ()
-
-    def name_crowding(self) -> None:
-        """Count which bodies take the room of ways without any: when there will be no other search."""
-        if not self.log.explained:
-            self.judge.name_crowding(self._crowded, self.log)
+                yield from then._in_blocks(moved, hands, checks, middle, stance, self._unseen()) if len(moved) else ()
+        if not log.explained:
+            judge.name_crowding(found.crowded, log)
 
     def _between(self, effort: Effort) -> ReachingSearch:
         """The same search for candidates that have been looked at elsewhere already: they are not counted again."""
@@ -134,8 +138,9 @@ class ReachingSearch:
         self,
         found: Candidates,
         hands: Sequence[tuple[ArmModel, Ways]],
+        checks: Sequence[QuickCheck],
         middle: Array,
-        radius: float,
+        stance: QuickCheck,
         misses: Misses | None = None,
     ) -> Iterator[Solution]:
         around, effort, log = self.around, self.effort, self.log
@@ -144,8 +149,6 @@ class ReachingSearch:
         found = found.chosen(order)
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
         bases = bases.round(PLACES)  # as they are told
-        stance = around.stance_check((middle, radius))
-        checks = [around.arm_check(arm, ways.touches, opened=ways.opened, near=(middle, radius)) for arm, ways in hands]
         floor, judged = around.floor(), 0
         blind = Blind(middle[:2], strict=effort.fine)
         failed = _Failed()
@@ -195,6 +198,8 @@ class ReachingSearch:
             number, way = int(found.arms[row]), int(found.ways[row])
             base = bases[row]
             place = (float(base[0]), float(base[1]), float(base[2]))
+            if self.is_taken is not None and self.is_taken(place):
+                continue
             heading = float(hands[number][1].headings[way])
             if is_stopped(number, way):
                 continue
@@ -249,6 +254,12 @@ class ReachingSearch:
                 ok[mine] = [reason is None for reason in solved.reasons]
                 joints |= zip(chosen.tolist(), solved.joints, strict=True)
         return ok, joints
+
+
+def _sphere(points: Sequence[Array], reach: float) -> tuple[Array, float]:
+    """Middle (3,) and radius [m] of all that a robot may meet that reaches tip positions (n, 3)."""
+    every = np.concatenate(points)
+    return every[0], float(np.linalg.norm(every - every[0], axis=1).max()) + reach
 
 
 class _Failed:

@@ -1,15 +1,15 @@
 """How the robot moves: kinematics, paths of the arm and of the base, timing.
 
 General layout: ``urdf`` reads joints, ``symbolic`` and ``levenberg_marquardt`` are the mathematics behind
-``kinematics``, ``native`` and ``compiled`` make C of it, ``virtual_machine`` does without. ``hulls``, ``spheres``,
-``facets`` and ``solids`` are shapes, ``link_shapes`` those of a robot, ``arm_bodies`` puts them into a room as
-``bodies``; ``collision`` judges configurations and bases by them (``body_arrays``), here and for
-``executive.locations``. ``arm_path`` searches with it, ``tip_line`` goes straight; ``base_path`` (on ``clearance``)
-drives. ``timing`` turns waypoints into trajectories. Random generators are
-passed in; ``errors`` lists what is raised.
+``kinematics`` (of ``targets``), ``native`` and ``compiled`` make C of it, ``virtual_machine`` does without.
+``hulls``, ``spheres``, ``facets`` and ``solids`` are shapes, ``link_shapes`` those of a robot, ``arm_bodies`` puts
+them into a room as ``bodies``; ``collision`` judges configurations and bases by them (``body_arrays``), here and for
+``executive.locations``. ``arm_path`` searches a ``joint_space`` with it, ``tip_line`` goes straight; ``base_path``
+(on ``clearance``) drives. ``timing`` turns waypoints into trajectories. Random generators are passed in; ``errors``
+lists what is raised.
 """
 
-from executive.motion.arm_path import JointSpace, plan_path
+from executive.motion.arm_path import plan_path
 from executive.motion.base_path import plan_base_path
 from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
 from executive.motion.collision import QuickCheck
@@ -23,6 +23,7 @@ from executive.motion.errors import (
     StartInCollision,
 )
 from executive.motion.gaze import Gaze
+from executive.motion.joint_space import JointSpace
 from executive.motion.kinematics import Chain, InverseKinematics
 from executive.motion.timing import time_curve, time_path
 from executive.motion.tip_line import TipLine, cartesian_path, keeps_line

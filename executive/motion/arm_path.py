@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from executive.motion.collision import bisection
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
+from executive.motion.joint_space import JointSpace
 from planlang.protocols import Array
 
 Touching = Callable[[Array], Sequence[tuple[str, str]]]
@@ -54,68 +54,40 @@ class Quick(Protocol):
         """The exact check says that at a configuration (d,) these touch."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class JointSpace:
-    """Where an arm may be: limits (d,), which joints turn without end (d,), and ``resolution`` (d,) of checks."""
+class _Rows:
+    """Configurations in one array (n, d), which has room for more."""
 
-    lower: Array
-    upper: Array
-    continuous: NDArray[np.bool_]
-    resolution: Array
+    def __init__(self, dof: int) -> None:
+        self._room = np.empty((64, dof))
+        self._count = 0
 
-    @staticmethod
-    def of(
-        lower: ArrayLike, upper: ArrayLike, *, continuous: ArrayLike = False, resolution: ArrayLike = 0.08
-    ) -> JointSpace:
-        """From limits (d,); raises ValueError for a resolution that is not positive and limits that are not finite."""
-        low, high = np.asarray(lower, float), np.asarray(upper, float)
-        turning = np.array(np.broadcast_to(np.asarray(continuous, bool), low.shape))
-        steps = np.array(np.broadcast_to(np.asarray(resolution, float), low.shape))
-        if low.ndim != 1 or low.shape != high.shape:
-            raise ValueError(f"expected limits (d,), got shapes {low.shape}, {high.shape}")
-        if not (steps > 0).all() or not (np.isfinite(low) & np.isfinite(high) | turning).all():
-            raise ValueError("the resolution must be positive and the limits finite")
-        return JointSpace(np.where(turning, -np.pi, low), np.where(turning, np.pi, high), turning, steps)
+    def append(self, q: Array) -> None:
+        if self._count == len(self._room):
+            self._room = np.concatenate([self._room, np.empty_like(self._room)])
+        self._room[self._count] = q
+        self._count += 1
 
-    def move(self, start: Array, end: Array) -> Array:
-        """What takes one configuration (..., d) to another, the shorter way around."""
-        move = end - start
-        return np.asarray(move - np.where(self.continuous, 2 * np.pi * np.rint(move / (2 * np.pi)), 0.0))
-
-    def unwound(self, path: Sequence[Array]) -> list[Array]:
-        """The same waypoints, each the shorter way around from the one before."""
-        found = [path[0]]
-        for q in path[1:]:
-            move = q - found[-1]
-            found.append(q if (np.abs(move[self.continuous]) <= np.pi).all() else found[-1] + self.move(found[-1], q))
-        return found
-
-    def pieces(self, start: Array, end: Array) -> int:
-        """Into how many pieces a way is divided to be checked."""
-        return max(1, int(np.ceil((np.abs(end - start) / self.resolution).max() - 1e-9)))
-
-    def length(self, path: Sequence[Array]) -> float:
-        """Of a path, in units of the resolution."""
-        return sum(float(np.linalg.norm((b - a) / self.resolution)) for a, b in pairwise(path))
-
-    def points(self, path: Array) -> Array:
-        """Configurations (m, d) along waypoints (n, d), no farther apart than the resolution, the first left out."""
-        parts = []
-        for a, b in pairwise(path):
-            count = self.pieces(a, b)
-            parts.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
-        return np.concatenate(parts) if parts else path[:0]
+    @property
+    def filled(self) -> Array:
+        return self._room[: self._count]
 
 
-@dataclass(slots=True)
 class _Tree:
     """Configurations that hang from a root by free edges; parents come before their children."""
 
-    nodes: list[Array]
-    parents: list[int] = field(default_factory=lambda: [-1])
+    def __init__(self, root: Array) -> None:
+        self.nodes: list[Array] = []
+        self.parents: list[int] = []
+        self._rows = _Rows(len(root))
+        self.add(root, -1)
+
+    def add(self, q: Array, parent: int) -> None:
+        self.nodes.append(q)
+        self.parents.append(parent)
+        self._rows.append(q)
 
     def nearest(self, q: Array, space: JointSpace) -> int:
-        return int(np.argmin(((space.move(np.array(self.nodes), q) / space.resolution) ** 2).sum(axis=1)))
+        return int(np.argmin(((space.move(self._rows.filled, q) / space.resolution) ** 2).sum(axis=1)))
 
     def way(self, node: int) -> list[Array]:
         """From a node to the root."""
@@ -126,13 +98,12 @@ class _Tree:
 
     def pruned(self, free: Callable[[Array, Array], bool]) -> _Tree:
         """Without the edges that are not free any more, and what hangs from them."""
-        kept, left = {0: 0}, _Tree(self.nodes[:1])
+        kept, left = {0: 0}, _Tree(self.nodes[0])
         for number in range(1, len(self.nodes)):
             above = kept.get(self.parents[number])
             if above is not None and free(left.nodes[above], self.nodes[number]):
                 kept[number] = len(left.nodes)
-                left.nodes.append(self.nodes[number])
-                left.parents.append(above)
+                left.add(self.nodes[number], above)
         return left
 
 
@@ -149,8 +120,13 @@ class _Search:
     exactly: bool = False
     """Whether edges are checked exactly at once."""
     known: dict[bytes, Sequence[tuple[str, str]]] = field(default_factory=dict)
-    forbidden: list[tuple[Array, float]] = field(default_factory=list)
+    forbidden: _Rows = field(init=False)
+    radii: list[float] = field(default_factory=list)
+    """How near a way may come to each of the forbidden places, in units of the edge resolution."""
     counts: dict[str, int] = field(default_factory=lambda: {"branches": 0, "exact checks": 0, "exact hits": 0})
+
+    def __post_init__(self) -> None:
+        self.forbidden = _Rows(len(self.space.resolution))
 
     def pairs(self, q: Array) -> Sequence[tuple[str, str]]:
         """What touches at a configuration, exactly; each is asked for once."""
@@ -176,13 +152,14 @@ class _Search:
 
     def _allowed(self, a: Array, b: Array) -> bool:
         """Whether a way passes no place where the exact check has found a hit."""
-        if not self.forbidden:
+        if not self.radii:
             return True
         move = (b - a) / self.space.resolution
-        for place, radius in self.forbidden:
-            away = self.space.move(a, place) / self.space.resolution
-            share = min(1.0, max(0.0, float(away @ move) / max(float(move @ move), 1e-12)))
-            if np.abs(away - share * move).max() < radius:
+        aways = self.space.move(a, self.forbidden.filled) / self.space.resolution
+        around = (aways >= np.minimum(move, 0.0) - FORBIDDEN) & (aways <= np.maximum(move, 0.0) + FORBIDDEN)
+        for place in np.flatnonzero(around.all(axis=1)):
+            share = min(1.0, max(0.0, float(aways[place] @ move) / max(float(move @ move), 1e-12)))
+            if np.abs(aways[place] - share * move).max() < self.radii[place]:
                 return False
         return True
 
@@ -196,7 +173,8 @@ class _Search:
     def forbid(self, q: Array, ends: Sequence[Array]) -> None:
         """Remember a place of an exact hit; start and goal, if they are near, stay accessible."""
         away = min(float(np.abs(self.space.move(q, end) / self.space.resolution).max()) for end in ends)
-        self.forbidden.append((q, min(FORBIDDEN, away / 2)))
+        self.forbidden.append(q)
+        self.radii.append(min(FORBIDDEN, away / 2))
         self.counts["exact hits"] += 1
         self.quick.learn(q, self.pairs(q))
 
@@ -252,7 +230,7 @@ def _paths(search: _Search, start: Array, goal: Array, iterations: int) -> Itera
     known = -1
     if search.edge_free(start, goal):
         yield [start, goal]
-    here, there = _Tree([start]), _Tree([goal])
+    here, there = _Tree(start), _Tree(goal)
     space, reach = search.space, REACH * search.space.resolution
     for _ in range(iterations):
         if search.exactly and search.counts["exact checks"] > EXACT_CHECKS:
@@ -287,8 +265,7 @@ def _grow(search: _Search, tree: _Tree, node: int, target: Array, reach: Array) 
     if not (search.free(end) and search.edge_free(begin, end)):
         return None
     search.counts["branches"] += 1
-    tree.nodes.append(end)
-    tree.parents.append(node)
+    tree.add(end, node)
     return len(tree.nodes) - 1
 
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from executive.motion.arm_path import JointSpace, plan_path
+from executive.motion.arm_path import plan_path
 from executive.motion.collision import bisection
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
+from executive.motion.joint_space import JointSpace
 from planlang.protocols import Array
 
 LOW, HIGH = np.zeros(2), np.ones(2) * 4
@@ -29,7 +30,8 @@ class Rough:
         return self.is_free(q)
 
     def edge_free(self, start: Array, end: Array, pieces: int) -> bool:
-        return all(self.is_free(start + (end - start) * (i / pieces)) for i in bisection(pieces).tolist())
+        inner = start + (end - start) * (bisection(pieces) / pieces)[:, None]
+        return all(self.is_free(q) for q in inner)
 
     def sure(self, q: Array) -> NDArray[np.bool_]:
         return np.zeros(len(q), bool)
@@ -43,13 +45,14 @@ class Rough:
 
 def maze(rng: np.random.Generator, shaved: float = 0.0) -> IsFree:
     """Three walls 0.3 thick across a square of side 4, each with a gap of 0.6 somewhere, shaved on all sides."""
-    gaps = rng.uniform(0.2, 3.2, 3)
+    walls = [
+        (0.9 + i + shaved, 1.2 + i - shaved, gap - shaved, gap + 0.6 + shaved)
+        for i, gap in enumerate(rng.uniform(0.2, 3.2, 3).tolist())
+    ]
 
     def is_free(q: Array) -> bool:
-        return all(
-            not (0.9 + i + shaved < q[0] < 1.2 + i - shaved) or gap - shaved < q[1] < gap + 0.6 + shaved
-            for i, gap in enumerate(gaps)
-        )
+        x, y = q.tolist()
+        return all(not left < x < right or low < y < high for left, right, low, high in walls)
 
     return is_free
 
