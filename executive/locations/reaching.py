@@ -12,8 +12,9 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.locations.between import between
 from executive.locations.blind import Blind
-from executive.locations.candidates import Candidates, invert
+from executive.locations.candidates import Candidates, Misses, invert
 from executive.locations.effort import Effort
 from executive.locations.hand_ways import ways_of
 from executive.locations.judging import PLACES, BaseJudge, scored
@@ -107,11 +108,24 @@ class ReachingSearch:
         if log.explained:
             judge.name_crowding(found.crowded, log)
         if len(found):
-            yield from self._in_blocks(found, hands, checks, middle, around.stance_check(near))
+            some, stance = False, around.stance_check(near)
+            for solution in self._in_blocks(found, hands, checks, middle, stance):
+                some = True
+                yield solution
+            if effort.then is not None and not some and self.is_taken is None:
+                moved = between(found, floor, middle[:2], room.yaw, effort.most)
+                then = self._between(effort.then)
+                yield from then._in_blocks(moved, hands, checks, middle, stance, self._unseen()) if len(moved) else ()
         if not log.explained:
             judge.name_crowding(found.crowded, log)
 
-    def _unseen(self) -> Callable[[Array], NDArray[np.bool_]] | None:
+    def _between(self, effort: Effort) -> ReachingSearch:
+        """The same search for candidates that have been looked at elsewhere already: they are not counted again."""
+        log = self.log
+        log = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
+        return ReachingSearch(self.judge, self.wanted, self.demand, self.arms, effort, log)
+
+    def _unseen(self) -> Misses | None:
         """Tells from which bases the robot itself is in the way of seeing what has to be seen."""
         view = self.around.own_view()
         names = self.judge.to_see(self.demand)
@@ -127,6 +141,7 @@ class ReachingSearch:
         checks: Sequence[QuickCheck],
         middle: Array,
         stance: QuickCheck,
+        misses: Misses | None = None,
     ) -> Iterator[Solution]:
         around, effort, log = self.around, self.effort, self.log
         x, y, _ = around.base()
@@ -168,7 +183,10 @@ class ReachingSearch:
             for rows in standing():
                 rows = rows[[not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]]
                 ways_ok, joints = self._solved(found, rows, bases, hands, checks)
-                for row in rows[ways_ok].tolist():
+                rows = rows[ways_ok]
+                if misses is not None and len(rows):
+                    rows = rows[~misses(bases[rows])]
+                for row in rows.tolist():
                     arm, ways = hands[int(found.arms[row])]
                     solution = ReachSolution(self.wanted[0], arm, ways.plan(int(found.ways[row])), joints[row])
                     yield row, solution, True
