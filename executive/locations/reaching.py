@@ -46,7 +46,10 @@ class ReachingSearch:
         arms: Sequence[ArmModel],
         effort: Effort,
         log: Rejections,
+        is_taken: Callable[[Base], bool] | None = None,
     ) -> None:
+        """``is_taken`` tells of which places nothing needs to be known any more."""
+        self.is_taken = is_taken
         self.judge, self.around, self.inverse = judge, judge.around, judge.inverse
         self.wanted, self.demand, self.arms, self.effort, self.log = wanted, demand, arms, effort, log
 
@@ -177,6 +180,8 @@ class ReachingSearch:
             number, way = int(found.arms[row]), int(found.ways[row])
             base = bases[row]
             place = (float(base[0]), float(base[1]), float(base[2]))
+            if self.is_taken is not None and self.is_taken(place):
+                continue
             heading = float(hands[number][1].headings[way])
             if is_stopped(number, way):
                 continue

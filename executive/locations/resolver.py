@@ -83,24 +83,28 @@ class Resolver:
         if (solution := judge.at(here, 1.0, demand, arms, log)) is not None:
             found.append(here)
             yield solution
-        before = log.copy()
+
+        def is_taken(base: Base) -> bool:
+            """Whether a place near to that was found."""
+            return any(round(math.dist(base[:2], other[:2]), 4) <= APART for other in found)
+
+        before, again = log.copy(), False
         for effort in EFFORTS if wanted else EFFORTS[:1]:
             if not log.counts[COLLISION]:  # nothing that a few degrees would help with
                 effort = replace(effort, extent=min(effort.extent, Extent.ALL))
             log.begin_again(before)
             places = (
-                ReachingSearch(judge, wanted, demand, arms, effort, log).places()
+                ReachingSearch(judge, wanted, demand, arms, effort, log, is_taken if again else None).places()
                 if wanted
                 else standing_places(judge, demand, log)
             )
             for solution in places:
-                if any(round(math.dist(solution.base[:2], other[:2]), 4) <= APART for other in found):
+                if is_taken(solution.base):
                     continue
                 found.append(solution.base)
                 yield solution
-            if found:
-                break
-        raise log.failure(location)
+            again = bool(found)  # what was found is found again: it need not be judged once more
+        raise log.failure(location, after=len(found))
 
     def reached_from(self, base: Base) -> Mapping[tuple[str, Base], Mapping[Reach, ReachSolution]]:
         """How arms can reach from a place what was asked for when it was found, if that is the last that was found."""
@@ -160,7 +164,7 @@ class Resolver:
                     yield way
             if found:
                 break
-        raise log.failure(location)
+        raise log.failure(location, after=int(found))
 
     # Poses of objects
 
@@ -174,10 +178,12 @@ class Resolver:
         if demand.on is None and demand.inside is None and not any(inside for _, inside in demand.people):
             needed = (("on", "in_"), " or ", ("in_reach_of",), " a person")
             raise meaningless(location, location, f" does not say where {name} rests: it needs ", *needed)
+        found = 0
         for pose in thing_poses(name, size, demand, around, log):
             if thing_holds(name, pose, size, demand, around):
+                found += 1
                 yield pose
-        raise log.failure(location)
+        raise log.failure(location, after=found)
 
     # What holds now
 
