@@ -173,7 +173,7 @@ def _bases(location: Location, platform: Platform, count: int, log: Rejections) 
         detail = solution.detail
         arm = detail.get("arm", "")
         how = f"{arm if arm.endswith('arm') else f'{arm} arm'}: {', '.join(detail['reaches'])}" if arm else ""
-        line = f"{number}  x {x:.3f}  y {y:.3f}  yaw {yaw:.3f}  {how}".rstrip()
+        line = f"{number}  {_listed(x=x, y=y, yaw=yaw)}  {how}".rstrip()
         yield line, {"x": x, "y": y, "yaw": yaw, **detail}
 
 
@@ -183,7 +183,7 @@ def _things(
     """Places for a thing: the centre of its box."""
     for number, pose in enumerate(islice(platform.resolver.things(location, what, log), count), 1):
         x, y, z = pose.position
-        line = f"{number}  x {x:.3f}  y {y:.3f}  z {z:.3f}  yaw {pose.yaw:.3f}"
+        line = f"{number}  {_listed(x=x, y=y, z=z, yaw=pose.yaw)}"
         yield line, {"x": x, "y": y, "z": z, "yaw": pose.yaw, **({"frame": frame} if frame else {})}
 
 
@@ -199,8 +199,13 @@ def _told(frame: Mapping[str, str], platform: Platform) -> Iterator[str]:
     """A line for each side."""
     x, y, _ = platform.base()
     for words, whose in frame.items():
-        seen = f"as seen from the robot at x {x:.3f}  y {y:.3f}"
+        seen = f"as seen from the robot at {_listed(x=x, y=y)}"
         yield f"  {words}: {'in its own frame' if whose == 'its own' else seen}"
+
+
+def _listed(**numbers: float) -> str:
+    """Numbers of a pose [m, rad] with their names; nothing is less than nothing."""
+    return "  ".join(f"{name} {round(number, 3) + 0.0:.3f}" for name, number in numbers.items())
 
 
 def _resolved(
