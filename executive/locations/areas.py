@@ -42,6 +42,8 @@ FACING = math.radians(30)
 """A base faces what is within this angle of its heading [rad]."""
 HAIR = 1e-3
 """Places come to a tenth of a millimetre: an area has its border this much farther out [m]."""
+STEEPEST = math.sqrt(2)
+"""How much nearer a border may come with each metre: to be on a side is a difference of two distances."""
 POOREST = 1e-12
 """Score of a point that is in an area and as bad as can be."""
 
@@ -81,15 +83,21 @@ class Area:
             math.hypot(self.block.half_x, self.block.half_y) + min(self.most + self.radius, 3.0),
         )
 
-    def _inside(self, points: Array) -> NDArray[np.bool_]:
+    def nearly(self, points: Array, within: float) -> NDArray[np.bool_]:
+        """Whether the area may have a point within so many metres of points (n, 2); if not, it surely has none (n,)."""
+        border = STEEPEST * within
+        return self._inside(points, HAIR + border) if not self.negated else ~self._inside(points, HAIR - border)
+
+    def _inside(self, points: Array, border: float = HAIR) -> NDArray[np.bool_]:
+        """Whether points are in the area, without its negation, with its border so much farther out [m]."""
         if not self.directions:
             away = self._gap(points)
-            return np.asarray((away >= self.least - HAIR) & (away <= self.most + HAIR))
+            return np.asarray((away >= self.least - border) & (away <= self.most + border))
         found = np.zeros(len(points), bool)
         for direction in self.directions:
             ahead, aside = self._along(points, direction)
             away = ahead - self.radius
-            inside = (away >= self.least - HAIR) & (away <= self.most + HAIR) & (np.abs(aside) <= ahead + HAIR)
+            inside = (away >= self.least - border) & (away <= self.most + border) & (np.abs(aside) <= ahead + border)
             found |= inside
         return found
 
@@ -128,9 +136,13 @@ class Facing:
     block: Block
     negated: bool = False
 
+    def bearing(self, points: Array) -> Array:
+        """Headings (n,) from points (n, 2 or more) to its middle [rad]."""
+        return np.arctan2(self.block.y - points[:, 1], self.block.x - points[:, 0])
+
     def score(self, bases: Array) -> Array:
         """How well bases (n, 3) face it, (n,) in [0, 1]; 0 exactly where they do not."""
-        bearing = np.arctan2(self.block.y - bases[:, 1], self.block.x - bases[:, 0])
+        bearing = self.bearing(bases)
         miss = np.abs(np.arctan2(np.sin(bases[:, 2] - bearing), np.cos(bases[:, 2] - bearing)))
         inside = miss <= FACING + HAIR
         return np.where(inside != self.negated, 1.0 if self.negated else np.cos(miss), 0.0)

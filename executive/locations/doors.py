@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.locations.block import Block
 from executive.locations.surroundings import Door
@@ -26,13 +27,22 @@ class Clear:
 
     def score(self, points: Array) -> Array:
         """1 where points (n, 2) are clear, else 0; a little less where they nearly are not, (n,)."""
-        gaps = [_from_sweep(door, points) for door in self.doors]
-        if self.block is not None:
-            gaps.append(self.block.distance(points))
-        gap = np.min(gaps, axis=0) - self.radius if gaps else np.full(len(points), np.inf)
+        gap = self._gap(points)
         if self.negated:
             return np.asarray(gap <= 0, float)
         return np.where(gap > 0, 0.7 + 0.3 * np.clip(gap / 0.3, 0.0, 1.0), 0.0)
+
+    def nearly(self, points: Array, within: float) -> NDArray[np.bool_]:
+        """Whether a place within so many metres of points (n, 2) may do; if not, there surely is none (n,)."""
+        gap = self._gap(points)
+        return np.asarray(gap <= within if self.negated else gap > -within)
+
+    def _gap(self, points: Array) -> Array:
+        """Distances (n,) of the outline from the block and the sweeps [m]."""
+        gaps = [_from_sweep(door, points) for door in self.doors]
+        if self.block is not None:
+            gaps.append(self.block.distance(points))
+        return np.min(gaps, axis=0) - self.radius if gaps else np.full(len(points), np.inf)
 
 
 def _from_sweep(door: Door, points: Array) -> Array:

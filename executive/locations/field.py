@@ -74,6 +74,11 @@ class Floor:
         """Room (m,) [m] to turn at points (m, 2): negative where there is too little, -inf off the map."""
         return np.where(self._on_map(points), clearance_at(points, self.boxes, self.silhouette), -np.inf)
 
+    def nearly(self, points: Array, within: float) -> NDArray[np.bool_]:
+        """Whether the robot may fit, somehow turned, within so many metres of points (m, 2); if not, it cannot (m,)."""
+        least = clearance_at(points, self.boxes, cores(self.outlines))
+        return np.asarray(least > -TOUCHING - within)
+
     def _on_map(self, points: Array) -> NDArray[np.bool_]:
         x_min, y_min, x_max, y_max = self.bounds
         x, y = points[:, 0], points[:, 1]

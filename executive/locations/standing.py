@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.locations.anywhere import all_places
 from executive.locations.grid import around_places
 from executive.locations.judging import MOST_CROWDED, PLACES, BaseJudge, scored
 from executive.locations.own_view import Unseen
@@ -25,10 +26,33 @@ MOST_AREAS = 600
 
 
 def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> Iterator[Solution]:
-    """Places without reach: on a grid around what they are about, or over the whole floor."""
+    """Places without reach: around what they are about or, where none of those will do, anywhere."""
+    found, looked_at = yield from _judged(judge, demand, around_places(demand, judge.around), MOST_AREAS, log)
+    if found or looked_at >= MOST_AREAS:
+        return
+    counts, blocking = log.counts.copy(), log.blocking.copy()
+    anywhere = all_places(demand, judge.around)
+    yield from _judged(judge, demand, anywhere, MOST_AREAS - looked_at, log, named=bool(blocking))
+    if blocking:  # what is in the way where one would look first
+        log.counts, log.blocking = counts, blocking
+
+
+def _judged(
+    judge: BaseJudge,
+    demand: BaseDemand,
+    places: tuple[Array, Array, NDArray[np.intp]],
+    most: int,
+    log: Rejections,
+    *,
+    named: bool = False,
+) -> Generator[Solution, None, tuple[bool, int]]:
+    """Of bases, with the room around each and its square, those that will do; so many are looked at exactly.
+
+    ``named``: what takes the room is known. Returns whether there were any, and how many were looked at.
+    """
     around = judge.around
     terms = list(demand.areas)
-    bases, room, squares = around_places(demand, around)
+    bases, room, squares = places
     score = np.ones(len(bases))
     for term in terms:
         score = score * scored(term, bases)
@@ -41,14 +65,14 @@ def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> It
     travel = np.hypot(bases[:, 0] - x, bases[:, 1] - y)
     total = score * (0.4 + np.clip(room, 0.0, 0.3)) * np.exp(-travel / TRAVEL)
     crowded = np.flatnonzero(~roomy & (score > 0))
-    if not (roomy & (score > 0)).any():
+    if not named and not (roomy & (score > 0)).any():
         promising = crowded[np.argsort(-score[crowded].round(9), kind="stable")][:MOST_CROWDED]
         judge.name_crowding([(float(score[index]), bases[index]) for index in promising], log)
     good = np.flatnonzero(roomy & (score > 0))
     log.scored.append((bases[good], total[good]))
     order = good[np.argsort(-total[good].round(9), kind="stable")]
-    hidden = 0
-    rows = np.fromiter(islice(_spread(squares[order], order), MOST_AREAS), np.intp)
+    found, hidden = False, 0
+    rows = np.fromiter(islice(_spread(squares[order], order), most), np.intp)
     for row, unseen in zip(rows.tolist(), _surely_unseen(judge, demand, bases[rows]), strict=True):
         if unseen and (hidden := hidden + 1) > MOST_CROWDED:
             log.add("not visible")
@@ -61,7 +85,9 @@ def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> It
             continue
         answer = judge.answer(base, float(total[row]), {}, demand, log)
         if answer is not None:
+            found = True
             yield answer
+    return found, len(rows)
 
 
 def _surely_unseen(judge: BaseJudge, demand: BaseDemand, bases: Array) -> Iterator[bool]:
