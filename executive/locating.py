@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -14,14 +14,17 @@ from executive.capabilities import bind_robot
 from executive.carrying import with_carrying
 from executive.console import DONE, FAILED, MISSING_CAPABILITY, Answer
 from executive.knowledge import SemanticMap, read_map, scene_of
-from executive.locations import Base, Rejections
+from executive.locations import TABLE, Base, Rejections
+from executive.locations.idle import without_idle
+from executive.locations.relations import base_demand, sides, thing_demand
 from executive.outputs import replace as write_complete
 from executive.platform import Platform
-from planlang.designators import Location, Object, Person
-from planlang.diagnostics import BadInput, Diagnostic, error, note
-from planlang.failures import LocationUnresolvable, ObjectUnresolvable
+from planlang.designators import Location, Object, Person, Relation
+from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
+from planlang.failures import LocationMeaningless, LocationUnresolvable, ObjectUnresolvable
 from planlang.ontology import expand, load, shorten
-from planlang.phrases import Lexicon, read_location, read_thing, write_location
+from planlang.phrases import FORMS, Lexicon, read_location, read_thing, write_location, write_relation, write_thing
+from planlang.phrases.words import GRASP_FORMS
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +55,18 @@ def locate(options: LocateOptions) -> Answer:
         found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
         if location.device is not None and not robot.arms_of(location.device):
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
-            text = f"MissingCapability: {robot.name} has no {location.device}; its arms: {arms}"
+            asked = write_thing(location.device).removeprefix("the ")
+            text = f"MissingCapability: {robot.name} has no {asked}; its arms: {arms}"
             return Answer(MISSING_CAPABILITY, tuple(found), text, {"failure": ["MissingCapability"]})
         world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
         platform = platform_of(robot, semantic_map, world, world, 0)
         what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
-        meant = _meant([*references(location), *([] if what is None else [what])], platform)
-        found.extend(_choices(meant, platform))
-        return _resolved(location, what, lexicon, platform, meant, found, options)
+        meant = _meant([*references(location), *([] if what is None else [what])], lexicon, platform)
+        found.extend(_choices(meant, lexicon, platform))
+        try:
+            return _resolved(location, what, lexicon, platform, meant, found, options)
+        except LocationMeaningless as problem:
+            raise BadInput([*found, *_of_no_place(problem, location, what, lexicon)]) from None
 
 
 def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
@@ -84,7 +91,7 @@ def references(location: Location) -> Iterator[Object]:
                 yield what
 
 
-def _meant(designators: Iterable[Object], platform: Platform) -> dict[Object, str]:
+def _meant(designators: Iterable[Object], lexicon: Lexicon, platform: Platform) -> dict[Object, str]:
     """The body that each designator means; raises BadInput when the map has none."""
     meant: dict[Object, str] = {}
     problems = []
@@ -93,20 +100,70 @@ def _meant(designators: Iterable[Object], platform: Platform) -> dict[Object, st
             meant[what] = platform.around.bind(what)
         except ObjectUnresolvable:
             known = ", ".join(platform.belief.names())
-            message = f"the map has no {what}"
+            message = f"the map has no {write_thing(what, lexicon).removeprefix('the ')}"
             problems.append(error("P008", message, help=f"it has {known}"))
     if problems:
         raise BadInput(problems)
     return meant
 
 
-def _choices(meant: Mapping[Object, str], platform: Platform) -> Iterator[Diagnostic]:
+def _choices(meant: Mapping[Object, str], lexicon: Lexicon, platform: Platform) -> Iterator[Diagnostic]:
     """Which of several things was taken."""
     for what, name in meant.items():
         others = [other for other in platform.belief.alike(what) if other != name]
         if what.iri is None and others:
             help = f"name it to mean another: {', '.join(others)}"
-            yield note("P009", f"the {what} is {name}, the nearest of {len(others) + 1}", help=help)
+            said = write_thing(what, lexicon)
+            yield note("P009", f"{said} is {name}, the nearest of {len(others) + 1}", help=help)
+
+
+def _of_no_place(
+    problem: LocationMeaningless, location: Location, what: Object | None, lexicon: Lexicon
+) -> Iterator[Diagnostic]:
+    """Why a phrase is of no place, in the words of phrases."""
+
+    def words(part: object) -> str:
+        if isinstance(part, Relation):
+            return repr(write_relation(part, lexicon))
+        return repr(write_location(part, lexicon)) if isinstance(part, Location) else FORMS[str(part)][0]
+
+    yield error("P010", problem.told(words), help=_other_subject(location, what, lexicon))
+
+
+def _used(location: Location, what: Object | None, platform: Platform) -> Location:
+    """The same without arms and grasps that nothing uses."""
+    if what is not None:
+        return replace(location, device=None, grasp=None)
+    return without_idle(location, platform.around, platform.base()[:2])
+
+
+def _idle(said: Location, used: Location) -> Iterator[Diagnostic]:
+    """The arms and grasps that were said and are not used, places within places included."""
+    idle = []
+    if said.device is not None and used.device is None:
+        idle.append(f"with {write_thing(said.device)}")
+    if said.grasp is not None and used.grasp is None:
+        idle.append(GRASP_FORMS[said.grasp][0])
+    if idle:
+        help = "arms and grasps are said of what is reached: in reach of the bottle with the left arm from the top"
+        yield warning("P011", f"nothing uses {' '.join(idle)!r} here; it is left out", help=help)
+    for one, other in zip(said.relations, used.relations, strict=True):
+        if isinstance(one.reference, Location) and isinstance(other.reference, Location):
+            yield from _idle(one.reference, other.reference)
+
+
+def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) -> str | None:
+    """How to ask for places of what a relation means something for, if it means nothing for what was asked for."""
+    for relation in location.relations:
+        meaning = TABLE[relation.name]
+        if what is None and meaning.base is None:
+            hints = ["--of THING asks for places of a thing"] if meaning.thing else []
+            if meaning.hand:
+                hints.append(f'the base for a hand is "in reach of a place {write_relation(relation, lexicon)}"')
+            return "; ".join(hints)
+        if what is not None and meaning.thing is None and meaning.base is not None:
+            return "without --of it asks for places of the base"
+    return None
 
 
 def _bases(location: Location, platform: Platform, count: int, log: Rejections) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -121,13 +178,29 @@ def _bases(location: Location, platform: Platform, count: int, log: Rejections) 
 
 
 def _things(
-    location: Location, what: Object, platform: Platform, count: int, log: Rejections
+    location: Location, what: Object, frame: Mapping[str, str], platform: Platform, count: int, log: Rejections
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Places for a thing: the centre of its box."""
     for number, pose in enumerate(islice(platform.resolver.things(location, what, log), count), 1):
         x, y, z = pose.position
         line = f"{number}  x {x:.3f}  y {y:.3f}  z {z:.3f}  yaw {pose.yaw:.3f}"
-        yield line, {"x": x, "y": y, "z": z, "yaw": pose.yaw}
+        yield line, {"x": x, "y": y, "z": z, "yaw": pose.yaw, **({"frame": frame} if frame else {})}
+
+
+def _frame(location: Location, what: str | None, platform: Platform) -> dict[str, str]:
+    """Whose sides are meant, by what is said of them."""
+    around, (x, y, _) = platform.around, platform.base()
+    if what is None:
+        return sides(base_demand(location, around, (x, y)), around)
+    return sides(thing_demand(location, what, around, (x, y)), around)
+
+
+def _told(frame: Mapping[str, str], platform: Platform) -> Iterator[str]:
+    """A line for each side."""
+    x, y, _ = platform.base()
+    for words, whose in frame.items():
+        seen = f"as seen from the robot at x {x:.3f}  y {y:.3f}"
+        yield f"  {words}: {'in its own frame' if whose == 'its own' else seen}"
 
 
 def _resolved(
@@ -141,11 +214,17 @@ def _resolved(
 ) -> Answer:
     log, failure = Rejections(explained=True), None
     places: list[tuple[str, dict[str, Any]]] = []
+    frame: Mapping[str, str] = {}
     try:
+        used = _used(location, what, platform)
+        found.extend(_idle(location, used))
+        location, frame = used, _frame(used, None if what is None else meant[what], platform)
         if what is None:
             places.extend(_bases(location, platform, options.count, log))
         else:
-            places.extend(_things(location, what, platform, options.count, log))
+            places.extend(_things(location, what, frame, platform, options.count, log))
+    except LocationMeaningless:
+        raise
     except LocationUnresolvable as problem:
         failure = problem
     counts, blocking = dict(log.counts.most_common()), dict(log.blocking.most_common())
@@ -157,11 +236,11 @@ def _resolved(
         "counts": counts,
         "blocking": blocking,
     }
-    lines = [phrase, *(f"  {line}" for line, _ in places)]
+    lines = [phrase, *_told(frame, platform), *(f"  {line}" for line, _ in places)]
     if not places:
-        said = str(failure).replace(f"{location}: ", "", 1)  # the phrase says it already
+        said = str(failure).replace(f": {location}", "", 1)  # the phrase says it already
         data |= {"failure": [type(failure).__name__], "message": said}
-        lines = [phrase, said]
+        lines.append(said)
     elif counts:
         lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in counts.items())}")
     if options.explain is not None:

@@ -7,23 +7,32 @@ import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.plan_header import header
 
 
-def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> list[Diagnostic]:
+def check_outputs(
+    outputs: Mapping[str, Path | None],
+    inputs: Mapping[str, Path | None],
+    pictures: Mapping[str, Path | None] = MappingProxyType({}),
+) -> list[Diagnostic]:
     """What would keep the files from being written, found before the work starts.
 
-    ``outputs`` and ``inputs`` map what the user calls a file (``--trace``) to its path, or to None when not asked for.
+    All map what the user calls a file (``--trace``) to its path, or to None when not asked for; ``pictures`` are
+    outputs that are PNG files.
     """
     problems: list[Diagnostic] = []
     taken = {path.resolve(): name for name, path in inputs.items() if path is not None}
-    for name, path in outputs.items():
+    for name, path in {**outputs, **pictures}.items():
         if path is None:
             continue
         folder = path.parent
-        if path.is_dir():
+        if name in pictures and path.suffix.lower() not in ("", ".png"):
+            advice = f"name it {path.with_suffix('.png').name}"
+            problems.append(error("C004", f"{name} {path}: pictures are written as PNG", help=advice))
+        elif path.is_dir():
             problems.append(error("C004", f"{name} {path} is a folder", help="name a file in it"))
         elif not folder.is_dir():
             problems.append(error("C004", f"{name} {path}: there is no folder {folder}", help=f"mkdir -p {folder}"))

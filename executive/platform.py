@@ -19,6 +19,7 @@ from executive.motion import (
     MotionError,
     NoPath,
     cartesian_path,
+    clearance_at,
     clearance_field,
     keeps_line,
     plan_base_path,
@@ -29,11 +30,13 @@ from executive.motion import (
 from executive.surroundings import BelievedSurroundings
 from planlang import Fluent, checkpoint, wait_for
 from planlang.designators import Location, Object
-from planlang.failures import ActionUnresolvable, LookingGoalUnreachable
+from planlang.failures import ActionUnresolvable, LookingGoalUnreachable, ObjectUnresolvable
 from planlang.protocols import Array, Motion, Pose, Trajectory, World
 
 STEPS = (1.0, 0.5, 0.25)
 """A path whose every sample is not free is planned anew with checks this much closer to each other."""
+ROOMY = 0.01
+"""Where a standing robot, taken for round, has as much room as this it touches nothing [m]."""
 CARRYING = "carrying"
 """The posture in which the robot drives, and from which another place can be tried."""
 BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
@@ -95,21 +98,24 @@ class Platform:
         around, drive, start = self.around, self.robot.base, self.base()
         x_min, y_min, x_max, y_max = around.world.scene.bounds
         grid = Grid.over((x_min, y_min), (x_max, y_max))
-        room = clearance_field(grid, around.obstacles(), around.silhouette())
+        obstacles, silhouette = around.obstacles(), around.silhouette()
+        room = clearance_field(grid, obstacles, silhouette)
 
-        def is_free(x: float, y: float, yaw: float) -> bool:
-            return not around.contacts((x, y, yaw))
+        def touching(x: float, y: float, yaw: float) -> list[tuple[str, str]]:
+            return [(contact.part, contact.body) for contact in around.contacts((x, y, yaw))]
 
         for step in STEPS:
             trajectory = time_path(
                 ("x", "y", "yaw"),
-                plan_base_path(start, goal, grid, room, is_free, resolution=0.08 * step),
+                plan_base_path(start, goal, grid, room, touching, resolution=0.08 * step),
                 velocity=(drive.speed, drive.speed, drive.turn_speed),
                 acceleration=(drive.acceleration, drive.acceleration, drive.turn_acceleration),
                 jerk=drive.jerk,
                 rate=self.world.rate,
             )
-            if all(is_free(*map(float, row)) for row in trajectory.positions[1:]):
+            rows = trajectory.positions[1:]
+            doubtful = rows[clearance_at(rows[:, :2], obstacles, silhouette) < ROOMY]
+            if not any(touching(*row) for row in doubtful.tolist()):
                 return trajectory
         raise NoPath(start, goal, {"finer checks": len(STEPS)})
 
@@ -177,6 +183,17 @@ class Platform:
         """Those that hold something, and not for somebody else, the one that was chosen before first."""
         others = self.choices.others()
         return [arm for arm in self.in_order(arms) if self.around.held(arm.name) and arm.name not in others]
+
+    def free(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """Those that hold nothing: they take hold of things. In order as all arms are."""
+        return [arm for arm in self.in_order(arms) if self.around.held(arm.name) is None]
+
+    def in_hand(self, what: Object) -> bool:
+        """Whether the robot holds a thing, as far as it is known which that is."""
+        try:
+            return self.around.bind(what) in self.belief.held
+        except ObjectUnresolvable:
+            return False
 
     def use(self, arm: ArmModel, way: ReachSolution) -> None:
         """Remember which arm was chosen, and the grasp that was begun."""

@@ -40,19 +40,19 @@ def scenery_of(
         bodies.append(Outline(name, points, kind, facing))
     robot = platform.robot.base.radius
     size = robot if placed_thing is None else max(world.size(placed_thing)[:2]) / 2
-    regions = list(_regions(platform, location, None if placed_thing is None else size))
+    regions = list(_regions(platform, location, placed_thing))
     on_floor = placed_thing is None
     return Scenery(world.scene.bounds, bodies, size, platform.base(), robot, regions, on_floor)
 
 
-def _regions(platform: Platform, location: Location, radius: float | None) -> Iterator[Region]:
-    """Where each conjunct about the floor holds, for the base or for a thing of a radius [m]."""
+def _regions(platform: Platform, location: Location, placed_thing: str | None) -> Iterator[Region]:
+    """Where each conjunct about the floor holds, for the base or for a thing."""
     around, (x, y, _) = platform.around, platform.base()
     try:
-        if radius is None:
+        if placed_thing is None:
             areas = base_demand(location, around, (x, y)).areas
         else:
-            areas = thing_demand(location, around, radius, (x, y)).areas
+            areas = thing_demand(location, placed_thing, around, (x, y)).areas
     except LocationUnresolvable:
         return
     for area in areas:

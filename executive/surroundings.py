@@ -51,6 +51,7 @@ class BelievedSurroundings:
         self._bodies: tuple[object, Boxes, Solids] | None = None
         self._floor: tuple[object, Floor] | None = None
         self._links = frozenset(world.robot.solid_names)
+        self._rest = {arm.name: self._links - self._own_links(arm) for arm in arms}
         links = links_of(world)
         self._chains = {
             arm.name: ArmShapes(world, links, arm.solver.chain, robot.base_link, robot.arm(arm.name).tip)
@@ -62,6 +63,12 @@ class BelievedSurroundings:
         self._touched: tuple[object, tuple[Contact, ...]] | None = None
         self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
         self._arm_bodies: dict[tuple[str, bool], tuple[object, ArmBodies]] = {}
+
+    def _own_links(self, arm: ArmModel) -> frozenset[str]:
+        """Links that other joints of an arm than the torso's move."""
+        robot = self.world.robot
+        moved = (robot.moved_by(name) for name in arm.joints if arm.lift is None or name != arm.lift.joint)
+        return frozenset(robot.solid_names[number] for number in frozenset[int]().union(*moved))
 
     def arms_of(self, device: Device) -> Sequence[ArmModel]:
         """Arms that a device designator may mean: by the robot's part, else by type and side."""
@@ -174,21 +181,14 @@ class BelievedSurroundings:
     def arm_check(
         self, arm: ArmModel, touches: str | None, *, opened: bool, near: tuple[Array, float] | None = None
     ) -> QuickCheck:
-        """What rules out postures of an arm from any base."""
+        """What rules out postures of an arm from any base, and poses of its hand."""
         key, ignored = ("arm", arm.name, touches, opened), (arm.hand_links, touches)
         return self._check(key, near, lambda: self._bodies_of(arm, opened=opened), ignored)
 
-    def hand_check(self, arm: ArmModel, touches: str | None, *, opened: bool) -> QuickCheck:
-        """What rules out poses of the tip, wherever the base stands."""
-        key, ignored = ("hand", arm.name, touches, opened), (arm.hand_links, touches)
-        tip = self._chains[arm.name].tip
-        return self._check(key, None, lambda: self._bodies_of(arm, opened=opened).hand(*tip), ignored)
-
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
         """What rules out bases from which an arm, in its present posture, would stick into something."""
-
         several = [self._chains[arm.name] for arm in self.arms]
-        return self._check("stance", near, lambda: ArmShapes.all_still(self.world, several), (frozenset(), None))
+        return self._check("stance", near, lambda: ArmShapes.still(self.world, several), (frozenset(), None))
 
     def _check(
         self, key: object, near: tuple[Array, float] | None, bodies: Callable[[], ArmBodies], ignored: Ignored
@@ -251,13 +251,11 @@ class BelievedSurroundings:
         state = tuple(now.joints.items())
         if self._lifts[0] != state:
             self._lifts = state, {}
-        known, joint, robot = self._lifts[1], arm.lift.joint, self.world.robot
-        own = frozenset[int]().union(*(robot.moved_by(name) for name in arm.joints if name != joint))
-        rest = {name for number, name in enumerate(robot.solid_names) if number not in own}
+        known, joint, rest = self._lifts[1], arm.lift.joint, self._rest[arm.name]
         for torso in torsos:
             if (joint, torso) not in known:
-                found = self.world.contacts(Configuration(now.base, {**now.joints, joint: torso}))
-                known[joint, torso] = [(c.part, c.body) for c in found if {c.part, c.body} <= self._links]
+                found = self.world.self_contacts(Configuration(now.base, {**now.joints, joint: torso}))
+                known[joint, torso] = [(contact.part, contact.body) for contact in found]
         return tuple(torso for torso in torsos if not any(rest.issuperset(pair) for pair in known[joint, torso]))
 
     def boxes_but(self, without: Sequence[str]) -> tuple[Boxes, tuple[str, ...]]:
@@ -409,8 +407,7 @@ class BelievedSurroundings:
         """Where the robot, as it is, with what it holds, touches itself: wherever it stands."""
         state = tuple(joints.items()), tuple(self.world.attached())
         if self._touched is None or self._touched[0] != state:
-            found = self.world.contacts(Configuration(self.base(), joints))
-            self._touched = state, tuple(contact for contact in found if contact.body in self._links)
+            self._touched = state, self.world.self_contacts(Configuration(self.base(), joints))
         return self._touched[1]
 
     def stops_closing(self, base: Base, arm: ArmModel, q: Array, around: str) -> str | None:

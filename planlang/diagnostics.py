@@ -247,6 +247,8 @@ CODES: dict[str, str] = {
     "P007": "a noun of a phrase could mean several classes of things of the map",
     "P008": "a phrase is about something that the map does not have",
     "P009": "of several things that a phrase could mean the nearest was taken",
+    "P010": "a phrase is of no place: it means nothing for what is looked for, or contradicts itself",
+    "P011": "a phrase names an arm or a grasp that nothing in it uses; it is left out",
     # X: running
     "X001": "a plan cannot be imported",
     "X002": "a file defines no plan",

@@ -33,15 +33,15 @@ class Pose:
     @staticmethod
     def from_matrix(matrix: Array) -> Pose:
         """From a homogeneous (4, 4) matrix whose rotation part is orthonormal with determinant 1."""
-        m = matrix
-        a, b, c = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
-        d, e, f = m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1]
-        squares = np.array([[1, -1, -1], [-1, 1, -1], [-1, -1, 1], [1, 1, 1]]) @ np.diagonal(m)[:3] + 1.0
+        (xx, xy, xz, px), (yx, yy, yz, py), (zx, zy, zz, pz), _ = matrix.tolist()
+        a, b, c = zy - yz, xz - zx, yx - xy
+        d, e, f = xy + yx, xz + zx, yz + zy
+        squares = (xx - yy - zz + 1.0, yy - xx - zz + 1.0, zz - (xx + yy) + 1.0, xx + yy + zz + 1.0)
         rows = ((squares[0], d, e, a), (d, squares[1], f, b), (e, f, squares[2], c), (a, b, c, squares[3]))
-        largest = np.array(rows[int(np.argmax(squares))])  # 4 times the quaternion's outer product has four such rows
-        largest = largest if largest[3] >= 0 else -largest
-        x, y, z, w = (float(value) for value in largest / np.linalg.norm(largest))
-        return Pose((float(m[0, 3]), float(m[1, 3]), float(m[2, 3])), (x, y, z, w))
+        row = rows[squares.index(max(squares))]  # 4 times the quaternion's outer product has four such rows
+        largest = np.array(row)
+        norm = math.sqrt(largest.dot(largest)) if row[3] >= 0 else -math.sqrt(largest.dot(largest))
+        return Pose((float(px), float(py), float(pz)), (row[0] / norm, row[1] / norm, row[2] / norm, row[3] / norm))
 
     def matrix(self) -> Array:
         """The homogeneous (4, 4) matrix of the pose."""

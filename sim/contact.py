@@ -41,6 +41,8 @@ class Held:
     """Numbers of the hand's links; they may touch the object."""
     touched: set[str] = field(default_factory=set)
     """Bodies that it has touched ever since it was grasped."""
+    placed: int | None = None
+    """The robot's ``moves`` when it was put where the link has it; None when it has to be put there anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,8 @@ class Query:
     """Whether a hand's contact with what it holds counts as well (while its fingers close)."""
     itself: bool = True
     """Whether to look for self-collision; a motion of the base alone causes none."""
+    others: bool = True
+    """Whether to look for collisions with bodies that are not held."""
     among: Collection[tuple[str, str]] | None = None
     """Pairs of a link, or a held body, and another link or a body, besides which nothing can touch."""
 
@@ -78,11 +82,12 @@ class Contacts:
                 self._of_pair(part, body, query, found)
             return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
         lower, upper = self.robot.boxes()
-        self._of_links(query, lower, upper, found)
+        if query.others:
+            self._of_links(query, lower, upper, found)
         if query.itself:
             self._of_the_robot_itself(query, lower, upper, found)
         for name, held in self.held.items():
-            if query.links is None or self.robot.carrier(held.link) & query.links:
+            if query.others and (query.links is None or self.robot.carrier(held.link) & query.links):
                 self._of_held(name, query, found)
             if query.itself:
                 self._of_held_and_robot(name, query, lower, upper, found)

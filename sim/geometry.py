@@ -9,16 +9,18 @@ from numpy.typing import NDArray
 
 from planlang.protocols import Array, Pose
 
+_FIRST, _SECOND = np.array([5, 1, 2, 1, 0, 6, 2, 6, 0]), np.array([10, 11, 7, 11, 10, 3, 7, 3, 5])
+_SIGN = np.array([[1.0], [-1.0], [1.0], [1.0], [1.0], [-1.0], [-1.0], [1.0], [1.0]])
+"""Entry k of a rotation matrix, by rows, is made of two products of parts i and j of a quaternion, number 4 i + j."""
+
 
 def rotations(quaternions: Array) -> Array:
     """(n, 4) unit quaternions -> (n, 3, 3) rotation matrices."""
-    columns = quaternions.T
-    (xx, xy, xz, xw), (_, yy, yz, yw), (_, _, zz, zw), _ = 2 * (columns[:, None] * columns[None])
-    found = np.empty((len(quaternions), 3, 3))
-    found[:, 0, 0], found[:, 0, 1], found[:, 0, 2] = 1 - (yy + zz), xy - zw, xz + yw
-    found[:, 1, 0], found[:, 1, 1], found[:, 1, 2] = xy + zw, 1 - (xx + zz), yz - xw
-    found[:, 2, 0], found[:, 2, 1], found[:, 2, 2] = xz - yw, yz + xw, 1 - (xx + yy)
-    return found
+    parts = quaternions.T
+    products = (2 * (parts[:, None] * parts)).reshape(16, -1)
+    entries = products[_FIRST] + _SIGN * products[_SECOND]
+    entries[::4] = 1 - entries[::4]
+    return np.ascontiguousarray(entries.T).reshape(-1, 3, 3)
 
 
 def overlaps(lower: Array, upper: Array, other_lower: Array, other_upper: Array) -> NDArray[np.bool_]:

@@ -76,7 +76,7 @@ def shape_of(robot: Robot, joints: Mapping[str, float], without: Collection[str]
 
 def _shown(robot: Robot, left_out: frozenset[int]) -> Shape:
     numbers = [number for number in range(len(robot.solid)) if number not in left_out]
-    lower, upper = (corners[numbers, 2].round(9).tolist() for corners in robot.boxes())
+    lower, upper = (corners[:, 2].round(9).tolist() for corners in robot.boxes_of(numbers))
     radii = [round(robot.spread(number), 9) for number in numbers]
     polygons = [hull(points[:, :2].round(9)) for points in robot.points(numbers)]
     return Shape(tuple(zip(lower, upper, radii, strict=True)), tuple(zip(lower, upper, polygons, strict=True)))

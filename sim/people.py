@@ -84,7 +84,8 @@ class People:
             goal = taking_point(held[thing], size, self.reach(name).shoulders[k])
             inverse = self.bodies.poses[name].inverse().matrix()
             moved[k] = person.move_hand(k, inverse[:3, :3] @ goal + inverse[:3, 3], self.rate)
-        self.place_arms(name, (k for k in (0, 1) if moved[k]))
+        if any(moved):
+            self.place_arms(name, [k for k in (0, 1) if moved[k]])
         if target is not None:
             self._take(name, person, target, held)
 

@@ -233,8 +233,7 @@ class Person:
     def move_hand(self, k: int, goal: Array, rate: int) -> bool:
         """One step of a hand towards a point of the body's frame; whether it moved."""
         offset = goal - self.hands[k]
-        distance = float(np.linalg.norm(offset))
-        if distance < 1e-6:
+        if not offset.any() or (distance := float(np.linalg.norm(offset))) < 1e-6:
             return False
         self.hands[k] = self.hands[k] + offset * min(1.0, HAND_SPEED / rate / distance)
         return True

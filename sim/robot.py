@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from planlang.diagnostics import BadInput, Span, error
 from planlang.protocols import Array, Configuration, Pose
 from sim.engine import bullet, quiet
-from sim.geometry import corners, overlaps, rotation, rotations
+from sim.geometry import corners, rotation, rotations
 from sim.hulls import Hulled, hulls_of
 from sim.scene import RobotBody
 from sim.self_contact import TOLERANCE as TOLERANCE
@@ -28,10 +29,26 @@ _BALL = np.array([[math.cos(k * math.pi / 8), math.sin(k * math.pi / 8), 0.0] fo
 Shape = tuple[str, tuple[float, float, float], Pose]
 """Kind, extents [m] and pose of a primitive."""
 
+Numbers = slice | Sequence[int] | NDArray[np.intp]
+"""Of solid links, as a row index."""
+
 MOST_ROBOTS = 8
 """Descriptions of which points of links are kept."""
 _spanning: dict[tuple[str, str], dict[int, Array]] = {}
 """By URDF and number the points (n, 3) that span solid links, in their frames: read once in a process."""
+
+
+@dataclass(slots=True)
+class _Boxes:
+    """Boxes around solid links where they were read last: a cache that :meth:`Robot.show` tells what it has moved."""
+
+    base: tuple[float, float, float]
+    center: Array
+    """(n, 3), in the map."""
+    spans: Array
+    """(n, 3, 3): axes, as columns, in the map."""
+    stale: set[int]
+    """Numbers of the links that are elsewhere by now, not by the base alone."""
 
 
 class Robot:
@@ -57,9 +74,14 @@ class Robot:
         self.shown: dict[str, float] = {}
         self._shapes: dict[int, tuple[Shape, ...]] = {}
         self.base = (0.0, 0.0, 0.0)
+        every = len(self.solid)
+        self._boxed = _Boxes(self.base, np.zeros((every, 3)), np.zeros((every, 3, 3)), set(range(every)))
+        self._moved: dict[str, frozenset[int]] = {}
+        self.moves = 0
+        """How often it was put elsewhere: while this stays, so do its links."""
         self.show(Configuration(self.base, {name: min(max(0.0, lo), hi) for name, (lo, hi) in self.limits.items()}))
         self._measure()
-        self._moved = {name: self._moved_with(name) for name in self.joints}
+        self._moved |= {name: self._moved_with(name) for name in self.joints}
         self._apart: dict[frozenset[str], NDArray[np.bool_]] = {}
         self.grounded = frozenset(range(len(self.solid))).difference(
             *(self._below(index) for index in range(len(self.link_names) - 1) if index not in self.fixed)
@@ -127,6 +149,7 @@ class Robot:
         self.solid_names = [self.link_names[index] for index in self.solid]
         self.number = {name: k for k, name in enumerate(self.solid_names)}
         self._moving_solid = [index for index in self.solid if index >= 0]
+        self._above = [frozenset(self.ancestors(index)) for index in self.solid]
 
     def _known(self, posture: Mapping[str, float]) -> dict[str, float]:
         unknown = sorted(set(posture) - set(self.joints))
@@ -150,6 +173,8 @@ class Robot:
             if self._followers:
                 moved += [follow for name, value in changed for follow in self._following(name, value)]
             # until they are there nobody knows where they are: an interrupt may come at any moment
+            self.moves += 1
+            self._boxed.stale.update(*(self._moved.get(name, ()) for name, _ in changed))
             self.shown.update((name, math.nan) for name, _ in changed)
             bullet.resetJointStatesMultiDof(
                 self.uid,
@@ -161,7 +186,7 @@ class Robot:
         base = (float(configuration.base[0]), float(configuration.base[1]), float(configuration.base[2]))
         if base != self.base:
             pose = Pose.planar(*base) @ self._inertial
-            self.base = (math.nan, math.nan, math.nan)
+            self.moves, self.base = self.moves + 1, (math.nan, math.nan, math.nan)
             bullet.resetBasePositionAndOrientation(
                 self.uid, pose.position, pose.orientation, physicsClientId=self.client
             )
@@ -183,15 +208,18 @@ class Robot:
 
     def frames(self) -> Array:
         """(n, 7) positions and quaternions in the map of the frames of the solid links."""
-        rows = []
-        if self._moving_solid:
-            states = bullet.getLinkStates(
-                self.uid, self._moving_solid, computeForwardKinematics=True, physicsClientId=self.client
-            )
-            rows = [state[4] + state[5] for state in states]
-        if len(self._moving_solid) < len(self.solid):
+        return self._frames(range(len(self.solid)))
+
+    def _frames(self, numbers: Sequence[int]) -> Array:
+        """The same for links of some numbers, in their order."""
+        indices, rows = [self.solid[number] for number in numbers], []
+        if indices and indices[0] < 0:
             pose = Pose.planar(*self.base)
-            rows.insert(0, pose.position + pose.orientation)
+            rows.append(pose.position + pose.orientation)
+        moving = indices[len(rows) :]
+        if moving:
+            states = bullet.getLinkStates(self.uid, moving, computeForwardKinematics=True, physicsClientId=self.client)
+            rows += [state[4] + state[5] for state in states]
         return np.array(rows, dtype=float).reshape(-1, 7)
 
     def _measure(self) -> None:
@@ -205,26 +233,45 @@ class Robot:
         self._half = (corners[:, 1] - corners[:, 0]) / 2
 
     def boxes(self) -> tuple[Array, Array]:
-        """(n, 3) lower and upper corners of map-aligned boxes around the solid links."""
-        return self._boxes(self.frames(), slice(None))
+        """(n, 3) lower and upper corners of map-aligned boxes around the solid links, right to 0.01 mm.
 
-    def _boxes(self, frames: Array, numbers: slice | NDArray[np.intp]) -> tuple[Array, Array]:
-        """The same for frames (m, 7) of links of some numbers (m,)."""
+        Only what joints have moved is asked of PyBullet; the boxes go along with the base, which it rounds a little.
+        """
+        last = self._boxed
+        if last.stale and last.base != self.base:
+            last.stale.update(range(len(self.solid)))
+        if last.stale:
+            numbers = sorted(last.stale)
+            last.center[numbers], last.spans[numbers] = self._spans(self._frames(numbers), numbers)
+            last.base = self.base
+            last.stale.clear()
+        if last.base == self.base:
+            return self._corners(last.center, last.spans, slice(None))
+        turn = rotation(Pose.planar(0.0, 0.0, self.base[2] - last.base[2]))
+        (x, y, _), (to_x, to_y, _) = last.base, self.base
+        return self._corners((last.center - (x, y, 0.0)) @ turn.T + (to_x, to_y, 0.0), turn @ last.spans, slice(None))
+
+    def boxes_of(self, numbers: Sequence[int]) -> tuple[Array, Array]:
+        """The same for links of some numbers in ascending order, to the last bit whatever was shown before."""
+        return self._corners(*self._spans(self._frames(numbers), numbers), numbers)
+
+    def _spans(self, frames: Array, numbers: Numbers) -> tuple[Array, Array]:
+        """Centres (m, 3) of boxes around links of some numbers, and their axes (m, 3, 3), at frames (m, 7)."""
         axes = rotations(frames[:, 3:])
-        center = frames[:, :3] + np.einsum("nij,nj->ni", axes, self._center[numbers])
-        half = np.einsum("nij,nj->ni", np.abs(axes @ self._axes[numbers]), self._half[numbers])
+        return frames[:, :3] + np.einsum("nij,nj->ni", axes, self._center[numbers]), axes @ self._axes[numbers]
+
+    def _corners(self, center: Array, spans: Array, numbers: Numbers) -> tuple[Array, Array]:
+        half = np.einsum("nij,nj->ni", np.abs(spans), self._half[numbers])
         return center - half, center + half
 
     def boxes_along(self, numbers: Sequence[int], steps: Iterable[Mapping[str, float]]) -> tuple[Array, Array]:
-        """The same for some links, no base link among them, at joint values that are shown one after another."""
-        indices = [self.solid[number] for number in numbers]
-        frames = []
+        """The same for links of some numbers in ascending order, at joint values that are shown one after another."""
+        frames = [np.zeros((0, 7))]
         for joints in steps:
             self.show(Configuration(self.base, joints))
-            states = bullet.getLinkStates(self.uid, indices, computeForwardKinematics=True, physicsClientId=self.client)
-            frames += [state[4] + state[5] for state in states]
-        every = np.tile(np.array(numbers, np.intp), len(frames) // max(len(indices), 1))
-        return self._boxes(np.array(frames, dtype=float).reshape(-1, 7), every)
+            frames.append(self._frames(numbers))
+        every = np.tile(np.array(numbers, np.intp), len(frames) - 1)
+        return self._corners(*self._spans(np.concatenate(frames), every), every)
 
     def ancestors(self, index: int) -> list[int]:
         """A link and those it hangs from, by index."""
@@ -234,7 +281,7 @@ class Robot:
         return chain
 
     def _below(self, index: int) -> frozenset[int]:
-        return frozenset(k for k, link in enumerate(self.solid) if index in self.ancestors(link))
+        return frozenset(k for k, above in enumerate(self._above) if index in above)
 
     def _moved_with(self, name: str) -> frozenset[int]:
         indices = (self.joints[name], *(index for index, _ in self._followers.get(name, ())))
@@ -358,8 +405,7 @@ class Robot:
 
     def hand_radius(self, link: str, axis: tuple[float, float, float]) -> float:
         """How far the hand at a link extends around an axis through the link's frame, in its present posture [m]."""
-        rows = sorted(self.hand_of(link))
-        lower, upper = (ends[rows] for ends in self.boxes())
+        lower, upper = self.boxes_of(sorted(self.hand_of(link)))
         points = np.array([np.where(side, lower, upper) for side in np.ndindex(2, 2, 2)]).reshape(-1, 3)
         pose = self.link_pose(link)
         away = (points - np.asarray(pose.position)) @ rotation(pose)
@@ -379,8 +425,9 @@ class Robot:
     def near_pairs(self, pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
         """Those pairs whose boxes overlap."""
         lower, upper = self.boxes()
-        near = overlaps(lower, upper, lower, upper)
-        return [(a, b) for a, b in pairs if near[a, b]]
+        first, second = np.array(pairs, np.intp).reshape(-1, 2).T
+        near = np.all((lower[first] <= upper[second]) & (upper[first] >= lower[second]), axis=1)
+        return [pairs[k] for k in np.flatnonzero(near).tolist()]
 
     def depth_between(self, a: int, b: int) -> float:
         """Penetration of two solid links [m], 0 when they are apart."""

@@ -52,20 +52,24 @@ def _find_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     if robot.body.posture:
         touching = {pair for pair in robot.near_pairs(pairs) if robot.depth_between(*pair) > TOLERANCE}
         pairs = [pair for pair in pairs if pair not in touching]
-    counts = dict.fromkeys(pairs, 0)
-    generator = np.random.default_rng(0)
     spans = {
         name: (max(low, -np.pi), min(high, np.pi))
         for name, (low, high) in robot.limits.items()
         if robot.joints[name] not in robot.fixed
     }
+    lower, upper = np.array([*spans.values()]).reshape(-1, 2).T
+    touched = dict.fromkeys(pairs, _SAMPLES)
+    always = pairs
     with _kept(robot):
-        for _ in range(_SAMPLES):
-            joints = {name: float(generator.uniform(*span)) for name, span in spans.items()}
-            robot.show(Configuration(robot.base, joints))
-            for pair in robot.near_pairs(pairs):
-                counts[pair] += robot.depth_between(*pair) > TOLERANCE
-    return tuple(pair for pair in pairs if counts[pair] < _ALWAYS * _SAMPLES)
+        for values in np.random.default_rng(0).uniform(lower, upper, (_SAMPLES, len(spans))).tolist():
+            robot.show(Configuration(robot.base, dict(zip(spans, values, strict=True))))
+            touching = {pair for pair in robot.near_pairs(always) if robot.depth_between(*pair) > TOLERANCE}
+            for pair in always:
+                touched[pair] -= pair not in touching
+            always = [pair for pair in always if touched[pair] >= _ALWAYS * _SAMPLES]
+            if not always:  # nothing is left that the other postures could tell
+                break
+    return tuple(pair for pair in pairs if pair not in always)
 
 
 @contextlib.contextmanager

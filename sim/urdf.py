@@ -21,7 +21,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.protocols import Array
 from sim.meshes import THINNEST, angles_of, find_mesh, inertia_box, rotation_of
 from sim.urdf_checks import check, extents_of, numbers
-from sim.xml_tree import BadXml, Element, read_tree
+from sim.xml_tree import BadXml, Element, read_content, tree_of
 
 _KEPT = {"robot", "link", "joint", "material"}
 _SHOWN = 4
@@ -52,6 +52,12 @@ class Description:
     """At most one warning, about meshes."""
 
 
+MOST_KEPT = 8
+"""Descriptions that are kept."""
+_meshless: dict[tuple[Path, bytes], Description] = {}
+"""By file and content those that depend on nothing else: no mesh may come or go."""
+
+
 def read_description(path: Path) -> Description:
     """Read and check a URDF, put shapes in place of absent meshes; raises BadInput with all that is wrong.
 
@@ -59,7 +65,10 @@ def read_description(path: Path) -> Description:
     inertia, for looks by the link's shapes for contacts; by nothing if there are none.
     """
     try:
-        robot = read_tree(path)
+        content = read_content(path)
+        if (path, content) in _meshless:
+            return _meshless[path, content]
+        robot = tree_of(content)
     except BadXml as problem:
         raise BadInput([error("B009", problem.problem, Span(str(path), problem.line))]) from None
     if robot.tag != "robot":
@@ -70,10 +79,16 @@ def read_description(path: Path) -> Description:
             robot.remove(child)
     root = check(path, robot)
     _without_empty_shapes(robot)
+    meshless = next(robot.iter("mesh"), None) is None
     absent, bare = _without_absent_meshes(path, robot)
     found = (_told(absent, bare, path),) if absent else ()
     ElementTree.indent(robot)
-    return Description(path, ElementTree.tostring(robot, "unicode"), root, _followers(robot), found)
+    description = Description(path, ElementTree.tostring(robot, "unicode"), root, _followers(robot), found)
+    if meshless:
+        while len(_meshless) >= MOST_KEPT:
+            del _meshless[next(iter(_meshless))]
+        _meshless[path, content] = description
+    return description
 
 
 @contextmanager

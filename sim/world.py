@@ -164,6 +164,10 @@ class PyBulletWorld:
             apart = self._robot.moved_apart(frozenset(moving)) if itself else None
         return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
 
+    def self_contacts(self, configuration: Configuration | None = None) -> tuple[Contact, ...]:
+        """Those of :meth:`contacts` that do not depend on where the robot is: with what it holds, in itself."""
+        return () if self._robot is None else self._find(configuration or self._now, Query(others=False))
+
     def passed(self, start: Configuration, steps: Sequence[Mapping[str, float]]) -> frozenset[str]:
         """Bodies that the links which some joints move may meet on a way; no others can be touched there.
 
@@ -227,7 +231,9 @@ class PyBulletWorld:
             configuration = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
         self._robot.show(configuration)
         for name, held in self._held.items():
-            self._bodies.place(name, self._robot.link_pose(held.link) @ held.offset)
+            if held.placed != self._robot.moves:
+                self._bodies.place(name, self._robot.link_pose(held.link) @ held.offset)
+                held.placed = self._robot.moves
 
     # Bodies
 
@@ -258,7 +264,8 @@ class PyBulletWorld:
         if name not in self._held:
             self._people.lose(name)
         else:
-            self._held[name].offset = self.robot.link_pose(self._held[name].link).inverse() @ pose
+            held = self._held[name]
+            held.offset, held.placed = self.robot.link_pose(held.link).inverse() @ pose, None
 
     def remove(self, name: str) -> None:
         """Take a body out of the world until :meth:`restore`; a held one is let go first."""

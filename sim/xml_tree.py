@@ -30,6 +30,16 @@ class Element(ElementTree.Element):
 
 def read_tree(path: Path) -> Element:
     """The root element of a file; raises :class:`BadXml`."""
+    return tree_of(read_content(path))
+
+
+def tree_of(content: bytes) -> Element:
+    """The root element of what stands in a file; raises :class:`BadXml`."""
+    return _Reader().read(content)
+
+
+def read_content(path: Path) -> bytes:
+    """What stands in a file that can be looked at; raises :class:`BadXml`."""
     try:
         if not path.is_file():
             raise BadXml("there is no such file" if not path.exists() else "this is not a file")
@@ -39,7 +49,7 @@ def read_tree(path: Path) -> Element:
         raise BadXml(f"it cannot be read: {problem.strerror}") from None
     if len(content) > LARGEST:
         raise BadXml(f"it is larger than {LARGEST // 1_000_000} MB")
-    return _Reader().read(content)
+    return content
 
 
 class _Reader:

@@ -33,8 +33,9 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
     """The robot that a source describes, bound to a URDF.
 
     ``source``: a loaded ontology, a file with a self-model or a robot file (told by content), or the name of a bundled
-    robot. Without ``urdf``, a self-model is bound to the bundled robot that has most of its actuated joints, and all of
-    at least one arm. Beside a URDF that is given, a robot file of the same stem says the numbers.
+    robot. Without ``urdf``, a self-model is bound to the bundled robot whose self-model it is, else to the one that has
+    most of its actuated joints, and all of at least one arm. Beside a URDF that is given, a robot file of the same stem
+    says the numbers.
     Raises BadInput with all that is wrong.
     """
     if isinstance(source, Ontology):
@@ -97,10 +98,13 @@ def _mentions(urdf: Path, joints: Iterable[str]) -> bool:
 
 
 def _matching(model: SelfModel) -> RobotFile | None:
-    """The bundled robot with the most actuated joints of a self-model, if it has all of one arm."""
+    """The bundled robot whose self-model this is, else that with the most of its actuated joints and all of one arm."""
     said = set(model.joints.values())
+    own = Path(model.ontology.documents[0].path).resolve()
     best: tuple[int, RobotFile] | None = None
     for numbers in _installed():
+        if numbers.self_model is not None and numbers.self_model.resolve() == own:
+            return numbers
         if not _mentions(numbers.urdf, said):
             continue
         mechanism = _mechanism(numbers.urdf)

@@ -27,6 +27,7 @@ class ClosedWorld:
 
     def __init__(self, ontologies: Iterable[Ontology]) -> None:
         self.ontologies: Sequence[Ontology] = tuple({id(one): one for one in ontologies}.values())
+        self._above: dict[str, frozenset[str]] = {}
 
     def is_known(self, cls: str) -> bool:
         """Whether any of the ontologies defines a class."""
@@ -34,7 +35,11 @@ class ClosedWorld:
 
     def is_below(self, cls: str, upper: str) -> bool:
         """Whether a class is another one or below it, by any of the ontologies."""
-        return cls == upper or any(one.taxonomy.is_below(cls, upper) for one in self.ontologies)
+        above = self._above.get(cls)
+        if above is None:
+            found = (one.taxonomy.ancestors(cls) for one in self.ontologies)
+            above = self._above[cls] = frozenset((cls,)).union(*found)
+        return upper in above
 
     def types(self, thing: Term) -> tuple[str, ...]:
         """The classes that an individual is said to be of."""

@@ -55,7 +55,7 @@ def locate_command(
     base = planar(start)
 
     def work() -> Answer:
-        problems = check_outputs({"--explain": explain}, {"--urdf": urdf})
+        problems = check_outputs({}, {"--urdf": urdf}, {"--explain": explain})
         if urdf is not None and not urdf.is_file():
             problems.append(error("C001", f"no such URDF file: {urdf}"))
         reason = "a place is looked for with --{what}"
@@ -90,7 +90,8 @@ def inspect_command(
 
     def work() -> Answer:
         source = find("robot", robot, bundled("ontologies") / "robots")
-        problems = check_outputs({"--picture": picture, "--record": record}, {"the robot": source, "--urdf": urdf})
+        inputs = {"the robot": source, "--urdf": urdf}
+        problems = check_outputs({"--record": record}, inputs, {"--picture": picture})
         if record is not None:
             from executive.report.recording import missing
 

@@ -99,9 +99,9 @@ def run_command(
             recorded, told = read_trace(resume)
         trace_file = trace or resume
         found = read(file or told.plan(str(resume)))
-        outputs = {"--trace": trace_file, "--picture": picture, "--record": record}
+        outputs = {"--trace": trace_file, "--record": record}
         inputs = {"the plan": found.path, "--urdf": urdf}
-        problems = check_outputs(outputs, inputs)
+        problems = check_outputs(outputs, inputs, {"--picture": picture})
         if urdf is not None and not urdf.is_file():
             problems.append(error("C001", f"no such URDF file: {urdf}"))
         if record is not None:

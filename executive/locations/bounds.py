@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from itertools import permutations
 
 from planlang.designators import Location, Relation
-from planlang.failures import LocationUnresolvable
+from planlang.failures import LocationMeaningless
 
 ROUND_ABOUT = ("near", "far_from")
 """Relations of which the distance is all there is."""
@@ -26,14 +26,14 @@ def bounds(within: float | None, beyond: float | None, default: tuple[float, flo
 
 
 def check_consistent(location: Location, defaults: Mapping[str, tuple[float, float]]) -> None:
-    """Raise LocationUnresolvable if a relation is asked for and excluded, or if nothing is at all the distances.
+    """Raise LocationMeaningless if a relation is asked for and excluded, or if nothing is at all the distances.
 
     ``defaults``: least and greatest distance of each relation that has one.
     """
     stated = set(location.relations)
     for relation in location.relations:
         if ~relation in stated:
-            raise contradictory(location, f"it asks for {positive(relation)} and excludes it")
+            raise contradictory(location, "it asks for ", positive(relation), " and excludes it")
     measured = [relation for relation in location.relations if relation.name in defaults]
     for first, second in permutations(measured, 2):
         if first.reference != second.reference or first.negated:
@@ -43,13 +43,13 @@ def check_consistent(location: Location, defaults: Mapping[str, tuple[float, flo
         if second.negated:
             inside = other_least <= least and most <= other_most
             if second.name in ROUND_ABOUT and first.name in ROUND_ABOUT and inside:
-                raise contradictory(location, f"{positive(second)} holds wherever {first} does")
+                raise contradictory(location, positive(second), " holds wherever ", first, " does")
             continue
         # distances on a side are measured square to it, those round about to the nearest point: never less
         if least > other_most and (second.name in ROUND_ABOUT or second.name == first.name):
-            raise contradictory(location, f"{first} and {second} leave no distance")
+            raise contradictory(location, first, " and ", second, " leave no distance")
         if {first.name, second.name} in OPPOSITE:
-            raise contradictory(location, f"{first} and {second} are opposite sides")
+            raise contradictory(location, first, " and ", second, " are opposite sides")
 
 
 def positive(relation: Relation) -> Relation:
@@ -57,9 +57,14 @@ def positive(relation: Relation) -> Relation:
     return ~relation if relation.negated else relation
 
 
-def contradictory(location: Location, why: str) -> LocationUnresolvable:
-    """The failure of a conjunction that nothing can satisfy."""
-    return LocationUnresolvable(f"{location} contradicts itself: {why}", designator=str(location))
+def contradictory(location: Location, *why: object) -> LocationMeaningless:
+    """The failure of a conjunction that nothing can satisfy, ``why`` in parts."""
+    return meaningless(location, location, " contradicts itself: ", *why)
+
+
+def meaningless(about: Relation | Location, *parts: object) -> LocationMeaningless:
+    """The failure of a relation or a location that is of no place, told in parts."""
+    return LocationMeaningless(designator=str(about), parts=parts)
 
 
 def _distances(relation: Relation, defaults: Mapping[str, tuple[float, float]]) -> tuple[float, float]:

@@ -46,19 +46,16 @@ class Field:
         c, s = math.cos(self.yaw) / CELL, math.sin(self.yaw) / CELL
         x, y = points[:, 0] - self.x, points[:, 1] - self.y
         turns = headings - self.yaw
-        cosine, sine = np.cos(turns)[:, None] / CELL, np.sin(turns)[:, None] / CELL
-        rows, columns, other = cosine * v[:, 0], sine * v[:, 0], sine * v[:, 1]
-        rows -= other
-        np.subtract((c * x + s * y + HAIR)[:, None], rows, out=rows)
-        columns += np.multiply(cosine, v[:, 1], out=other)
-        np.subtract((c * y - s * x + HAIR)[:, None], columns, out=columns)
+        cosine, sine = np.cos(turns) / CELL, np.sin(turns) / CELL
         # a hair towards the larger cell: places of the maps are on borders of cells, wherever the map has its origin
-        np.rint(rows, out=rows)
-        np.rint(columns, out=columns)
-        rows *= 2 * self.half + 3
-        rows += columns
-        rows += (2 * self.half + 4) * (self.half + 1)  # the middle cell
-        return np.take(self.factors, rows.astype(np.intp))
+        corner = self.half + 1.5 + HAIR
+        along = np.stack([-cosine, sine, c * x + s * y + corner], axis=1)
+        across = np.stack([-sine, -cosine, c * y - s * x + corner], axis=1)
+        places = np.vstack([v.T, np.ones(len(v))])
+        cells = (along @ places).astype(np.int32)
+        cells *= 2 * self.half + 3
+        cells += (across @ places).astype(np.int32)
+        return np.take(self.factors, cells)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -61,7 +61,7 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, aroun
             inside = block.distance(middles[:, :2]) <= 0
             return np.asarray((over >= low - HAIR) & (over <= high + HAIR) & inside & _level(rotations, arm, held))
         case "on" | "in_":
-            if held is None:
+            if held is None or held.name == term.body:
                 return np.zeros(len(points), bool)
             demand = ThingDemand(term.body) if term.name == "on" else ThingDemand(None, term.body)
             offset = held.pose.matrix()[:3, :3]

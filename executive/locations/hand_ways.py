@@ -59,11 +59,16 @@ def _made(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejecti
             ways = above_ways(
                 reach.body, block, arm.frame, held, lowest, reach.heights, inset=arm.hand_radius, fine=fine
             )
-            return _of_class(ways, reach)
+            return _of_class(ways, reach, rejections)
         case "offer":
-            return _of_class(offer_ways(reach.body, around.zone(reach.body), arm.frame, held, fine=fine), reach)
+            return _of_class(
+                offer_ways(reach.body, around.zone(reach.body), arm.frame, held, fine=fine), reach, rejections
+            )
     if held is None:
         rejections.add("nothing in the hand to put down")
+        return None
+    if held.name == reach.body:
+        rejections.add("nothing rests on itself")
         return None
     demand = ThingDemand(None if reach.inside else reach.body, reach.body if reach.inside else None)
     spots = islice(thing_poses(held.name, held.size, demand, around, rejections), MOST_SPOTS)
@@ -82,7 +87,9 @@ def _grasps(reach: Reach, arm: ArmModel, around: Surroundings, rejections: Rejec
     return ways
 
 
-def _of_class(ways: Ways, reach: Reach) -> Ways:
+def _of_class(ways: Ways, reach: Reach, rejections: Rejections) -> Ways:
     if reach.grasp is None:
         return ways
-    return ways.chosen(ways.grasps == CLASSES.index(GraspClass(reach.grasp)))
+    kept = ways.grasps == CLASSES.index(GraspClass(reach.grasp))
+    rejections.add(f"not by a {reach.grasp} grasp", int((~kept).sum()))
+    return ways.chosen(kept)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from executive.locations.areas import Area, Facing
+from executive.locations.areas import Facing
 from executive.locations.blind import Blind
 from executive.locations.effort import Extent
 from executive.locations.hand_ways import ways_of
@@ -22,10 +22,12 @@ from executive.locations.reach import (
     touched_at,
 )
 from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
-from executive.locations.relations import KINDS, BaseDemand, block_of, is_held
+from executive.locations.relations import KINDS, BaseDemand, block_of, is_held, sides
 from executive.locations.solving import unblocked
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.motion import QuickCheck
+from planlang.designators import Location
+from planlang.failures import LocationUnresolvable
 from planlang.protocols import Array, Solution
 
 PLACES = 6
@@ -51,19 +53,36 @@ class BaseJudge:
         return tuple(sorted(free, key=lambda reach: KINDS.index(reach.kind)))
 
     def arms(self, demand: BaseDemand) -> Sequence[ArmModel]:
-        """The arms that may do all that is asked, where no device is said: those that hold something, else all."""
-        holding = [arm for arm in self.around.arms if self.around.held(arm.name) is not None]
-        general = holding or self.around.arms
-        named = [reach.arms for reach in demand.reaches if reach.arms is not None]
-        if named and len(named) == len(demand.reaches):
-            return [arm for arm in self.around.arms if any(arm.name in names for names in named)]
-        return general
+        """The arms one of which does all that is asked, but for what only others can: see :meth:`arms_for`."""
+        wanted = self.wanted(demand)
+        open_choice = next((reach for reach in wanted if reach.arms is None), None)
+        if open_choice is not None:
+            return self.arms_for(open_choice, self.around.arms)
+        named = {arm.name for reach in wanted for arm in self.arms_for(reach, ())}
+        return [arm for arm in self.around.arms if arm.name in named]
 
     def arms_for(self, reach: Reach, arms: Sequence[ArmModel]) -> Sequence[ArmModel]:
-        """Those of some arms that may do a reach; the ones that it names, if it names any."""
-        if reach.arms is None:
+        """Those of some arms that may do a reach; the ones that it names, if it names any.
+
+        A thing is grasped with a free hand. All else is about what is held: the arms that hold something do it, if any
+        does and none is named.
+        """
+        if reach.arms is not None:
+            arms = [arm for arm in self.around.arms if arm.name in reach.arms]
+        if reach.kind == "grasp":
+            return [arm for arm in arms if self.around.held(arm.name) is None]
+        full = [arm for arm in self.around.arms if self.around.held(arm.name) is not None]
+        if reach.arms is not None or not full:
             return arms
-        return [arm for arm in self.around.arms if arm.name in reach.arms]
+        return [arm for arm in arms if self.around.held(arm.name) is not None] or full
+
+    def check_hands(self, reach: Reach, location: Location) -> None:
+        """Raises LocationUnresolvable if something is to be grasped and all hands that may do it are full."""
+        if self.arms_for(reach, self.around.arms):
+            return
+        arms = [arm.name for arm in self.around.arms if reach.arms is None or arm.name in reach.arms]
+        full = ", ".join(f"{arm} holds {held.name}" for arm in arms if (held := self.around.held(arm)) is not None)
+        raise LocationUnresolvable(f"no free hand to grasp {reach.body}: {full}", designator=str(location))
 
     def at(
         self, base: Base, score: float, demand: BaseDemand, arms: Sequence[ArmModel], log: Rejections
@@ -177,8 +196,8 @@ class BaseJudge:
         if not reached:
             return Solution(base, self.around.revision(), self._sides(demand))
         arm = next(iter(reached.values())).arm.name
-        for way in reached.values():
-            self._reached.setdefault((way.arm.name, rounded(base)), {}).update(reached)
+        for reach, way in reached.items():
+            self._reached.setdefault((way.arm.name, rounded(base)), {})[reach] = way
         while len(self._reached) > MOST_REMEMBERED:
             del self._reached[next(iter(self._reached))]
         detail = {"arm": arm, "reaches": [way.plan.label for way in reached.values()], **self._sides(demand)}
@@ -186,12 +205,7 @@ class BaseJudge:
 
     def _sides(self, demand: BaseDemand) -> dict[str, object]:
         """Whose left and right was meant, where a location names sides."""
-        said = {
-            term.words: "its own" if self.around.front(term.body) is not None else "the viewer's"
-            for term in demand.areas
-            if isinstance(term, Area) and term.directions
-        }
-        return {"frame": said} if said else {}
+        return {"frame": said} if (said := sides(demand, self.around)) else {}
 
     def _first(self, reach: Reach, base: Base, arms: Sequence[ArmModel], log: Rejections) -> ReachSolution | None:
         """The best way to satisfy a reach from a base with one of some arms."""
@@ -201,7 +215,8 @@ class BaseJudge:
                 ways = ways_of(reach, arm, self.around, counted, extent)
                 if ways is None:
                     continue
-                ways = unblocked(ways, arm, self.around, counted)
+                check = self.around.arm_check(arm, ways.touches, opened=ways.opened)
+                ways = unblocked(ways, check, counted)
                 way = next(from_base(reach, base, arm, ways, self.around, self.inverse, counted), None)
                 way = way or self._known(reach, base, arm)
                 if way is not None:

@@ -15,7 +15,7 @@ from planlang.protocols import Array
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 
-METRE, MARGIN, TITLE, CAPTION, LABELS = 130, 22, 86, 24, 16
+METRE, MARGIN, TITLE, CAPTION, LABELS = 130, 22, 104, 24, 16
 """Pixels of a metre; free border, heights of title and of captions, room for numbers at the axes."""
 SPARE = 0.1
 """How far the panels go beyond what is drawn in them [m]."""
@@ -74,6 +74,8 @@ class _Drawing:
         lifted = f"; the torso at its lowest, it lifts all this by up to {rise:.2f} m" if rise else ""
         text = f"red: the base, and where the arm begins; numbers in metres{lifted}"
         sheet.text((left, 64 * FINE), text, 13, FAINT)
+        text = "by the limits of the joints alone: collisions, with the robot itself too, are looked at with each place"
+        sheet.text((left, 82 * FINE), text, 13, FAINT)
 
     def _pair(self, corner: tuple[float, float], model: ArmModel, grasp: GraspClass, found: ReachabilityMap) -> None:
         left, top = corner

@@ -36,7 +36,7 @@ from executive.locations.surroundings import ArmModel
 from executive.motion import Chain, InverseKinematics
 from planlang.protocols import Array
 
-VERSION = 1
+VERSION = 2
 """Raised whenever maps come out otherwise for the same arm."""
 SAMPLES = 20_000
 """Random postures that tell where the tip can be at all."""

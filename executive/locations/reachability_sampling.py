@@ -95,11 +95,13 @@ def _level_about(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q
     """Whether nothing is missing about z either: the whole rotation is that of the class."""
     tips = chain.fk(q)[:, :3, :3]
     wanted = grasp.rotations(_headings(tips, grasp, frame, roll), roll, frame)
-    return np.asarray(np.abs(_log(wanted @ tips.transpose(0, 2, 1))).max(axis=1) < NEAR[1])
+    turns = wanted @ tips.transpose(0, 2, 1)
+    half = np.trace(turns, axis1=1, axis2=2) < 0  # of half a turn the logarithm is zero, too
+    return np.asarray((np.abs(_log(turns)).max(axis=1) < NEAR[1]) & ~half)
 
 
 def _log(rotations: Array) -> Array:
-    """Rotation vectors (n, 3) of rotations (n, 3, 3); where they are turned by nearly half a turn only roughly."""
+    """Rotation vectors (n, 3) of rotations (n, 3, 3); of nearly half a turn only roughly, of half a turn zero."""
     cosine = np.clip((np.trace(rotations, axis1=1, axis2=2) - 1) / 2, -1.0, 1.0)
     angle = np.arccos(cosine)
     skew = np.stack(

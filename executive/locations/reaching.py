@@ -46,7 +46,10 @@ class ReachingSearch:
         arms: Sequence[ArmModel],
         effort: Effort,
         log: Rejections,
+        is_taken: Callable[[Base], bool] | None = None,
     ) -> None:
+        """``is_taken`` tells of which places nothing needs to be known any more."""
+        self.is_taken = is_taken
         self.judge, self.around, self.inverse = judge, judge.around, judge.inverse
         self.wanted, self.demand, self.arms, self.effort, self.log = wanted, demand, arms, effort, log
 
@@ -54,16 +57,22 @@ class ReachingSearch:
         """Places from which the first reach is possible by the maps, judged block by block."""
         around, judge, effort, log = self.around, self.judge, self.effort, self.log
         first = self.wanted[0]
-        hands = []
-        for arm in judge.arms_for(first, self.arms):
-            ways = ways_of(first, arm, around, log, effort.extent)
-            if ways is not None and len(ways := unblocked(ways, arm, around, log)):
-                hands.append((arm, ways))
+        asked = [(arm, ways_of(first, arm, around, log, effort.extent)) for arm in judge.arms_for(first, self.arms)]
+        possible = [(arm, ways) for arm, ways in asked if ways is not None]
+        if not possible:
+            return
+        reach = max(self.inverse(arm, CLASSES[g]).reach for arm, ways in possible for g in set(ways.grasps.tolist()))
+        near = _sphere([ways.points for _, ways in possible], reach)
+        hands, checks = [], []
+        for arm, ways in possible:
+            check = around.arm_check(arm, ways.touches, opened=ways.opened, near=near)
+            if len(free := unblocked(ways, check, log)):
+                hands.append((arm, free))
+                checks.append(check)
         if not hands:
             return
         middle = np.mean([ways.points.mean(axis=0) for _, ways in hands], axis=0)
         spread = max(float(np.linalg.norm(ways.points[:, :2] - middle[:2], axis=1).max()) for _, ways in hands)
-        reach = max(self.inverse(arm, CLASSES[int(g)]).reach for arm, ways in hands for g in np.unique(ways.grasps))
         floor = around.floor()
         room = floor.field((float(middle[0]), float(middle[1])), block_of(first.body, around).yaw, spread + reach)
         terms = self.demand.areas
@@ -98,7 +107,7 @@ class ReachingSearch:
         if log.explained:
             judge.name_crowding(found.crowded, log)
         if len(found):
-            yield from self._in_blocks(found, hands, middle, spread + reach)
+            yield from self._in_blocks(found, hands, checks, middle, around.stance_check(near))
         if not log.explained:
             judge.name_crowding(found.crowded, log)
 
@@ -115,8 +124,9 @@ class ReachingSearch:
         self,
         found: Candidates,
         hands: Sequence[tuple[ArmModel, Ways]],
+        checks: Sequence[QuickCheck],
         middle: Array,
-        radius: float,
+        stance: QuickCheck,
     ) -> Iterator[Solution]:
         around, effort, log = self.around, self.effort, self.log
         x, y, _ = around.base()
@@ -124,8 +134,6 @@ class ReachingSearch:
         found = found.chosen(order)
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
         bases = bases.round(PLACES)  # as they are told
-        stance = around.stance_check((middle, radius))
-        checks = [around.arm_check(arm, ways.touches, opened=ways.opened, near=(middle, radius)) for arm, ways in hands]
         floor, judged = around.floor(), 0
         blind = Blind(middle[:2], strict=effort.fine)
         failed = _Failed()
@@ -172,6 +180,8 @@ class ReachingSearch:
             number, way = int(found.arms[row]), int(found.ways[row])
             base = bases[row]
             place = (float(base[0]), float(base[1]), float(base[2]))
+            if self.is_taken is not None and self.is_taken(place):
+                continue
             heading = float(hands[number][1].headings[way])
             if is_stopped(number, way):
                 continue
@@ -226,6 +236,12 @@ class ReachingSearch:
                 ok[mine] = [reason is None for reason in solved.reasons]
                 joints |= zip(chosen.tolist(), solved.joints, strict=True)
         return ok, joints
+
+
+def _sphere(points: Sequence[Array], reach: float) -> tuple[Array, float]:
+    """Middle (3,) and radius [m] of all that a robot may meet that reaches tip positions (n, 3)."""
+    every = np.concatenate(points)
+    return every[0], float(np.linalg.norm(every - every[0], axis=1).max()) + reach
 
 
 class _Failed:

@@ -98,11 +98,14 @@ class Rejections:
         if len(self.places) < MOST_PLACES:
             self.places.append(Judged(base, score, reason, body))
 
-    def failure(self, designator: object) -> LocationUnresolvable:
-        """The failure that tells all this, most frequent first."""
-        return LocationUnresolvable(
+    def failure(self, designator: object, after: int = 0) -> LocationUnresolvable:
+        """The failure that tells all this, most frequent first; ``after`` so many places that were found."""
+        failure = LocationUnresolvable(
             designator=str(designator), counts=_ordered(self.counts), blocking=_ordered(self.blocking)
         )
+        if after:
+            failure.message = failure.describe().replace(failure.text, f"no more places than {after}", 1)
+        return failure
 
 
 def first_body(contacts: Iterable[Contact]) -> str:

@@ -6,18 +6,18 @@ TABLE is that table in words; what designators ask for is bound here to what the
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from executive.locations.areas import HEIGHTS, OF_A_BASE, OF_A_THING, SIDES, Area, Facing, area_of
 from executive.locations.block import Block
-from executive.locations.bounds import bounds, check_consistent, contradictory
+from executive.locations.bounds import bounds, check_consistent, contradictory, meaningless
 from executive.locations.doors import Clear
 from executive.locations.hand import HandTerm
 from executive.locations.reach import Reach
 from executive.locations.surroundings import Surroundings
 from planlang.designators import Location, Object, Relation
-from planlang.failures import LocationUnresolvable
+from planlang.failures import LocationMeaningless, LocationUnresolvable
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ class ThingDemand:
 
 
 def base_demand(location: Location, around: Surroundings, viewer: Viewer) -> BaseDemand:
-    """What a location asks of the base; raises LocationUnresolvable for what means nothing, or contradicts itself.
+    """What a location asks of the base; raises LocationMeaningless for what means nothing, or contradicts itself.
 
     ``viewer``: whose left and right is meant where a thing has no front.
     """
@@ -120,6 +120,8 @@ def base_demand(location: Location, around: Surroundings, viewer: Viewer) -> Bas
         match relation.name, relation.reference:
             case "in_reach_of", Location() as hand:
                 reach = hand_demand(replace(hand, device=hand.device or location.device), around, viewer)
+                if reach.kind == "grasp" and reach.grasp is None:
+                    reach = replace(reach, grasp=location.grasp)
                 (unreached if relation.negated else reaches)[reach] = None
             case "in_reach_of", Object() as what:
                 reach = _for_body(what, location, around)
@@ -135,7 +137,7 @@ def base_demand(location: Location, around: Surroundings, viewer: Viewer) -> Bas
                 body = _body(relation, what, around)
                 areas[_area(relation, body, viewer, around.radius(), OF_A_BASE[name], around)] = None
             case _:
-                raise _meaningless(relation, "base")
+                raise _without_meaning(relation, "base")
     return BaseDemand(tuple(reaches), tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
 
 
@@ -147,9 +149,9 @@ KINDS = ("retreat", "grasp", "offer", "place", "above")
 
 
 def hand_demand(location: Location, around: Surroundings, viewer: Viewer) -> Reach:
-    """What a location asks of a hand; raises LocationUnresolvable for what means nothing, and for a posture."""
+    """What a location asks of a hand; raises LocationMeaningless for what means nothing, and for a posture."""
     if not location.relations:
-        raise LocationUnresolvable(f"{location} is no place of a hand", designator=str(location))
+        raise meaningless(location, location, " is no place of a hand")
     check_consistent(location, OF_A_HAND)
     made: dict[HandTerm, Reach] = {}
     terms = hand_terms(location, around, viewer)
@@ -157,10 +159,8 @@ def hand_demand(location: Location, around: Surroundings, viewer: Viewer) -> Rea
         if not relation.negated and (reach := _made(relation, term.body, location, around)) is not None:
             made[term] = reach
     if not made:
-        said = "above, on, in_, in_center_of, in_front_of, in_reach_of"
-        raise LocationUnresolvable(
-            f"{location} does not say what the hand is at: it needs one of {said}", designator=str(location)
-        )
+        needed = ("above", "on", "in_", "in_center_of", "in_front_of", "in_reach_of")
+        raise meaningless(location, location, " does not say what the hand is at: it needs one of ", needed)
     first = min(made.values(), key=lambda reach: KINDS.index(reach.kind))
     also = tuple(dict.fromkeys(term for term in terms if made.get(term) != first))
     names = {term.name for term, reach in made.items() if reach == first}
@@ -172,20 +172,24 @@ def hand_demand(location: Location, around: Surroundings, viewer: Viewer) -> Rea
 
 
 def hand_terms(location: Location, around: Surroundings, viewer: Viewer) -> tuple[HandTerm, ...]:
-    """What each conjunct of a location says of a hand; raises LocationUnresolvable for what means nothing."""
+    """What each conjunct of a location says of a hand; raises LocationMeaningless for what means nothing."""
     terms = []
     for relation in location.relations:
         if not isinstance(relation.reference, Object) or TABLE[relation.name].hand is None:
-            raise _meaningless(relation, "hand")
+            raise _without_meaning(relation, "hand")
         body = _body(relation, relation.reference, around)
         from_there = viewer if relation.name in SIDES and around.front(body) is None else None
         terms.append(HandTerm(relation.name, body, relation.within, relation.beyond, relation.negated, from_there))
     return tuple(terms)
 
 
-def thing_demand(location: Location, around: Surroundings, radius: float, viewer: Viewer) -> ThingDemand:
-    """What a location asks of an object whose outline has a radius [m]; raises LocationUnresolvable as above."""
+def thing_demand(location: Location, thing: str, around: Surroundings, viewer: Viewer) -> ThingDemand:
+    """What a location asks of an object, told by its name; raises LocationMeaningless as above.
+
+    Nothing is in a relation to itself; only of what is in a hand it can be said how far it is from where it was taken.
+    """
     check_consistent(location, OF_A_THING)
+    radius, taken = max(around.size(thing)[:2]) / 2, is_held(thing, around)
     on: list[str] = []
     inside: list[str] = []
     areas: list[Area] = []
@@ -193,16 +197,19 @@ def thing_demand(location: Location, around: Surroundings, radius: float, viewer
     neither: list[tuple[str, bool]] = []
     for relation in location.relations:
         if not isinstance(relation.reference, Object) or TABLE[relation.name].thing is None:
-            raise _meaningless(relation, "thing")
+            raise _without_meaning(relation, "thing")
         body = _body(relation, relation.reference, around)
+        if relation.name == "in_reach_of" and not around.is_person(body):
+            only = (" means nothing for an object: only ", ("in_reach_of",), f" a person does, and {body} is none")
+            raise meaningless(relation, relation, *only)
+        if body == thing and not (taken and relation.name in OF_A_THING):
+            raise meaningless(relation, relation, f" means nothing for {thing} itself: other things tell a place")
         match relation.name:
             case "on" | "in_" if not relation.negated:
                 (on if relation.name == "on" else inside).append(body)
             case "on" | "in_":
                 neither.append((body, relation.name == "in_"))
             case "in_reach_of":
-                if not around.is_person(body):
-                    raise _meaningless(relation, "thing")
                 people.append((body, not relation.negated))
             case name:
                 areas.append(_area(relation, body, viewer, radius, OF_A_THING[name], around))
@@ -216,6 +223,16 @@ def thing_demand(location: Location, around: Surroundings, radius: float, viewer
                 break
     where = on[0] if on else None, inside[0] if inside else None
     return ThingDemand(*where, tuple(areas), tuple(people), tuple(neither))
+
+
+def sides(demand: BaseDemand | ThingDemand, around: Surroundings) -> dict[str, str]:
+    """Whose left, right, front and back is meant, for each conjunct that names a side."""
+    named = {term.words: term.body for term in demand.areas if isinstance(term, Area) and term.directions}
+    reaches = (*demand.reaches, *demand.unreached) if isinstance(demand, BaseDemand) else ()
+    for term in (term for reach in reaches for term in reach.also if term.name in SIDES):
+        if not (term.name == "in_front_of" and (around.is_graspable(term.body) or is_held(term.body, around))):
+            named[_told(term.name, term.body, negated=term.negated)] = term.body
+    return {words: "the viewer's" if around.front(body) is None else "its own" for words, body in named.items()}
 
 
 def is_held(body: str, around: Surroundings) -> bool:
@@ -276,21 +293,16 @@ def _body(relation: Relation, what: Object, around: Surroundings) -> str:
     body = around.bind(what)
     block_of(body, around)
     if around.is_room(body):
-        said = relation.name.strip("_").replace("_", " ")
         if relation.name in NOT_OF_ROOMS:
-            raise LocationUnresolvable(f"{body} is a room: nothing is {said} a room", designator=str(relation))
+            raise meaningless(relation, f"{body} is a room, and nothing is ", (relation.name,), " a room")
         if relation.name in FROM_OUTSIDE and not any(around.is_room(name) for name in around.names() if name != body):
-            message = f"{body} is the only room: all there is is in it, and nothing {said} it"
-            raise LocationUnresolvable(message, designator=str(relation))
+            raise meaningless(relation, f"{body} is the only room: in it nothing is ", (relation.name,), " it")
     if relation.name in NEEDS_SIZE and not around.is_solid(body):
-        raise LocationUnresolvable(
-            f"{body} has no size: it is a place, and nothing is {relation.name.strip('_')} a place",
-            designator=str(relation),
-        )
+        raise meaningless(relation, f"{body} has no size: it is a place, and nothing is ", (relation.name,), " a place")
     if relation.name == "on" and not relation.negated and around.rests_at(body) is None:
-        raise LocationUnresolvable(f"{body} has no level top on which things rest", designator=str(relation))
+        raise meaningless(relation, f"{body} has no level top on which things rest")
     if relation.name == "in_" and min(around.size(body)) <= 0:
-        raise LocationUnresolvable(f"{body} has no size: nothing is in it", designator=str(relation))
+        raise meaningless(relation, f"{body} has no size: nothing is in it")
     return body
 
 
@@ -314,15 +326,18 @@ def _clear(relation: Relation, body: str, around: Surroundings) -> Clear:
 
 
 def _words(relation: Relation, body: str) -> str:
-    said = f"{relation.name.strip('_').replace('_', ' ')} {body}"
-    return f"not {said}" if relation.negated else said
+    return _told(relation.name, body, negated=relation.negated)
 
 
-def _meaningless(relation: Relation, subject: str) -> LocationUnresolvable:
+def _told(name: str, body: str, *, negated: bool) -> str:
+    said = f"{name.strip('_').replace('_', ' ')} {body}"
+    return f"not {said}" if negated else said
+
+
+def _without_meaning(relation: Relation, subject: str) -> LocationMeaningless:
     meant = {"base": "a base", "hand": "a hand", "thing": "an object"}[subject]
     if isinstance(relation.reference, Location) and relation.name != "in_reach_of":
-        message = f"{relation}: only in_reach_of is said of a location, {relation.name} of a thing or a person"
-    else:
-        valid: Sequence[str] = [name for name, meaning in TABLE.items() if getattr(meaning, subject) is not None]
-        message = f"{relation} means nothing for {meant}; what does: {', '.join(valid)}"
-    return LocationUnresolvable(message, designator=str(relation))
+        said = ((relation.name,), " is said of a thing or a person; of a location only ", ("in_reach_of",))
+        return meaningless(relation, relation, ": ", *said)
+    valid = tuple(name for name, meaning in TABLE.items() if getattr(meaning, subject) is not None)
+    return meaningless(relation, relation, f" means nothing for {meant}; what does: ", valid)

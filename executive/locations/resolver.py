@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from executive.locations.answers import Answers
 from executive.locations.areas import SIDES
+from executive.locations.bounds import meaningless
 from executive.locations.effort import EFFORTS, Extent
 from executive.locations.hand_terms import hand_holds
 from executive.locations.hand_ways import ways_of
@@ -27,7 +28,7 @@ from executive.locations.solving import unblocked
 from executive.locations.standing import standing_places
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from planlang.designators import Device, Location, Object
-from planlang.failures import LocationUnresolvable
+from planlang.failures import DesignatorFailure, LocationUnresolvable
 from planlang.protocols import Array, Pose, Solution
 
 APART = 0.05
@@ -72,32 +73,38 @@ class Resolver:
         arms = judge.arms(demand)
         if (wanted or demand.unreached) and not around.arms:
             raise LocationUnresolvable("the robot has no arm that could reach there", designator=str(location))
-        if wanted and not arms:
+        if any(reach.arms == () for reach in wanted):
             raise LocationUnresolvable("the robot has no arm as it is asked for", designator=str(location))
+        for reach in wanted:
+            judge.check_hands(reach, location)
         found: list[Base] = []
         x, y, yaw = around.base()
         here = (x, y, math.remainder(yaw, 2 * math.pi))
         if (solution := judge.at(here, 1.0, demand, arms, log)) is not None:
             found.append(here)
             yield solution
-        before = log.copy()
+
+        def is_taken(base: Base) -> bool:
+            """Whether a place near to that was found."""
+            return any(round(math.dist(base[:2], other[:2]), 4) <= APART for other in found)
+
+        before, again = log.copy(), False
         for effort in EFFORTS if wanted else EFFORTS[:1]:
             if not log.counts[COLLISION]:  # nothing that a few degrees would help with
                 effort = replace(effort, extent=min(effort.extent, Extent.ALL))
             log.begin_again(before)
             places = (
-                ReachingSearch(judge, wanted, demand, arms, effort, log).places()
+                ReachingSearch(judge, wanted, demand, arms, effort, log, is_taken if again else None).places()
                 if wanted
                 else standing_places(judge, demand, log)
             )
             for solution in places:
-                if any(round(math.dist(solution.base[:2], other[:2]), 4) <= APART for other in found):
+                if is_taken(solution.base):
                     continue
                 found.append(solution.base)
                 yield solution
-            if found:
-                break
-        raise log.failure(location)
+            again = bool(found)  # what was found is found again: it need not be judged once more
+        raise log.failure(location, after=len(found))
 
     def reached_from(self, base: Base) -> Mapping[tuple[str, Base], Mapping[Reach, ReachSolution]]:
         """How arms can reach from a place what was asked for when it was found, if that is the last that was found."""
@@ -117,6 +124,13 @@ class Resolver:
 
     # Ways of a hand
 
+    def is_grasp(self, location: Location) -> bool:
+        """Whether a location is where a hand takes hold of something; False for a posture and what means nothing."""
+        try:
+            return hand_demand(location, self.around, self._viewer(location)).kind == "grasp"
+        except DesignatorFailure:
+            return False
+
     def hands(self, location: Location, arm: ArmModel, seed: Array) -> Iterator[ReachSolution]:
         """Ways of a hand to a location from where the base stands; raises LocationUnresolvable when there are no more.
 
@@ -124,6 +138,7 @@ class Resolver:
         """
         around = self.around
         reach = replace(hand_demand(location, around, self._viewer(location)), arms=None)
+        self._judge.check_hands(replace(reach, arms=(arm.name,)), location)
         base = around.base()
         known = {replace(other, arms=None): way for other, way in self._judge.reached(arm.name, base).items()}.get(
             reach
@@ -143,13 +158,13 @@ class Resolver:
             ways = ways_of(reach, arm, around, counted, extent)
             found = False
             if ways is not None:
-                ways = unblocked(ways, arm, around, counted)
+                ways = unblocked(ways, around.arm_check(arm, ways.touches, opened=ways.opened), counted)
                 for way in from_base(reach, base, arm, ways, around, self._inverse, counted, seed=begun, generous=True):
                     found = True
                     yield way
             if found:
                 break
-        raise log.failure(location)
+        raise log.failure(location, after=int(found))
 
     # Poses of objects
 
@@ -159,16 +174,16 @@ class Resolver:
         name = around.bind(what)
         size = around.size(name)
         self._look(location)
-        demand = thing_demand(location, around, max(size[:2]) / 2, self._viewer(location))
+        demand = thing_demand(location, name, around, self._viewer(location))
         if demand.on is None and demand.inside is None and not any(inside for _, inside in demand.people):
-            raise LocationUnresolvable(
-                f"{location} does not say where {name} rests: it needs on, in_ or in_reach_of a person",
-                designator=str(location),
-            )
+            needed = (("on", "in_"), " or ", ("in_reach_of",), " a person")
+            raise meaningless(location, location, f" does not say where {name} rests: it needs ", *needed)
+        found = 0
         for pose in thing_poses(name, size, demand, around, log):
             if thing_holds(name, pose, size, demand, around):
+                found += 1
                 yield pose
-        raise log.failure(location)
+        raise log.failure(location, after=found)
 
     # What holds now
 
@@ -187,7 +202,7 @@ class Resolver:
             return any(hand_holds(location, arm, around, viewer) for arm in around.arms_of(what))
         name = around.bind(what)
         size = around.size(name)
-        demand = thing_demand(location, around, max(size[:2]) / 2, viewer)
+        demand = thing_demand(location, name, around, viewer)
         return thing_holds(name, around.pose(name), size, demand, around)
 
     def _look(self, location: Location) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Reason, Rejections
-from executive.locations.surroundings import ArmModel, Surroundings
+from executive.locations.surroundings import ArmModel
 from executive.locations.ways import Ways
 from executive.motion import QuickCheck
 from planlang.protocols import Array
@@ -43,7 +43,7 @@ def base_matrices(bases: Array) -> Array:
     return matrices
 
 
-def unblocked(ways: Ways, arm: ArmModel, around: Surroundings, rejections: Rejections) -> Ways:
+def unblocked(ways: Ways, check: QuickCheck, rejections: Rejections) -> Ways:
     """Ways in which the hand itself, wherever the base stands, would be inside nothing; others are counted.
 
     It goes straight from pose to pose, so that what is in between counts as well.
@@ -51,8 +51,7 @@ def unblocked(ways: Ways, arm: ArmModel, around: Surroundings, rejections: Rejec
     if not len(ways):
         return ways
     poses = _with_between(ways.poses(np.arange(len(ways))))
-    check = around.hand_check(arm, ways.touches, opened=ways.opened)
-    bodies = _met(check.hit(poses.reshape(-1, 4, 4)), len(ways))
+    bodies = _met(check.hand_hit(poses.reshape(-1, 4, 4)), len(ways))
     rejections.count(_in_the_way(bodies))
     return ways.chosen([body is None for body in bodies])
 

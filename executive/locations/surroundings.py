@@ -132,13 +132,12 @@ class Surroundings(Protocol):
     def arm_check(
         self, arm: ArmModel, touches: str | None, *, opened: bool, near: tuple[Array, float] | None = None
     ) -> QuickCheck:
-        """What rules out postures of an arm from any base: it would be in the room, or the robot in itself.
+        """What rules out postures of an arm from any base, and poses of its hand wherever that stands.
+
+        An arm would be in the room, or the robot in itself; a hand, with what it holds, in the room.
 
         ``touches`` and ``opened`` as in :meth:`contacts`; ``near``: middle (3,) and radius [m] of all that matters.
         """
-
-    def hand_check(self, arm: ArmModel, touches: str | None, *, opened: bool) -> QuickCheck:
-        """What rules out poses of the tip, wherever the base stands: the hand itself, or what it holds, would hit."""
 
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
         """What rules out bases from which an arm, in its present posture, would stick into something."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -113,6 +114,7 @@ class Ways:
         return self.chosen(np.argsort(-self.weights.round(6), kind="stable")[:most])
 
 
+@lru_cache(maxsize=8)  # arms of one kind have the same
 def grasp_ways(
     name: str, block: Block, frame: HandFrame, max_opening: float, classes: tuple[GraspClass, ...], headings: int
 ) -> Ways:

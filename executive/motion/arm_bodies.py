@@ -2,18 +2,19 @@
 
 Everything that does not depend on the posture is worked out once for a chain (:class:`ArmShapes`), the rest once for a
 posture (:class:`ArmBodies`), and :meth:`ArmBodies.against` puts it into a :class:`Room`. The same bodies serve a search
-for ways of an arm and, held still in a posture or as a hand alone, a search for places of the base.
+for ways of an arm and, as they are or held still in a posture, a search for places of the base.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Movers, Obstacles, Watched
+from executive.motion.backends import BASE, FIRST_JOINT, MAP
+from executive.motion.bodies import Movers, Obstacles, Watched
 from executive.motion.collision import QuickCheck
 from executive.motion.facets import Facets, sizes_of
 from executive.motion.kinematics import Chain
@@ -51,6 +52,8 @@ class ArmBodies:
     """Middle of what can be reached, in the base frame (3,)."""
     reach: float
     """No mover is ever farther away from there [m]."""
+    tip: tuple[Array, int]
+    """Where the tip is in the frame with which it goes (4, 4), and which that is."""
     whole: bool
     """Whether all that moves with the chain is among the movers."""
 
@@ -59,7 +62,8 @@ class ArmBodies:
         bodies = room.bodies
         own = Watched(self.watched.movers, self.watched.obstacles + len(bodies), self.watched.allowed)
         watched = self._watched(room, ignored).followed_by(own)
-        return QuickCheck(self.chain, base, self.movers, bodies.followed_by(self.own), watched, whole=self.whole)
+        every = bodies.followed_by(self.own)
+        return QuickCheck(self.chain, base, self.movers, every, watched, tip=self.tip, whole=self.whole)
 
     def _watched(self, room: Room, ignored: Ignored) -> Watched:
         """Every mover and every body of a room but those that may touch."""
@@ -79,38 +83,6 @@ class ArmBodies:
         watched[self.grounded, -1] = False
         movers, obstacles = np.nonzero(watched)
         return Watched(movers, obstacles, allowed[movers, obstacles])
-
-    def together_with(self, others: Sequence[ArmBodies]) -> ArmBodies:
-        """These and others that have been made by :meth:`ArmShapes.still`, at the same base."""
-        if not others:
-            return self
-        every = (self, *others)
-        return replace(
-            self,
-            movers=Movers.joined([one.movers for one in every]),
-            hands=np.concatenate([one.hands for one in every]),
-            grounded=np.concatenate([one.grounded for one in every]),
-            held={name: touched for one in every for name, touched in one.held.items()},
-        )
-
-    def hand(self, tip: Array, frame: int) -> ArmBodies:
-        """What goes with the hand, whose tip is at ``tip`` (4, 4) in a frame: in the tip frame, as that of the base."""
-        mine = self.movers.frames == frame
-        places = np.broadcast_to(np.linalg.inv(tip), (int(mine.sum()), 4, 4))
-        movers = _moved(self.movers.faceless().only(mine), places).going_with(BASE)
-        return _stiff(self.chain, movers, self.hands[mine], self.grounded[mine], self.held)
-
-
-def _stiff(
-    chain: Chain,
-    movers: Movers,
-    hands: NDArray[np.bool_],
-    grounded: NDArray[np.bool_],
-    held: Mapping[str, frozenset[str]],
-) -> ArmBodies:
-    """Movers that all go with the base, against others than the robot: of them nothing is ever sure."""
-    own, watched = Obstacles.of(()), Watched.of(())
-    return ArmBodies(chain, movers, own, watched, hands, grounded, held, np.zeros(3), np.inf, whole=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -231,33 +203,48 @@ class ArmShapes:
             before.append(part)
         reach = _reach(movers, self._along)
         return ArmBodies(
-            self._chain, movers, own, watched, hands, grounded, held, self._centre, reach, whole=self._whole
+            self._chain, movers, own, watched, hands, grounded, held, self._centre, reach, self.tip, whole=self._whole
         )
 
-    def still(self, world: PyBulletWorld, joints: Mapping[str, float] | None = None) -> ArmBodies:
-        """All that moves with the chain, as it is now but for some joints: it goes with the base wherever that goes."""
-        return self._still(world, self._placed(world, joints))
-
     @staticmethod
-    def all_still(world: PyBulletWorld, several: Sequence[ArmShapes]) -> ArmBodies:
-        """The same of one or more chains of one robot together."""
-        placed = several[0]._placed(world, None)
-        first, *others = [shapes._still(world, placed) for shapes in several]
-        return first.together_with(others)
+    def still(
+        world: PyBulletWorld, several: Sequence[ArmShapes], joints: Mapping[str, float] | None = None
+    ) -> ArmBodies:
+        """All that moves with one or more chains of one robot, as it is now but for some joints.
 
-    def _still(self, world: PyBulletWorld, there_and_links: tuple[Configuration, Array, Array]) -> ArmBodies:
-        there, from_base, placed = there_and_links
-        movers = [_moved(self._movers.faceless(), placed[self._of_mover]).going_with(BASE)]
-        hands, grounded, held = self._hands, self._grounded, {}
+        It goes with the base wherever that goes, and is told against others than the robot: of it nothing is ever sure.
+        """
+        first = several[0]
+        there, from_base, placed = first._placed(world, joints)
+        movers, hands, grounded, held, known = list[Movers](), [], [], {}, set[int]()
+        for shapes in several:
+            fresh = ~np.isin(shapes._of_mover, sorted(known))
+            known.update(shapes._of_mover.tolist())
+            hands.append(shapes._hands[fresh])
+            grounded.append(shapes._grounded[fresh])
+            movers.append(_moved(shapes._movers.faceless().only(fresh), placed[shapes._of_mover[fresh]]))
         for name, (link, offset) in _held(world).items():
-            if self.frame_of(world, link) == BASE:
+            if all(shapes.frame_of(world, link) == BASE for shapes in several):
                 continue
             at = from_base @ world.link_pose(link, there).matrix() @ offset
             more = Movers.of([(name, BASE, *shape) for shape in thing_in(world, name).spheres]).faceless()
             movers.append(_moved(more, np.tile(at, (len(more), 1, 1))))
-            hands, grounded = (np.append(mask, np.zeros(len(more), bool)) for mask in (hands, grounded))
+            for mask in (hands, grounded):
+                mask.append(np.zeros(len(more), bool))
             held[name] = world.touched_since_grasp(name)
-        return _stiff(self._chain, Movers.joined(movers), hands, grounded, held)
+        return ArmBodies(
+            first._chain,
+            Movers.joined(movers).going_with(BASE),
+            Obstacles.of(()),
+            Watched.of(()),
+            np.concatenate(hands),
+            np.concatenate(grounded),
+            held,
+            np.zeros(3),
+            np.inf,
+            first.tip,
+            whole=False,
+        )
 
     def _placed(self, world: PyBulletWorld, joints: Mapping[str, float] | None) -> tuple[Configuration, Array, Array]:
         """The robot as it is but for some joints, the map (4, 4) and the solid links (n, 4, 4) in the base frame."""

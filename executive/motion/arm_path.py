@@ -157,7 +157,7 @@ class _Search:
         move = (b - a) / self.space.resolution
         aways = self.space.move(a, self.forbidden.filled) / self.space.resolution
         around = (aways >= np.minimum(move, 0.0) - FORBIDDEN) & (aways <= np.maximum(move, 0.0) + FORBIDDEN)
-        for place in around.all(axis=1).nonzero()[0]:
+        for place in np.flatnonzero(around.all(axis=1)):
             share = min(1.0, max(0.0, float(aways[place] @ move) / max(float(move @ move), 1e-12)))
             if np.abs(aways[place] - share * move).max() < self.radii[place]:
                 return False

@@ -37,10 +37,13 @@ class Solver(Protocol):
         """Poses (m, 4, 4), seeds (m, s, d), tried in order -> the first solution (m, d), and whether there is one.
 
         Seeds outside of limits begin at the limit. A row without solution holds the configuration of the smallest error
-        found. Joints that turn without end come out within half a turn of the first seed.
+        found. Joints that turn without end come out within half a turn of the first seed. Raises ValueError for what
+        is no pose, as ``targets`` says.
         """
 
 
+MAP, BASE, FIRST_JOINT = 0, 1, 2
+"""Numbers of the frames of bodies: those of the children of moving joints follow in their order."""
 SURE, UNSURE = -2, -1
 """What a checker says of a configuration: nothing is hit for sure, or as far as spheres tell."""
 ALSO_SURE = -1.0
@@ -57,6 +60,12 @@ class Checker(Protocol):
         """For each (n, d) the first pair that is hit by ``deeper`` [m] or more, else negative: SURE where it is told.
 
         ``bases`` (n, 12): rotation row by row, and position, of the base of the chain in the map.
+        """
+
+    def frame_hits(self, frame: int, places: Array) -> NDArray[np.int32]:
+        """For each place (n, 12) of a moving frame in the map the first pair that is hit there, else negative.
+
+        Nothing counts but what moves with that frame, against what is in the map.
         """
 
     def edge_hit(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:

@@ -7,7 +7,7 @@ The field judges the robot as a round silhouette. Where it has no room by that m
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from itertools import pairwise
@@ -20,6 +20,8 @@ from planlang.protocols import Array
 
 Planar = tuple[float, float, float]
 """x, y [m] and yaw [rad] in the map."""
+Touching = Callable[[float, float, float], Sequence[tuple[str, str]]]
+"""What would be in each other with the base at x, y, yaw, by name; nothing where it stands free."""
 TIGHT = 10.0
 """What a metre without room costs, in metres with plenty."""
 NARROW = 3.0
@@ -32,14 +34,14 @@ class _Search:
 
     grid: Grid
     room: Array
-    is_free: Callable[[float, float, float], bool]
+    touching: Touching
     start: Planar
     goal: Planar
     comfort: float
     escape: float
     resolution: float
     costs: Array = field(init=False)
-    known: dict[Planar, bool] = field(default_factory=dict)
+    known: dict[Planar, Sequence[tuple[str, str]]] = field(default_factory=dict)
     expanded: int = 0
 
     def __post_init__(self) -> None:
@@ -51,9 +53,9 @@ class _Search:
         narrow = 1.0 + NARROW * np.clip(1.0 - self.room / self.comfort, 0.0, 1.0)
         self.costs = np.where(self.room > 0, narrow, np.where(tight, TIGHT, np.inf))
 
-    def free(self, pose: Planar) -> bool:
+    def pairs(self, pose: Planar) -> Sequence[tuple[str, str]]:
         if pose not in self.known:
-            self.known[pose] = bool(self.is_free(*pose))
+            self.known[pose] = self.touching(*pose)
         return self.known[pose]
 
     def cost(self, a: Array, b: Array) -> float:
@@ -75,7 +77,7 @@ def plan_base_path(
     goal: Planar,
     grid: Grid,
     clearance: Array,
-    is_free: Callable[[float, float, float], bool],
+    touching: Touching,
     *,
     comfort: float = 0.25,
     escape: float = 0.8,
@@ -85,14 +87,14 @@ def plan_base_path(
     """Waypoints (n, 3) of x, y [m] and yaw [rad] from start to goal; yaw is continuous, turned the shorter way.
 
     ``clearance`` (rows, columns) is the field over the grid. Where there is more room than ``comfort`` no more is
-    preferred; within ``escape`` of start and goal the field may be negative. ``is_free(x, y, yaw)`` is asked at steps
-    of ``resolution`` [m, rad] along the path found; where it says no the path is planned anew around these places, at
-    most ``replans`` times. Raises :class:`StartInCollision`, :class:`GoalInCollision` (by the exact check),
-    :class:`OutsideLimits` for places off the grid and :class:`NoPath` with counts.
+    preferred; within ``escape`` of start and goal the field may be negative. ``touching(x, y, yaw)`` is asked at
+    steps of ``resolution`` [m, rad] along the path found; where something touches the path is planned anew around these
+    places, at most ``replans`` times. Raises :class:`StartInCollision` and :class:`GoalInCollision` with what touches
+    there, :class:`OutsideLimits` for places off the grid or that are none, and :class:`NoPath` with counts.
     """
     if clearance.shape != (grid.rows, grid.columns):
         raise ValueError(f"expected a field of shape {(grid.rows, grid.columns)}, got {clearance.shape}")
-    start, goal = _planar(start), _planar(goal)
+    start, goal = _planar("the start", start), _planar("the goal", goal)
     turn = (goal[2] - start[2] + math.pi) % (2 * math.pi) - math.pi
     goal = (goal[0], goal[1], start[2] + turn)
     half = grid.resolution / 2
@@ -101,11 +103,11 @@ def plan_base_path(
     for what, place in (("the start", start), ("the goal", goal)):
         if grid.cell(place[0], place[1]) is None:
             raise OutsideLimits(what, place[:2], low, high)
-    search = _Search(grid, clearance, is_free, start, goal, comfort, escape, resolution)
-    if not search.free(start):
-        raise StartInCollision(start)
-    if not search.free(goal):
-        raise GoalInCollision(goal)
+    search = _Search(grid, clearance, touching, start, goal, comfort, escape, resolution)
+    if pairs := search.pairs(start):
+        raise StartInCollision(start, pairs)
+    if pairs := search.pairs(goal):
+        raise GoalInCollision(goal, pairs)
     attempts = 0
     while attempts <= replans:
         attempts += 1
@@ -250,7 +252,7 @@ def _hits(search: _Search, path: Array) -> Iterator[Planar]:
         count = max(1, math.ceil(far / search.resolution))
         for i in range(1, count + 1):
             x, y, yaw = (b if i == count else a + (b - a) * (i / count)).tolist()
-            if not search.free((x, y, yaw)):
+            if search.pairs((x, y, yaw)):
                 yield x, y, yaw
 
 
@@ -261,6 +263,8 @@ def _forbid(search: _Search, pose: Planar, radius: float) -> None:
     search.costs[near] = np.inf
 
 
-def _planar(pose: Planar) -> Planar:
+def _planar(what: str, pose: Planar) -> Planar:
     x, y, yaw = (float(value) for value in pose)
+    if not all(map(math.isfinite, (x, y, yaw))):
+        raise OutsideLimits(what, (x, y, yaw), [-math.inf] * 3, [math.inf] * 3)
     return x, y, yaw

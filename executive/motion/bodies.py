@@ -14,9 +14,6 @@ from executive.motion.solids import Solids
 from executive.motion.spheres import Faceted
 from planlang.protocols import Array
 
-MAP, BASE, FIRST_JOINT = 0, 1, 2
-"""Numbers of frames."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Movers:

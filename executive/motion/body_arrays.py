@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.bodies import FIRST_JOINT, Movers, Obstacles, Watched
+from executive.motion.backends import FIRST_JOINT
+from executive.motion.bodies import Movers, Obstacles, Watched
 from executive.motion.facets import Facets, sizes_of
 from executive.motion.kinematics import Chain
 from executive.motion.solids import Solids

@@ -53,6 +53,28 @@ static void to_local(const double *frame, const double *point, double *local)
         local[i] = frame[i] * x + frame[3 + i] * y + frame[6 + i] * z;
 }
 
+/* The same for frames by number: nothing is to be done where it is the map. */
+static const double *in_map(int number, const double *frame, const double *local, double *point)
+{
+    if (number == 0)
+        return local;
+    to_map(frame, local, point);
+    return point;
+}
+
+static const double *seen_from(int number, const double *frame, const double *point, double *local)
+{
+    if (number == 0)
+        return point;
+    to_local(frame, point, local);
+    return local;
+}
+
+static double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 /* For each row of q (rows, JOINTS) the frames of the moving joints in the base: 12 numbers each. */
 void frames_rows(const double *q, ptrdiff_t rows, double *found)
 {
@@ -67,14 +89,17 @@ void frames_rows(const double *q, ptrdiff_t rows, double *found)
     }
 }
 
-static void place(const double *q, const double *base, double frames[FRAMES][12])
+/* All frames, with the base of the chain at `base`; or `only` one of them, which is there itself, and the map. */
+static void place(const double *q, const double *base, int only, double frames[FRAMES][12])
 {
     double found[FRAMES * 12];
-    frames_rows(q, 1, found);
     for (int i = 0; i < 12; ++i) {
         frames[0][i] = i == 0 || i == 4 || i == 8;
-        frames[1][i] = base[i];
+        frames[only > 0 ? only : 1][i] = base[i];
     }
+    if (only > 0)
+        return;
+    frames_rows(q, 1, found);
     for (int f = 2; f < FRAMES; ++f) {
         const double *here = found + (f - 2) * 12;
         for (int i = 0; i < 3; ++i)
@@ -102,11 +127,11 @@ static double distance(const double *piece, int kind, const double *point)
     double out = 0.0, most = -INFINITY;
     for (int i = 0; i < 3; ++i) {
         double past = away[i] - piece[12 + i];
-        most = fmax(most, past);
-        past = fmax(past, 0.0);
+        most = larger(most, past);
+        past = larger(past, 0.0);
         out += past * past;
     }
-    return sqrt(out) + fmin(most, 0.0);
+    return sqrt(out) - larger(-most, 0.0);
 }
 
 static double square(const double *a, const double *b)
@@ -123,7 +148,7 @@ static int apart(const double *a, const double *b, double distance)
 /* The smallest gap between spheres at points of the map and a piece, or any that is larger than `far`; any that is
  * smaller than `enough` is as good. */
 static double gap(const double (*points)[3], const double *spheres, int count, const double *piece, int kind,
-                  const double *frame, const double *centre, double far, double enough)
+                  int number, const double *frame, const double *centre, double far, double enough)
 {
     double least = INFINITY, local[3];
     for (int k = 0; k < count && least >= enough; ++k) {
@@ -133,8 +158,7 @@ static double gap(const double (*points)[3], const double *spheres, int count, c
         if (kind == 3) {
             least = fmin(least, sqrt(square(points[k], centre)) - piece[12] - radius);
         } else {
-            to_local(frame, points[k], local);
-            least = fmin(least, distance(piece, kind, local) - radius);
+            least = fmin(least, distance(piece, kind, seen_from(number, frame, points[k], local)) - radius);
         }
     }
     return least;
@@ -176,20 +200,24 @@ static int planes_between(const struct bodies *all, int one, const double *mine,
 }
 
 /* The first hit, else SURE or UNSURE; with `gaps` all of them are told, with `doubtful` the pairs that are not sure.
- * Where spheres have to be `deeper` inside than the limits say, nothing is said to be sure. */
-static int judged(const double *q, const double *base, const struct bodies *all, double deeper, double *gaps,
+ * Where spheres have to be `deeper` inside than the limits say, nothing is said to be sure. With `only` above 0 just
+ * what moves with that frame is looked at, against what is in the map. */
+static int judged(const double *q, const double *base, int only, const struct bodies *all, double deeper, double *gaps,
                   int *doubtful)
 {
-    double frames[FRAMES][12], balls[FRAMES][3], points[SPHERES][3], around[3], middle[3], centre[3], local[3];
+    double frames[FRAMES][12], balls[FRAMES][3], points[SPHERES][3], middle[3], placed_ball[3], placed_piece[3], local[3];
     int state = deeper >= 0.0 ? UNSURE : SURE, found = 0;
     double less = fmax(deeper, 0.0);
-    place(q, base, frames);
-    for (int f = 1; f < FRAMES; ++f)
+    place(q, base, only, frames);
+    for (int f = only > 0 ? only : 1; f < (only > 0 ? only + 1 : FRAMES); ++f)
         to_map(frames[f], all->frame_ball + 4 * f, balls[f]);
     for (ptrdiff_t c = 0; c < all->clusters; ++c) {
         int mine = all->cluster[2 * c], obstacle = all->cluster[2 * c + 1], first = all->cluster_group[c];
-        const double *other = frames[all->obstacle_frame[obstacle]], *ball = all->obstacle_ball + 4 * obstacle;
-        to_map(other, ball, around);
+        int theirs = all->obstacle_frame[obstacle];
+        if (only > 0 && (mine != only || theirs != 0))
+            continue;
+        const double *other = frames[theirs], *ball = all->obstacle_ball + 4 * obstacle;
+        const double *around = in_map(theirs, other, ball, placed_ball);
         if (!gaps && apart(balls[mine], around, all->frame_ball[4 * mine + 3] + ball[3] + all->group_width[2 * first]))
             continue;
         for (int g = first; g < all->cluster_group[c + 1]; ++g) {
@@ -203,22 +231,23 @@ static int judged(const double *q, const double *base, const struct bodies *all,
                 int number = all->pair_piece[p];
                 const double *piece = all->piece + 16 * number;
                 double limit = all->limit[p] - less, far = state == SURE || doubtful ? fmax(limit, all->sure[p]) : limit;
-                to_map(other, piece, centre);
+                const double *centre = in_map(theirs, other, piece, placed_piece);
                 if (!gaps && apart(middle, centre, part_ball[3] + piece[15] + far))
                     continue;
                 if (!gaps && all->piece_kind[number] < 3) {  /* a wall or a floor: its sphere says nothing */
-                    to_local(other, middle, local);
-                    if (distance(piece, all->piece_kind[number], local) > part_ball[3] + far)
+                    const double *seen = seen_from(theirs, other, middle, local);
+                    if (distance(piece, all->piece_kind[number], seen) > part_ball[3] + far)
                         continue;
                 }
                 for (; placed < count; ++placed)
                     to_map(frames[mine], spheres + 4 * placed, points[placed]);
                 if (gaps) {
-                    gaps[p] = gap(points, spheres, count, piece, all->piece_kind[number], other, centre, INFINITY,
-                                  -INFINITY);
+                    gaps[p] = gap(points, spheres, count, piece, all->piece_kind[number], theirs, other, centre,
+                                  INFINITY, -INFINITY);
                     continue;
                 }
-                double least = gap(points, spheres, count, piece, all->piece_kind[number], other, centre, far, limit);
+                double least =
+                    gap(points, spheres, count, piece, all->piece_kind[number], theirs, other, centre, far, limit);
                 if (least < limit && !doubtful)
                     return p;
                 if (least > (doubtful ? far : all->sure[p]) || (state != SURE && !doubtful))
@@ -242,14 +271,21 @@ static int judged(const double *q, const double *base, const struct bodies *all,
 void judge_rows(const double *q, ptrdiff_t rows, const struct bodies *all, int *found)
 {
     for (ptrdiff_t i = 0; i < rows; ++i)
-        found[i] = judged(q + i * JOINTS, all->base, all, ALSO_SURE, NULL, NULL);
+        found[i] = judged(q + i * JOINTS, all->base, 0, all, ALSO_SURE, NULL, NULL);
 }
 
 /* For each row of q (rows, JOINTS) and of bases (rows, 12) the first pair that is hit by so much more, else UNSURE. */
 void hit_rows(const double *q, const double *bases, ptrdiff_t rows, double deeper, const struct bodies *all, int *found)
 {
     for (ptrdiff_t i = 0; i < rows; ++i)
-        found[i] = judged(q + i * JOINTS, bases + i * 12, all, deeper, NULL, NULL);
+        found[i] = judged(q + i * JOINTS, bases + i * 12, 0, all, deeper, NULL, NULL);
+}
+
+/* For each place (rows, 12) of a frame in the map the first pair that what moves with it hits there, else UNSURE. */
+void frame_hit_rows(int frame, const double *places, ptrdiff_t rows, const struct bodies *all, int *found)
+{
+    for (ptrdiff_t i = 0; i < rows; ++i)
+        found[i] = judged(NULL, places + i * 12, frame, all, 0.0, NULL, NULL);
 }
 
 /* The first pair that is hit at points order[0 .. inner) of an edge in `pieces` pieces, else UNSURE. */
@@ -261,7 +297,7 @@ int edge_hit(const double *from, const double *to, ptrdiff_t pieces, const int *
         double share = (double)order[i] / (double)pieces;
         for (int j = 0; j < JOINTS; ++j)
             q[j] = from[j] + (to[j] - from[j]) * share;
-        int one = judged(q, all->base, all, 0.0, NULL, NULL);
+        int one = judged(q, all->base, 0, all, 0.0, NULL, NULL);
         if (one >= 0)
             return one;
     }
@@ -271,11 +307,11 @@ int edge_hit(const double *from, const double *to, ptrdiff_t pieces, const int *
 /* The smallest gap of every pair. */
 void gaps_at(const double *q, const struct bodies *all, double *gaps)
 {
-    judged(q, all->base, all, ALSO_SURE, gaps, NULL);
+    judged(q, all->base, 0, all, ALSO_SURE, gaps, NULL);
 }
 
 /* Numbers of the pairs that are hit or not free for sure; how many they are. */
 int doubtful_at(const double *q, const struct bodies *all, int *pairs)
 {
-    return judged(q, all->base, all, ALSO_SURE, NULL, pairs);
+    return judged(q, all->base, 0, all, ALSO_SURE, NULL, pairs);
 }

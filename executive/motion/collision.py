@@ -43,9 +43,13 @@ class QuickCheck:
         obstacles: Obstacles,
         watched: Watched,
         *,
+        tip: tuple[Array, int],
         whole: bool = True,
     ) -> None:
-        """``base`` (4, 4) in the map. Not ``whole``: there is more than is told here, and nothing is ever sure."""
+        """``base`` (4, 4) in the map; ``tip`` (4, 4) in the frame of that number, with which the hand goes.
+
+        Not ``whole``: there is more than is told here, and nothing is ever sure.
+        """
         too_many = [movers.names[k] for k in np.flatnonzero(sizes_of(movers.first) > SPHERES).tolist()]
         if too_many:
             raise ValueError(f"at most {SPHERES} spheres for one mover, more have {', '.join(too_many)}")
@@ -57,6 +61,7 @@ class QuickCheck:
         self._bodies = arrays_of(chain, base, movers, obstacles, groups)
         self._least = self._bodies.limit.copy()
         self._most = np.full(len(self._least), np.inf)
+        self._to_hand, self._hand = np.linalg.inv(tip[0]), tip[1]
         self.whole = whole
         self._dof = chain.dof
         self._checker = chain.backend.checker(self._bodies)
@@ -90,7 +95,19 @@ class QuickCheck:
         count = len(bases)
         if not count or not len(self._bodies.pair_piece):
             return [None] * count
-        found = self._checker.hits(np.zeros((count, self._dof)) if q is None else q, _rows(bases), deeper)
+        return self._met(self._checker.hits(np.zeros((count, self._dof)) if q is None else q, _rows(bases), deeper))
+
+    def hand_hit(self, tips: Array) -> list[str | None]:
+        """The first obstacle in the map that the hand alone hits with the tip at each pose (n, 4, 4) there.
+
+        What moves as the hand does counts, wherever the rest of the chain is.
+        """
+        # all rows in one product: many small ones take as long as the rest of this
+        places = (tips[:, :3].reshape(-1, 4) @ self._to_hand).reshape(-1, 3, 4)
+        return self._met(self._checker.frame_hits(self._hand, _rows(places)))
+
+    def _met(self, found: NDArray[np.int32]) -> list[str | None]:
+        """The obstacles of pairs, None for what is none."""
         groups = self._groups_of(found)
         names, of_group = self._obstacles.names, self._groups.obstacles
         return [None if pair < 0 else names[of_group[g]] for pair, g in zip(found.tolist(), groups, strict=True)]
@@ -150,7 +167,7 @@ class QuickCheck:
 
 
 def _rows(bases: Array) -> Array:
-    """Poses (n, 4, 4) as checkers take them (n, 12)."""
+    """Poses (n, 4, 4), or without their last rows, as checkers take them (n, 12)."""
     return np.concatenate([bases[:, :3, :3].reshape(-1, 9), bases[:, :3, 3]], axis=1)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.native import library
+from executive.motion.targets import IMPROPER, no_pose
 from planlang.protocols import Array
 
 if TYPE_CHECKING:  # backends chooses between this and the virtual machine
@@ -99,6 +100,7 @@ class CompiledSolver:
     def __init__(self, facts: ChainFacts, code: ctypes.CDLL, tolerance: tuple[float, float]) -> None:
         kinds = [_POINTER, _SIZE, _POINTER, _SIZE, _SIZE, _SIZE, _POINTER, _POINTER, _POINTER, _POINTER, _POINTER]
         self._solve_rows = _function(code, "solve_rows", kinds)
+        self._solve_rows.restype = _SIZE
         self._limits = np.concatenate([facts.lowest, facts.highest])
         self._turning = facts.continuous.astype(np.uint8)
         self._tolerance = np.square(tolerance)
@@ -111,10 +113,12 @@ class CompiledSolver:
         if seeds.strides[2] != 8 or seeds.strides[0] % 8 or seeds.strides[1] % 8:
             seeds = np.ascontiguousarray(seeds)
         q, solved = np.empty((count, dof)), np.empty(count, np.bool_)
-        self._solve_rows(
+        refused = self._solve_rows(
             *(poses.ctypes.data, count, seeds.ctypes.data, tries, seeds.strides[0] // 8, seeds.strides[1] // 8),
             *(*self._fixed, q.ctypes.data, solved.ctypes.data),
         )
+        if refused >= 0:
+            raise no_pose(poses[refused], refused)
         return q, solved
 
 
@@ -142,6 +146,7 @@ class _CollisionCode:
         self.frames = _function(code, "frames_rows", [_POINTER, _SIZE, _POINTER])
         self.judge = _function(code, "judge_rows", [_POINTER, _SIZE, _POINTER, _POINTER])
         self.hits = _function(code, "hit_rows", [_POINTER, _POINTER, _SIZE, ctypes.c_double, _POINTER, _POINTER])
+        self.frame_hits = _function(code, "frame_hit_rows", [ctypes.c_int, _POINTER, _SIZE, _POINTER, _POINTER])
         self.edge = _function(code, "edge_hit", [_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER])
         self.doubtful = _function(code, "doubtful_at", [_POINTER, _POINTER, _POINTER])
         self.edge.restype = self.doubtful.restype = ctypes.c_int
@@ -169,6 +174,12 @@ class CompiledChecker:
         q, bases = np.ascontiguousarray(q), np.ascontiguousarray(bases)
         found = np.empty(len(q), np.int32)
         self._code.hits(q.ctypes.data, bases.ctypes.data, len(q), deeper, self._all, found.ctypes.data)
+        return found
+
+    def frame_hits(self, frame: int, places: Array) -> NDArray[np.int32]:
+        """As ``Checker`` says."""
+        places, found = np.ascontiguousarray(places), np.empty(len(places), np.int32)
+        self._code.frame_hits(frame, places.ctypes.data, len(places), self._all, found.ctypes.data)
         return found
 
     def edge_hit(self, start: Array, end: Array, pieces: int, order: NDArray[np.int32]) -> int:
@@ -206,6 +217,7 @@ def _source(facts: ChainFacts, free_axis: Array | None, *, whole: bool) -> str:
     defined = {
         "JOINTS": facts.dof,
         "ROTATION_WEIGHT": ROTATION_WEIGHT,
+        "IMPROPER": IMPROPER,
         "STEPS": STEPS,
         "STALLED": STALLED,
         "MOST_SLOW": MOST_SLOW,

@@ -32,23 +32,19 @@ class Outline:
     """Of the edges, outward, (n, 2)."""
     offsets: Array
     """Of the edges from the base's origin along the normals (n,) [m]."""
+    radius: float
+    """Of the smallest circle about the base's origin that holds it [m]."""
+    inner: float
+    """Of the largest circle about the base's origin inside it [m], below zero where the origin is outside."""
 
     @staticmethod
     def of(low: float, high: float, corners: Array) -> Outline:
         """From corners (n, 2) in counter-clockwise order."""
         edges = np.roll(corners, -1, axis=0) - corners
         normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1)[:, None]
-        return Outline(low, high, corners, normals, np.einsum("nk,nk->n", normals, corners))
-
-    @property
-    def radius(self) -> float:
-        """Of the smallest circle about the base's origin that holds it [m]."""
-        return float(np.linalg.norm(self.corners, axis=1).max())
-
-    @property
-    def inner(self) -> float:
-        """Of the largest circle about the base's origin inside it [m], below zero where the origin is outside."""
-        return float(self.offsets.min())
+        offsets = np.einsum("nk,nk->n", normals, corners)
+        radius = float(np.linalg.norm(corners, axis=1).max())
+        return Outline(low, high, corners, normals, offsets, radius, float(offsets.min()))
 
 
 def outlines(shapes: Iterable[tuple[float, float, Array]]) -> tuple[Outline, ...]:

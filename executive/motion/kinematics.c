@@ -46,14 +46,30 @@ static double nearer(double value, double reference)
     return value + 6.283185307179586 * nearbyint((reference - value) / 6.283185307179586);
 }
 
+/* Whether numbers of a pose (4, 4) are finite, and its rotation R one: R R^T is 1 but for IMPROPER, its volume positive.
+ */
+static int proper(const double *pose)
+{
+    const double *x = pose, *y = pose + 4, *z = pose + 8;
+    double off = 0, volume = x[0] * (y[1] * z[2] - y[2] * z[1]) + x[1] * (y[2] * z[0] - y[0] * z[2]) +
+                             x[2] * (y[0] * z[1] - y[1] * z[0]);
+    for (int row = 0; row < 3; ++row)
+        for (int other = row; other < 3; ++other) {
+            const double *a = pose + 4 * row, *b = pose + 4 * other;
+            off = fmax(off, fabs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - (row == other)));
+        }
+    return volume > 0 && off <= IMPROPER && isfinite(x[3]) && isfinite(y[3]) && isfinite(z[3]);
+}
+
 /* For each of m target poses (m, 4, 4) tries s seeds in order until one converges.
  *
  * Seed k of target i is at seeds + i * per_target + k * per_seed. limits: JOINTS lower ones, then upper ones; turning:
  * JOINTS flags of joints without limits. tolerance: squared position, squared angle. Results: q (m, JOINTS), solved (m).
+ * Returns the number of the first target that is no pose, at which it ends, or -1.
  */
-void solve_rows(const double *targets, ptrdiff_t m, const double *seeds, ptrdiff_t s, ptrdiff_t per_target,
-                ptrdiff_t per_seed, const double *limits, const unsigned char *turning, const double *tolerance,
-                double *results, unsigned char *solved)
+ptrdiff_t solve_rows(const double *targets, ptrdiff_t m, const double *seeds, ptrdiff_t s, ptrdiff_t per_target,
+                     ptrdiff_t per_seed, const double *limits, const unsigned char *turning, const double *tolerance,
+                     double *results, unsigned char *solved)
 {
     WORK(ik_step);
     double here[JOINTS], next[JOINTS], squares[2], target[12];
@@ -61,6 +77,8 @@ void solve_rows(const double *targets, ptrdiff_t m, const double *seeds, ptrdiff
         const double *seed = seeds + i * per_target;
         double *result = results + i * JOINTS;
         double least = INFINITY;
+        if (!proper(targets + i * 16))
+            return i;
         for (int row = 0; row < 3; ++row) {
             memcpy(target + 3 * row, targets + i * 16 + 4 * row, 3 * sizeof(double));
             target[9 + row] = targets[i * 16 + 4 * row + 3];
@@ -97,5 +115,6 @@ void solve_rows(const double *targets, ptrdiff_t m, const double *seeds, ptrdiff
             if (turning[j])
                 result[j] = nearer(result[j], seeds[i * per_target + j]);
     }
+    return -1;
 }
 #endif

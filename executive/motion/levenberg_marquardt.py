@@ -20,6 +20,8 @@ BIAS = 1e-6
 """Smallest damping: keeps steps finite where the Jacobian loses rank."""
 LARGEST_STEP = 0.8
 """Largest move of a joint in one step [rad, m]."""
+HALF_TURN = 1e-6
+"""Nearer to half a turn than this what tells the axis of other turns all but vanishes [rad]."""
 
 
 def step_function(chain: SymbolicChain, lower: Array, upper: Array, free_axis: Array | None) -> Any:
@@ -57,16 +59,35 @@ def step_function(chain: SymbolicChain, lower: Array, upper: Array, free_axis: A
 
 
 def _log(rotation: Any) -> Any:
-    """Rotation vector of a rotation matrix (3, 3), away from half turns."""
+    """Rotation vector of a rotation matrix (3, 3); of half a turn one of the two."""
     twice = casadi.vertcat(
         rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]
     )
     sine = casadi.sqrt(casadi.dot(twice, twice) / 4 + 1e-20)
-    return twice / 2 * (casadi.atan2(sine, (casadi.trace(rotation) - 1) / 2) / sine)
+    cosine = (casadi.trace(rotation) - 1) / 2
+    angle = casadi.atan2(sine, cosine)
+    column = _longest(rotation + casadi.SX.eye(3))  # of half a turn about n: 2 n n^T
+    return casadi.if_else(
+        casadi.logic_and(sine < HALF_TURN, cosine < 0),
+        column * (angle / casadi.norm_2(column)),
+        twice / 2 * (angle / sine),
+    )
 
 
 def _turn_between(axis: Any, wanted: Any) -> Any:
-    """The shortest rotation vector that turns one unit vector onto another, away from opposite ones."""
+    """The shortest rotation vector that turns one unit vector onto another; of opposite ones one of many."""
     cross = casadi.cross(axis, wanted)
     sine = casadi.sqrt(casadi.dot(cross, cross) + 1e-20)
-    return cross * (casadi.atan2(sine, casadi.dot(axis, wanted)) / sine)
+    cosine = casadi.dot(axis, wanted)
+    angle = casadi.atan2(sine, cosine)
+    across = _longest(casadi.SX.eye(3) - axis @ axis.T)
+    return casadi.if_else(
+        casadi.logic_and(sine < HALF_TURN, cosine < 0), across * (angle / casadi.norm_2(across)), cross * (angle / sine)
+    )
+
+
+def _longest(matrix: Any) -> Any:
+    """The column of the greatest diagonal element of a matrix (3, 3)."""
+    first, second, third = (matrix[i, i] for i in range(3))
+    rest = casadi.if_else(second >= third, matrix[:, 1], matrix[:, 2])
+    return casadi.if_else(casadi.logic_and(first >= second, first >= third), matrix[:, 0], rest)

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.backends import SURE, UNSURE, ChainFacts
+from executive.motion.backends import MAP, SURE, UNSURE, ChainFacts
 from executive.motion.levenberg_marquardt import ROTATION_WEIGHT, step_function
 from executive.motion.symbolic import frames_function, pose_function, position_function, symbolic_chain
+from executive.motion.targets import check_targets
 from planlang.protocols import Array
 
 if TYPE_CHECKING:
     from executive.motion.body_arrays import Bodies
     from executive.motion.solids import Solids
+
+    _Group = tuple[int, int, NDArray[np.intp], Solids]
+    """A part, a frame, the pairs of the part with pieces in that frame, and these."""
 
 BLOCKS = (256, 32, 4, 1)
 """Rows per call of casadi's virtual machine; a call costs about 3 us beside the work of its rows."""
@@ -126,6 +131,7 @@ class VirtualSolver:
 
     def __call__(self, poses: Array, seeds: Array) -> tuple[Array, NDArray[np.bool_]]:
         """As ``Solver`` says; a target's result does not depend on the other targets."""
+        check_targets(poses)
         targets = np.concatenate([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]], axis=1)
         first = seeds[:, 0]
         seeds = np.clip(seeds, self._facts.lowest, self._facts.highest)
@@ -167,7 +173,7 @@ class VirtualChecker:
         self._chain, self._bodies = chain, bodies
         part_of, frame_of = bodies.pair_part, bodies.piece_frame[bodies.pair_piece]
         keys = sorted({(int(part), int(frame)) for part, frame in zip(part_of, frame_of, strict=True)})
-        self._groups: list[tuple[int, int, NDArray[np.intp], Solids]] = []
+        self._groups: list[_Group] = []
         for part, frame in keys:
             pairs = np.flatnonzero((part_of == part) & (frame_of == frame))
             pieces = bodies.solids.only(np.isin(np.arange(len(bodies.solids)), bodies.pair_piece[pairs]))
@@ -182,11 +188,22 @@ class VirtualChecker:
         return found.astype(np.int32)
 
     def hits(self, q: Array, bases: Array, deeper: float) -> NDArray[np.int32]:
-        """As ``Checker`` says; only pieces near to a part are compared with it."""
-        all_, frames = self._bodies, self._frames(q, bases)
+        """As ``Checker`` says."""
+        return self._first(self._groups, self._frames(q, bases), deeper)
+
+    def frame_hits(self, frame: int, places: Array) -> NDArray[np.int32]:
+        """As ``Checker`` says."""
+        groups = [group for group in self._groups if self._bodies.part_frame[group[0]] == frame and group[1] == MAP]
+        frames = np.zeros((len(places), frame + 1, 3, 4))
+        frames[:, MAP], frames[:, frame] = np.eye(3, 4), _poses(places)
+        return self._first(groups, frames, 0.0)
+
+    def _first(self, groups: Sequence[_Group], frames: Array, deeper: float) -> NDArray[np.int32]:
+        """The first pair of some groups that is hit with frames at (n, f, 3, 4); only near pieces are compared."""
+        all_ = self._bodies
         never = len(all_.pair_piece)
-        first = np.full(len(q), never)
-        for part, frame, pairs, pieces in self._groups:
+        first = np.full(len(frames), never)
+        for part, frame, pairs, pieces in groups:
             spheres, ball = all_.spheres[all_.part_sphere[part] : all_.part_sphere[part + 1]], all_.part_ball[part]
             points = self._seen_from(frames, part, frame, np.vstack([ball, spheres]))
             near = pieces.gaps(points[:, 0]) < ball[3] + all_.limit[pairs]
@@ -256,7 +273,7 @@ class VirtualChecker:
 
     def _frames(self, q: Array, bases: Array) -> Array:
         """All frames (n, f, 3, 4) in the map, with the base of the chain at (n, 12)."""
-        base = np.concatenate([bases[:, :9].reshape(-1, 3, 3), bases[:, 9:, None]], axis=2)
+        base = _poses(bases)
         turn, place = base[:, None, :, :3], base[:, None, :, 3:]
         moving = self._chain.frames(q)
         turned = np.concatenate([turn @ moving[..., :3], turn @ moving[..., 3:] + place], axis=3)
@@ -268,3 +285,8 @@ class VirtualChecker:
         mine, other = frames[:, self._bodies.part_frame[part]], frames[:, frame]
         points = np.einsum("nij,kj->nki", mine[..., :3], spheres[:, :3]) + mine[:, None, :, 3]
         return np.asarray(np.einsum("nji,nkj->nki", other[..., :3], points - other[:, None, :, 3]))
+
+
+def _poses(rows: Array) -> Array:
+    """Rotations row by row, and positions (n, 12), as poses (n, 3, 4)."""
+    return np.concatenate([rows[:, :9].reshape(-1, 3, 3), rows[:, 9:, None]], axis=2)

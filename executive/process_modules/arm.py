@@ -70,12 +70,16 @@ class Reaching:
     def _arms(self, action: Action) -> list[ArmModel]:
         """Its device's arm; else the arm that holds something; else the one chosen in this strand; else all.
 
-        Of several that the device may be, one that holds something reaches for a person.
+        Of several that may be meant one that is free takes hold of a thing, one that holds something reaches for a
+        person.
         """
         platform = self.platform
-        device = action.get("device_used")
+        device, location = action.get("device_used"), action.get("to_location")
+        named = platform.around.arms_of(device) if isinstance(device, Device) else platform.around.arms
+        if isinstance(location, Location) and platform.resolver.is_grasp(location) and (free := platform.free(named)):
+            return free
         if isinstance(device, Device):
-            meant = platform.in_order(platform.around.arms_of(device))
+            meant = platform.in_order(named)
             offering = [arm for arm in meant if platform.around.held(arm.name)] if self._is_for_person(action) else []
             return offering or meant
         return platform.holding(platform.around.arms) or platform.in_order(platform.around.arms)

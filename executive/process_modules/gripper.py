@@ -32,11 +32,16 @@ class GripperModule:
         return await self._open(arms[0])
 
     def _arms(self, action: Action) -> list[ArmModel]:
-        """Its device's arm; else the arm that holds something; else the one chosen in this strand of the plan."""
+        """Its device's arm; else the arm that holds something; else the one chosen in this strand of the plan.
+
+        Of several that may be meant one that is free opens for, and closes on, a thing that is not in a hand.
+        """
         platform = self.platform
-        device = action.get("device_used")
+        device, what = action.get("device_used"), action.get("object_acted_on")
         candidates = platform.around.arms_of(device) if isinstance(device, Device) else platform.around.arms
         arms = platform.holding(candidates) or platform.in_order(candidates)
+        if isinstance(what, Object) and not platform.in_hand(what):
+            arms = platform.free(candidates) or arms
         return [arm for arm in arms if platform.gripper(arm) is not None]
 
     async def _close(self, arm: ArmModel, action: Action) -> str:

@@ -63,15 +63,16 @@ class Navigation:
         try:
             return self.platform.base_path(goal)
         except GoalInCollision as problem:
-            contacts = self.platform.around.contacts(goal)
-            body = contacts[0].body if contacts else None
-            raise NavigationGoalInCollision(target=goal, blocked_by=body) from problem
+            raise NavigationGoalInCollision(target=goal, blocked_by=_blocking(problem)) from problem
         except StartInCollision as problem:
-            contacts = self.platform.around.contacts(self.platform.base())
-            body = contacts[0].body if contacts else None
-            raise NavigationGoalNotReached("the base is stuck", target=goal, blocked_by=body) from problem
+            stuck = _blocking(problem)
+            raise NavigationGoalNotReached("the base is stuck", target=goal, blocked_by=stuck) from problem
         except MotionError as problem:
             raise NavigationPoseUnreachable(target=goal) from problem
+
+
+def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:
+    return next((body for _, body in problem.pairs), None)
 
 
 def _close(one: Base, other: Base) -> bool:

@@ -3,19 +3,36 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from difflib import SequenceMatcher, get_close_matches
 
 from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.phrases.lexicon import DEVICES, Lexicon
-from planlang.phrases.words import FORMS, RELATION_OF, plain
+from planlang.phrases.words import ARTICLES, BLOCKING, FORMS, RELATION_OF, plain
 
 _MOST = 24
 """Nouns that are listed at most."""
 _ALIKE = 0.7
-_JOIN = ("AND", "BUT", "COMMA", "$END")
+_GOES_ON = ("AND", "BUT", "COMMA", "WITH", "GRASP", "RPAR", "$END")
+"""What may follow where a noun may have ended."""
+SPOKEN: Mapping[str, str] = {
+    **dict.fromkeys(("NOT", "RELATION", "BLOCKING", "LIMIT", "WITHIN", "BEYOND"), "a relation"),
+    "LENGTH": "a length",
+    **dict.fromkeys(("ARTICLE", "WORD"), "a thing"),
+    **dict.fromkeys(("A_PLACE", "LPAR"), "a place"),
+    **dict.fromkeys(("AND", "BUT", "COMMA"), "'and'"),
+    **dict.fromkeys(("WITH", "GRASP"), "'with'"),
+    "OF": "'of'",
+    "FROM": "'from'",
+    "TO": "'to'",
+    "CALLED": "'called'",
+    "EXACT": "a name in <...>",
+    "RPAR": "')'",
+    "$END": "the end",
+}
+"""Terminal of the grammar -> what it is to whoever writes a phrase, in the order in which they are listed."""
 
 
 def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
@@ -25,8 +42,7 @@ def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
     if at_end:
         offset = len(phrase.rstrip())
     span = _span(phrase, offset, file)
-    expected = set(getattr(problem, "accepts", None) or getattr(problem, "allowed", None) or ())
-    expected |= set(getattr(problem, "expected", None) or ())
+    expected = _expected(problem, phrase[:offset])
     if "RELATION" in expected:
         if at_end:
             return error("P003", "the phrase ends where a relation is expected", span, _relations())
@@ -37,12 +53,14 @@ def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
         return _unknown_relation(said, guess, span)
     begun = _clause_before(phrase, offset)
     if begun is not None and "WORD" in expected:
-        said = phrase[begun:offset].strip()
+        said = re.sub(rf"\s+({'|'.join(ARTICLES)})$", "", phrase[begun:offset].strip(), flags=re.IGNORECASE)
         alike = get_close_matches(plain(said), list(RELATION_OF), n=1, cutoff=_ALIKE)
-        if alike and alike[0] != plain(said):
+        if alike and alike[0] != plain(said) and plain(said) not in BLOCKING:
             return _unknown_relation(said, alike[0], _span(phrase, begun, file))
     found = "the phrase ends" if at_end else f"unexpected {phrase[offset:].split()[0]!r}"
-    return error("P003", f"{found} where {_spoken(expected)} is expected", span, _advice(expected))
+    is_arm = re.search(rf"\bwith(\s+({'|'.join(ARTICLES)}))?\s*$", phrase[:offset], re.IGNORECASE) is not None
+    wanted = "an arm" if is_arm and "WORD" in expected else _spoken(expected)
+    return error("P003", f"{found} where {wanted} is expected", span, _ADVICE.get(wanted))
 
 
 def unknown_noun(
@@ -117,23 +135,39 @@ def _relations() -> str:
     return f"relations: {', '.join(forms[0] for forms in FORMS.values())}; within 30 cm of; not ..."
 
 
+def _expected(problem: UnexpectedInput, before: str) -> set[str]:
+    """The terminals that could stand there, ``before`` being what is read already."""
+    if isinstance(problem, UnexpectedToken):
+        return set(problem.accepts or problem.expected)
+    allowed = set(getattr(problem, "allowed", None) or ())
+    if "RPAR" in allowed:  # what the lexer knows of: it has no end, and does not count parentheses
+        bare = re.sub("<[^<>]*>", "", before)
+        allowed = allowed if bare.count("(") > bare.count(")") else allowed - {"RPAR"} | {"$END"}
+    return allowed
+
+
 def _spoken(expected: set[str]) -> str:
-    if expected & {"WORD", "ARTICLE"}:
-        return "a thing or a place"
-    if "LENGTH" in expected:
-        return "a length"
-    if expected & set(_JOIN):
-        return "'and', 'with' or the end"
-    words = sorted(name.lower().replace("_", " ") for name in expected if name.isupper())
-    return " or ".join(f"'{word}'" for word in words) or "something else"
+    if "WORD" in expected:
+        expected = expected - {"EXACT", "CALLED"}
+    if expected & {*_GOES_ON}:
+        expected = expected & {*_GOES_ON}
+    *others, last = dict.fromkeys(words for name, words in SPOKEN.items() if name in expected)
+    return f"{', '.join(others)} or {last}" if others else last
 
 
-def _advice(expected: set[str]) -> str | None:
-    if expected & {"WORD", "ARTICLE"}:
-        return "for example: in reach of the patient; above a place on the table"
-    if "LENGTH" in expected:
-        return "for example: within 30 cm of the door"
-    return None
+_THING = "for example: in reach of the patient; above a place on the table"
+_ADVICE = {
+    "a thing": "for example: the bottle",
+    "a thing or a place": _THING,
+    "a place": _THING,
+    "a length": "for example: within 30 cm of the door",
+    "an arm": "for example: with the right arm",
+    "'to'": "for example: 30 cm to 1 m left of the bed; at most 1 m left of the bed",
+    "a name in <...>": (
+        "names stand in brackets, whole IRIs too: the person called <patient1>; without 'called' a thing of the map is "
+        "told by its name alone: in reach of patient1"
+    ),
+}
 
 
 def _span(phrase: str, offset: int, file: str) -> Span:

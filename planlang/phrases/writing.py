@@ -21,6 +21,16 @@ def write_location(location: Location, lexicon: Lexicon | None = None) -> str:
     return _location(location, lexicon or Lexicon())
 
 
+def write_relation(relation: Relation, lexicon: Lexicon | None = None) -> str:
+    """The phrase of one relation, as :func:`write_location` writes it; ValueError as there."""
+    return _clause(relation, lexicon or Lexicon())
+
+
+def write_thing(what: Object, lexicon: Lexicon | None = None) -> str:
+    """The words for a thing, a person or an arm, as :func:`write_location` writes them; ValueError as there."""
+    return _device(what) if isinstance(what, Device) else _noun(what, lexicon or Lexicon())
+
+
 def _location(location: Location, lexicon: Lexicon) -> str:
     if not location.relations:
         raise ValueError(f"{location} is no place that a phrase could tell")

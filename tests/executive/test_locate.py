@@ -62,6 +62,7 @@ def test_a_thing_is_meant_by_its_name_and_of_several_the_nearest_is_taken_and_to
     answer = located("visible from the cabinet", "--count", "1")
     assert answer["meant"] == {"Cabinet-PieceOfFurniture": "cabinet1"}
     assert codes(answer) == ["P009"]
+    assert answer["diagnostics"][0]["message"] == "the cabinet is cabinet1, the nearest of 2"
     assert "cabinet2" in answer["diagnostics"][0]["help"]
 
 
@@ -113,6 +114,8 @@ def test_an_arm_that_the_robot_does_not_have_is_a_missing_capability() -> None:
     panda = ("--robot", "panda", "--environment", "hospital_room")
     answer = located("in reach of the bottle with the left arm", code=3, where=panda)
     assert answer["failure"] == ["MissingCapability"]
+    result = CliRunner().invoke(app, ["locate", "in reach of the bottle with the left arm", *panda])
+    assert result.stdout.strip() == "MissingCapability: panda has no left arm; its arms: arm"
 
 
 def test_the_picture_shows_the_places(tmp_path: Path) -> None:
@@ -130,6 +133,7 @@ def test_the_picture_shows_the_places(tmp_path: Path) -> None:
 
 def test_a_picture_that_cannot_be_written_is_told_before_the_search() -> None:
     assert codes(located("near the bed", "--explain", "/nowhere/where.png", code=2)) == ["C004"]
+    assert codes(located("near the bed", "--explain", "where.jpg", code=2)) == ["C004"]
 
 
 MAP = (bundled("ontologies") / "environments" / "hospital_room.omn").read_text(encoding="utf-8")
@@ -204,35 +208,138 @@ def test_a_robot_without_arms_reaches_nothing_but_stands_near_things(tmp_path: P
     assert located("in reach of the bottle with the left arm", code=3, where=where)["failure"] == ["MissingCapability"]
 
 
+def of_no_place(phrase: str, of: str | None = None) -> dict[str, Any]:
+    """The diagnostic of a phrase that cannot be used, which says nothing in Python's words."""
+    answer = located(phrase, *(() if of is None else ("--of", of)), code=2)
+    *_, found = answer["diagnostics"]
+    assert found["code"] == "P010"
+    assert not re.search(r"\w_|\w\(|-PieceOf", f"{found['message']} {found['help']}".replace("bedside_table1", ""))
+    return dict(found)
+
+
 @pytest.mark.parametrize(
     ("phrase", "said"),
     [
-        ("near the bed and not near the bed", "it asks for near(Bed-PieceOfFurniture) and excludes it"),
-        ("within 30 cm of the bed and not within 50 cm of the bed", "holds wherever near(Bed-PieceOfFurniture, within"),
+        ("near the bed and not near the bed", "it asks for 'near the bed' and excludes it"),
+        (
+            "within 30 cm of the bed and not within 50 cm of the bed",
+            "'within 50 cm of the bed' holds wherever 'within 30 cm of the bed' does",
+        ),
         ("within 30 cm of the bed and beyond 1 m of the bed", "leave no distance"),
-        ("left of the bed and right of the bed", "are opposite sides"),
+        ("left of the bed and right of the bed", "'left of the bed' and 'right of the bed' are opposite sides"),
         ("in reach of a place (above the bed and not above the bed)", "excludes it"),
     ],
 )
-def test_a_conjunction_that_contradicts_itself_is_told_as_such(phrase: str, said: str) -> None:
-    message = located(phrase, code=1)["message"]
+def test_a_conjunction_that_contradicts_itself_cannot_be_used_and_is_told_so(phrase: str, said: str) -> None:
+    message = of_no_place(phrase)["message"]
     assert "contradicts itself: " in message
     assert said in message
 
 
 @pytest.mark.parametrize(
+    ("phrase", "of", "said", "help"),
+    [
+        ("on the patient", "the bottle", "patient1 has no level top", None),
+        ("above the bed", None, "'above the bed' means nothing for a base; what does: in reach of, visible", None),
+        ("above the bed", None, "", 'the base for a hand is "in reach of a place above the bed"'),
+        ("in cabinet1", None, "'in cabinet1' means nothing for a base", "--of THING asks for places of a thing"),
+        ("on a bed", None, "'on the bed' means nothing", '--of THING asks for places of a thing; the base for a hand'),
+        ("seeing the bed", "bottle1", "what does: in reach of, on, in, in front of", "without --of it asks for places"),
+        ("far from the bed", "bottle1", "does not say where bottle1 rests: it needs on, in or in reach of a", None),
+        ("in reach of a place near the bottle", None, "needs one of above, on, in, in the center of", None),
+        ("near a place on the bed", None, "near is said of a thing or a person; of a location only in reach of", None),
+        ("on the bed and in cabinet1", "bottle1", "a thing rests in one place, not in bed1 and cabinet1", None),
+        ("on the bottle", "the bottle", "'on the drinking bottle' means nothing for bottle1 itself", None),
+        ("in the bottle", "the bottle", "means nothing for bottle1 itself", None),
+        ("near bottle1", "the bottle", "'near bottle1' means nothing for bottle1 itself: other things tell", None),
+        ("on the bed and not left of the bottle", "bottle1", "'not left of the drinking bottle' means nothing", None),
+        ("in reach of the patient", "patient1", "means nothing for patient1 itself", None),
+        ("in reach of the bottle", "bottle1", "only in reach of a person does, and bottle1 is none", None),
+    ],
+)  # fmt: skip
+def test_a_phrase_that_is_of_no_place_cannot_be_used_and_is_told_why(
+    phrase: str, of: str | None, said: str, help: str | None
+) -> None:
+    found = of_no_place(phrase, of)
+    assert said in found["message"]
+    assert help is None or help in found["help"]
+
+
+@pytest.mark.parametrize(
     ("phrase", "of", "said"),
     [
-        ("on the patient", "the bottle", "patient1 has no level top"),
         ("on the door", "the bottle", "too small for the object"),
         ("in cabinet1", "the bottle", "no room for the object (in the way: cabinet1"),
-        ("above the bed", None, "means nothing for a base; what does: in_reach_of"),
-        ("in reach of a place near the bottle", None, "needs one of above, on, in_"),
+        ("in reach of the bed from the top", None, "not by a top grasp"),
     ],
 )
-def test_what_cannot_be_is_told_with_the_reason(phrase: str, of: str | None, said: str) -> None:
+def test_what_cannot_be_in_this_room_is_told_with_the_reason(phrase: str, of: str | None, said: str) -> None:
     answer = located(phrase, *(() if of is None else ("--of", of)), code=1)
     assert said in answer["message"]
+    assert re.match("no place found: [1-9]", answer["message"])
+
+
+@pytest.mark.parametrize(
+    ("phrase", "of", "idle", "used"),
+    [
+        ("near the bed with the left arm", None, "with the left arm", "near the bed"),
+        ("near the bed from the top", None, "from the top", "near the bed"),
+        ("on the bed with the left arm from the top", "bottle1", "with the left arm from the top", "on the bed"),
+        ("in reach of patient1 from the top", None, "from the top", "in reach of patient1"),
+        (
+            "in reach of a place (above the bed with the left arm) with the right arm",
+            None,
+            "with the right arm",
+            "in reach of a place (above the bed with the left arm)",
+        ),
+    ],
+)
+def test_an_arm_or_a_grasp_that_nothing_uses_is_left_out_with_a_warning(
+    phrase: str, of: str | None, idle: str, used: str
+) -> None:
+    answer = located(phrase, "--count", "1", *(() if of is None else ("--of", of)))
+    (found,) = answer["diagnostics"]
+    assert (found["severity"], found["code"]) == ("warning", "P011")
+    assert found["message"] == f"nothing uses {idle!r} here; it is left out"
+    assert answer["location"] == used
+
+
+@pytest.mark.parametrize(
+    "phrase",
+    ["in reach of the bed with the left arm", "in reach of the bottle with the left arm from the side",
+     "not in reach of the bottle with the left arm", "in reach of a place above the bed with the left arm",
+     "in reach of a place (in front of the bottle from the side)",
+     "in reach of a place in front of the bottle from the side"],
+)  # fmt: skip
+def test_an_arm_or_a_grasp_that_is_used_is_no_matter_of_a_warning(phrase: str) -> None:
+    answer = located(phrase, "--count", "1")
+    assert answer["diagnostics"] == []
+    assert "left" in answer["location"] or "from the side" in answer["location"]
+    assert all(place.get("arm", "left") == "left" for place in answer["solutions"] if "left" in phrase)
+
+
+SEEN = "as seen from the robot at x 0.100  y 0.200"
+
+
+@pytest.mark.parametrize(
+    ("phrase", "of", "frame"),
+    [
+        ("left of the bottle", None, {"left of bottle1": SEEN}),
+        ("next to the bed, not behind bottle1", None, {"next to bed1": "in its own frame", "not behind bottle1": SEEN}),
+        ("right of the bed", "bottle1", {"right of bed1": "in its own frame"}),
+        ("in reach of a place (above cabinet1 and left of the bottle)", None, {"left of bottle1": SEEN}),
+        ("in reach of a place in front of the bottle", None, {}),
+        ("near the bed", "bottle1", {}),
+    ],
+)
+def test_whose_left_and_right_is_meant_is_stated(phrase: str, of: str | None, frame: dict[str, str]) -> None:
+    options = ("--count", "1", "--start=0.1,0.2,0", *(() if of is None else ("--of", of)))
+    _, *lines = CliRunner().invoke(app, ["locate", phrase, *WARD, *options]).stdout.splitlines()
+    assert lines[: len(frame)] == [f"  {side}: {whose}" for side, whose in frame.items()]
+    assert lines[len(frame)].startswith("  1  x ")
+    (place,) = located(phrase, *options)["solutions"]
+    short = {side: "the viewer's" if whose == SEEN else "its own" for side, whose in frame.items()}
+    assert place.get("frame", {}) == short
 
 
 def test_near_the_bed_a_thing_is_on_the_floor_and_not_on_the_top_of_the_room() -> None:

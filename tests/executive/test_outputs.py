@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.outputs import replace, write_plan, write_text
+from executive.outputs import check_outputs, replace, write_plan, write_text
 from planlang.diagnostics import BadInput
 from planlang.plan_header import PlanHeader, digest, header
 
@@ -37,6 +37,14 @@ def test_the_header_tells_what_was_written_into_it(options: tuple[str, ...]) -> 
 @pytest.mark.parametrize("text", ["", "x = (", '"""A plan by hand."""\n'])
 def test_other_source_has_no_header(text: str) -> None:
     assert header(text) is None
+
+
+@pytest.mark.parametrize(("name", "refused"), [("a.jpg", True), ("a.png", False), ("a.PNG", False), ("a", False)])
+def test_a_picture_is_not_written_under_the_name_of_another_format(tmp_path: Path, name: str, refused: bool) -> None:
+    found = [
+        (d.code, d.help) for d in check_outputs({"--trace": tmp_path / "a.txt"}, {}, {"--picture": tmp_path / name})
+    ]
+    assert found == ([("C004", "name it a.png")] if refused else [])
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:

@@ -62,6 +62,7 @@ def test_a_picture_of_no_arms_and_a_robot_that_is_not_there_are_refused(tmp_path
     result = inspected(tmp_path / "cart.toml", "--picture", tmp_path / "reach.png")
     assert (result.exit_code, (tmp_path / "reach.png").exists()) == (2, False)
     assert inspected("no_such_robot").exit_code == 2
+    assert inspected("amigo", "--picture", tmp_path / "reach.jpg").exit_code == 2
 
 
 def test_a_urdf_that_is_no_robots_is_refused() -> None:

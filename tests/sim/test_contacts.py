@@ -35,11 +35,31 @@ def test_asking_about_another_configuration_changes_nothing(world: PyBulletWorld
     assert world.link_pose("hand_right") == place
 
 
-def test_a_hand_deep_in_the_robots_own_base_is_a_contact(world: PyBulletWorld) -> None:
+def _hand_in_the_base() -> dict[str, float]:
     angles = {"shoulder_yaw": -0.02, "shoulder_pitch": -0.23, "shoulder_roll": 1.08, "elbow_pitch": 0.18}
     angles |= {"elbow_roll": 1.37, "wrist_pitch": 0.84, "wrist_yaw": -0.29}
-    joints = {f"{name}_joint_right": value for name, value in angles.items()} | {"spindle_joint": 0.27}
-    there = Configuration(world.configuration().base, joints)
+    return {f"{name}_joint_right": value for name, value in angles.items()} | {"spindle_joint": 0.27}
+
+
+def test_a_robot_touches_itself_alike_wherever_it_stands(world: PyBulletWorld) -> None:
+    there = Configuration(BEFORE_THE_CABINET.base, _hand_in_the_base())
+    own = _pairs(world.self_contacts(there))
+    assert own == _pairs(world.self_contacts(Configuration(world.configuration().base, there.joints)))
+    assert _pairs(world.contacts(there)) > own
+    assert {"hand_right", "base"} in [set(pair) for pair in own]
+
+
+def test_a_held_thing_that_touches_the_robot_counts_and_what_stands_in_the_room_does_not(world: PyBulletWorld) -> None:
+    grasp(world)
+    now = world.configuration()
+    folded = Configuration(now.base, {**now.joints, **_hand_in_the_base()})
+    links = set(world.robot.solid_names)
+    assert set(world.self_contacts(folded)) == {one for one in world.contacts(folded) if one.body in links}
+    assert any(one.part == "bottle" for one in world.self_contacts(folded))
+
+
+def test_a_hand_deep_in_the_robots_own_base_is_a_contact(world: PyBulletWorld) -> None:
+    there = Configuration(world.configuration().base, _hand_in_the_base())
     (contact,) = (one for one in world.contacts(there) if {one.part, one.body} == {"hand_right", "base"})
     assert abs(contact.depth - 0.046) < 1e-3
 

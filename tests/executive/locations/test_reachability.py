@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from executive.locations import ArmModel, HandFrame
 from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
 from executive.locations.reachability_building import lift_of, reachability_maps
+from executive.locations.reachability_sampling import sampled
 from executive.motion import Chain, InverseKinematics
 from planlang.protocols import Array
 
@@ -26,16 +28,31 @@ JOINTS = [
     ("bend", "revolute", "0 1 0", "0 0 0", "-1.6", "1.6"),
     ("swing", "revolute", "0 0 1", "0 0 0", "-1.6", "1.6"),
 ]
+SCARA = [
+    ("post", "prismatic", "0 0 1", "0 0 0.3", "0", "0.5"),
+    ("turn", "revolute", "0 0 1", "0.1 0 0", "-2", "2"),
+    ("elbow", "revolute", "0 0 1", "0.2 0 0", "-2", "2"),
+    ("wrist", "revolute", "0 0 1", "0.2 0 0", "-2", "2"),
+]
+GANTRY = [
+    ("ahead", "prismatic", "1 0 0", "0.2 0 0.3", "0", "0.1"),
+    ("aside", "prismatic", "0 1 0", "0 0 0", "-0.05", "0.05"),
+    ("up", "prismatic", "0 0 1", "0 0 0", "0", "0.1"),
+    ("turn", "revolute", "0 0 1", "0 0 0", "-1.5", "1.5"),
+    ("bend", "revolute", "0 1 0", "0 0 0", "-1", "1"),
+    ("twist", "revolute", "1 0 0", "0 0 0", "-1", "1"),
+]
 
 
-def arm_of(folder: Path) -> ArmModel:
-    """Seven joints on a lift, 0.32 m from shoulder to tip."""
+def arm_of(folder: Path, joints: Sequence[tuple[str, ...]] = JOINTS) -> ArmModel:
+    """By default seven joints on a lift, 0.32 m from shoulder to tip."""
     links = "".join(
         f'<joint name="{name}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="{origin}"/>'
         f'<axis xyz="{axis}"/><limit lower="{low}" upper="{high}" velocity="1"/></joint>'
-        for i, (name, kind, axis, origin, low, high) in enumerate(JOINTS)
+        for i, (name, kind, axis, origin, low, high) in enumerate(joints)
     )
-    tip = '<joint name="tool" type="fixed"><parent link="l8"/><child link="tip"/><origin xyz="0.06 0 0"/></joint>'
+    tip = f'<joint name="tool" type="fixed"><parent link="l{len(joints)}"/><child link="tip"/>'
+    tip += '<origin xyz="0.06 0 0"/></joint>'
     (folder / "arm.urdf").write_text(f'<robot name="arm">{links}{tip}</robot>')
     chain = Chain.from_urdf(folder / "arm.urdf", "l0", "tip")
     middle = (chain.lower + chain.upper) / 2
@@ -45,7 +62,7 @@ def arm_of(folder: Path) -> ArmModel:
         lower=chain.lower,
         upper=chain.upper,
         solver=InverseKinematics(chain),
-        resolution=np.full(8, 0.05),
+        resolution=np.full(len(joints), 0.05),
         frame=HandFrame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
         max_opening=0.1,
         hand_links=frozenset({"tip"}),
@@ -154,6 +171,26 @@ def test_what_random_postures_reach_is_in_the_map(arm: ArmModel, maps: Maps) -> 
     assert 50 < reachable.sum() < 300
     assert known[reachable].mean() >= 0.97
     assert (known & ~reachable).mean() <= 0.03
+
+
+def test_a_hand_that_cannot_be_turned_upside_down_has_no_rows_with_the_other_roll(tmp_path: Path) -> None:
+    arm = arm_of(tmp_path, GANTRY)
+    found = reachability_maps(arm, None, [GraspClass.SIDE])[GraspClass.SIDE]
+    assert len(found) > 0
+    assert (found.rows["roll"] == 1).all()
+    assert (arm.solver.chain.fk(found.seeds(np.arange(len(found))))[:, 2, 2] > 0).all(), "the hand's z axis points up"
+
+
+def test_neither_has_one_of_few_joints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.locations.reachability_sampling.POSTURES", 1000)
+    monkeypatch.setattr("executive.locations.reachability_sampling.CHUNK", 1000)
+    arm = arm_of(tmp_path, SCARA)
+    kinds = [(grasp, roll) for grasp in GraspClass for roll in grasp.rolls]
+    found = [
+        len(sampled(arm.solver.chain, grasp, arm.frame, roll, 0.0, np.random.default_rng(0))[0])
+        for grasp, roll in kinds
+    ]
+    assert [kind for kind, number in zip(kinds, found, strict=True) if number] == [(GraspClass.SIDE, 1)]
 
 
 def test_maps_are_kept_and_those_of_another_arm_are_not_taken_for_them(

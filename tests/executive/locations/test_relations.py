@@ -10,11 +10,23 @@ from itertools import islice
 import pytest
 
 from executive import memory
+from executive.locations.relations import base_demand
 from planlang.designators import Location, Relation, a_location, a_person, an_object, located
-from planlang.failures import LocationUnresolvable
+from planlang.failures import LocationMeaningless, LocationUnresolvable
 from planlang.protocols import Configuration, Pose
 from sim import Body
-from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, WARD, MakeStage, Stage, stand
+from tests.executive.conftest import (
+    BED,
+    BOTTLE,
+    CABINET,
+    PLACE,
+    THE_BOTTLE,
+    WARD,
+    MakeStage,
+    Stage,
+    hold_bottle,
+    stand,
+)
 
 THE_BED, THE_CABINET = an_object("Bed-PieceOfFurniture"), an_object("Cabinet-PieceOfFurniture")
 RADIUS = 0.333
@@ -96,6 +108,46 @@ def test_an_object_on_a_cabinet_is_supported_whole_and_stands_free_of_others(war
         assert abs(x - 1.6) <= 0.2 - 0.0325 + 1e-9
         assert abs(y) <= 0.4 - 0.0325 + 1e-9
         assert 0.9 <= z <= 0.905
+
+
+@pytest.mark.parametrize(
+    "location",
+    [
+        a_location(on=THE_BOTTLE),
+        a_location(in_=THE_BOTTLE),
+        a_location(on=THE_CABINET, near=THE_BOTTLE),
+        a_location(on=THE_CABINET, not_=a_location(left_of=THE_BOTTLE)),
+    ],
+    ids=str,
+)
+def test_no_thing_is_told_by_a_relation_to_itself(location: Location, ward: Stage) -> None:
+    with pytest.raises(LocationMeaningless, match="means nothing for bottle itself"):
+        next(ward.resolver.things(location, THE_BOTTLE))
+    with pytest.raises(LocationMeaningless, match="means nothing for bottle itself"):
+        ward.resolver.holds(location, THE_BOTTLE)
+
+
+@pytest.mark.parametrize("grasp", ["top", "side"])
+def test_the_grasp_of_a_place_of_the_base_is_that_of_the_hand_there(grasp: str, make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, replace(BOTTLE, pose=Pose((1.5, 0.0, 0.96)), size=(0.05, 0.05, 0.12)))
+    location = a_location(in_reach_of=a_location(in_front_of=THE_BOTTLE), grasp=grasp)
+    demand = base_demand(location, stage.platform.around, (0.0, 0.0))
+    assert [reach.grasp for reach in demand.reaches] == [grasp]
+    own = a_location(in_reach_of=a_location(in_front_of=THE_BOTTLE, grasp="tilted"), grasp=grasp)
+    assert [reach.grasp for reach in base_demand(own, stage.platform.around, (0.0, 0.0)).reaches] == ["tilted"]
+
+
+def test_what_is_in_a_hand_is_put_near_where_it_was_and_not_on_itself(make_stage: MakeStage) -> None:
+    stage = make_stage(*WARD)
+    hold_bottle(stage)
+    poses = list(islice(stage.resolver.things(a_location(on=THE_CABINET, near=THE_BOTTLE, within=0.1), THE_BOTTLE), 3))
+    assert len(poses) == 3
+    assert all(math.dist(pose.position[:2], BOTTLE.pose.position[:2]) <= 0.1 + 2 * 0.0325 + 2e-3 for pose in poses)
+    with pytest.raises(LocationMeaningless, match="means nothing for bottle itself"):
+        next(stage.resolver.things(a_location(on=THE_BOTTLE), THE_BOTTLE))
+    (arm,) = (arm for arm in stage.platform.around.arms if stage.platform.around.held(arm.name) is not None)
+    with pytest.raises(LocationUnresolvable, match="nothing rests on itself"):
+        next(stage.resolver.hands(a_location(on=THE_BOTTLE), arm, stage.platform.arm_joints(arm)))
 
 
 def test_what_holds_is_judged_as_candidates_are(ward: Stage) -> None:

@@ -137,6 +137,8 @@ def test_what_is_hit_from_any_base_touches_and_both_checks_say_the_same(
         fewer = compiled.hit(bases, rows, deeper=deeper)
         assert fewer == interpreted.hit(bases, rows, deeper=deeper)
         assert all(before is not None for before, now in zip(found, fewer, strict=True) if now is not None)
+    tips = bases @ reacher.chain.fk(rows)
+    assert compiled.hand_hit(tips) == interpreted.hand_hit(tips)
 
 
 def test_an_arm_held_still_and_a_hand_alone_hit_what_the_whole_arm_hits(reacher: Reacher) -> None:
@@ -144,15 +146,14 @@ def test_an_arm_held_still_and_a_hand_alone_hit_what_the_whole_arm_hits(reacher:
     room, bodies = Room.of(Solids.of(reacher.world.solids()), "room"), shapes.now(reacher.world)
     base = reacher.world.link_pose(reacher.base_link).matrix()
     whole = bodies.against(base, room, (frozenset(), None))
-    hand = bodies.hand(*shapes.tip).against(base, room, (frozenset(), None))
     seen = 0
     for q in reacher.chain.sample(np.random.default_rng(7), 40):
         joints = dict(zip(reacher.chain.names, q.tolist(), strict=True))
-        still = shapes.still(reacher.world, joints).against(base, room, (frozenset(), None))
+        still = ArmShapes.still(reacher.world, [shapes], joints).against(base, room, (frozenset(), None))
         in_room = [body if body in room.bodies.names else None for body in whole.hit(base[None], q[None])]
         assert still.hit(base[None]) == in_room
         assert not still.clear(base[None], q[None]).any(), "more is there than the arm"
-        met = hand.hit(base[None] @ reacher.chain.fk(q[None]))[0]
+        met = whole.hand_hit(base[None] @ reacher.chain.fk(q[None]))[0]
         seen += met is not None
         assert met is None or in_room[0] is not None
     assert seen

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from executive.motion.base_path import plan_base_path
+from executive.motion.base_path import Touching, plan_base_path
 from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from planlang.protocols import Array, Pose
@@ -45,7 +45,12 @@ def plan(
     boxes: Boxes, start: tuple[float, float, float], goal: tuple[float, float, float], is_free: Check | None = None
 ) -> Array:
     """A path of the round robot among boxes."""
-    return plan_base_path(start, goal, GRID, clearance_field(GRID, boxes, ROBOT), is_free or disc(boxes))
+    return plan_base_path(start, goal, GRID, clearance_field(GRID, boxes, ROBOT), touching(is_free or disc(boxes)))
+
+
+def touching(is_free: Check) -> Touching:
+    """What touches where a check says that it is not free."""
+    return lambda x, y, yaw: [] if is_free(x, y, yaw) else [("robot", "bed")]
 
 
 def finely(path: Array) -> Array:
@@ -147,20 +152,34 @@ def test_closed_room_has_no_path_and_the_error_counts_the_work() -> None:
 def test_search_gives_up_after_its_replans() -> None:
     field = clearance_field(GRID, room(), ROBOT)
     with pytest.raises(NoPath) as caught:
-        plan_base_path((1, 1, 0), (5, 5, 0), GRID, field, lambda x, y, yaw: abs(x - y) > 9 or x in (1, 5), replans=3)
+        plan_base_path(
+            (1, 1, 0), (5, 5, 0), GRID, field, touching(lambda x, y, yaw: abs(x - y) > 9 or x in (1, 5)), replans=3
+        )
     assert caught.value.counts["attempts"] <= 4
 
 
 def test_start_and_goal_must_be_free_and_on_the_map() -> None:
     bed = room((3.0, 1.0, 2.0, 1.0))
-    with pytest.raises(StartInCollision, match=r"3\.000, 1\.000"):
+    with pytest.raises(StartInCollision, match=r"3\.000, 1\.000.*robot in bed") as stuck:
         plan(bed, (3.0, 1.0, 0.0), (5.0, 5.0, 0.0))
-    with pytest.raises(GoalInCollision, match=r"3\.000, 1\.000"):
+    with pytest.raises(GoalInCollision, match=r"3\.000, 1\.000.*robot in bed") as refused:
         plan(bed, (5.0, 5.0, 0.0), (3.0, 1.0, 0.0))
+    assert stuck.value.pairs == refused.value.pairs == (("robot", "bed"),)
     with pytest.raises(OutsideLimits, match="the goal is outside"):
         plan(bed, (5.0, 5.0, 0.0), (7.0, 1.0, 0.0))
     with pytest.raises(ValueError, match="expected a field"):
-        plan_base_path((1, 1, 0), (5, 5, 0), GRID, np.zeros((3, 3)), disc(bed))
+        plan_base_path((1, 1, 0), (5, 5, 0), GRID, np.zeros((3, 3)), touching(disc(bed)))
+
+
+@pytest.mark.parametrize("column", range(3))
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_place_that_is_none_is_outside_of_the_map(column: int, value: float) -> None:
+    place = [1.0, 1.0, 0.0]
+    place[column] = value
+    with pytest.raises(OutsideLimits, match=f"the goal is outside its limits: .*{value}"):
+        plan(room(), (1.0, 1.0, 0.0), (place[0], place[1], place[2]))
+    with pytest.raises(OutsideLimits, match=f"the start is outside its limits: .*{value}"):
+        plan(room(), (place[0], place[1], place[2]), (1.0, 1.0, 0.0))
 
 
 def test_equal_questions_have_equal_answers() -> None:

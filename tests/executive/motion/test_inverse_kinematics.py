@@ -9,6 +9,7 @@ from executive.motion.kinematics import ANGLE_TOLERANCE, POSITION_TOLERANCE, Cha
 from planlang.protocols import Array
 
 ROBOTS = ["amigo", "pr2", "panda"]
+AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "xyz": (3**-0.5, 3**-0.5, 3**-0.5)}
 
 
 def position_error(reached: Array, wanted: Array) -> Array:
@@ -19,6 +20,13 @@ def position_error(reached: Array, wanted: Array) -> Array:
 def angle_between(a: Array, b: Array) -> Array:
     """Angles (m,) of rotations (m, 3, 3) [rad]; exact for small ones."""
     return np.asarray(2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=(1, 2)) / np.sqrt(8), 0, 1)))
+
+
+def half_turn(axis: tuple[float, float, float]) -> Array:
+    """The pose (4, 4) that is turned by exactly half a turn about an axis (3,) of length 1."""
+    turn = np.eye(4)
+    turn[:3, :3] = 2 * np.outer(axis, axis) - np.eye(3)
+    return turn
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -111,6 +119,73 @@ def test_continuous_joints_stay_within_half_a_turn_of_the_first_seed(chain_of: C
     q, _ = InverseKinematics(chain).solve(targets, seeds)
     assert chain.continuous.sum() == 2
     assert np.abs(q - seeds[:, 0])[:, chain.continuous].max() <= np.pi + 1e-9
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_a_tip_turned_by_half_a_turn_is_not_at_its_target(axis: str, chain_of: Callable[[str], Chain]) -> None:
+    chain = chain_of("amigo")
+    q = chain.sample(np.random.default_rng(10), 50)
+    targets = chain.fk(q) @ half_turn(AXES[axis])
+    found, ok = InverseKinematics(chain).solve(targets, q[:, None])
+    reached = chain.fk(found[ok])
+    assert np.abs(reached - targets[ok]).max(initial=0.0) <= ANGLE_TOLERANCE
+
+
+def test_from_a_seed_that_is_half_a_turn_away_the_tip_is_turned_to_the_target(chain_of: Callable[[str], Chain]) -> None:
+    chain = chain_of("panda")
+    q = chain.sample(np.random.default_rng(11), 50)
+    q[:, -1] = np.where(np.arange(50) % 2, 1.5, -1.5)  # the last joint turns the hand about its own axis
+    seeds = q.copy()
+    seeds[:, -1] += np.where(np.arange(50) % 2, -np.pi, np.pi)
+    targets = chain.fk(q)
+    found, ok = InverseKinematics(chain).solve(targets, seeds[:, None])
+    assert ok.mean() > 0.3, "one way around it cannot turn"
+    assert angle_between(chain.fk(found[ok])[:, :3, :3], targets[ok][:, :3, :3]).max() <= ANGLE_TOLERANCE
+
+
+def test_a_free_axis_that_points_the_opposite_way_is_not_at_its_target(chain_of: Callable[[str], Chain]) -> None:
+    chain = chain_of("panda")
+    q = chain.sample(np.random.default_rng(12), 50)
+    targets = chain.fk(q) @ half_turn((1, 0, 0))
+    seeds = np.concatenate([q[:, None], chain.sample(np.random.default_rng(13), (50, 20))], axis=1)
+    found, ok = InverseKinematics(chain, free_axis=(0, 0, 1)).solve(targets, seeds)
+    assert ok.mean() > 0.3
+    assert np.linalg.norm(chain.fk(found[ok])[:, :3, 2] - targets[ok][:, :3, 2], axis=1).max() <= ANGLE_TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "said"),
+    [
+        (np.diag([-1.0, 1.0, 1.0, 1.0]), "reflection"),
+        (np.diag([2.0, 2.0, 2.0, 1.0]), r"R R\^T .* differs from 1 by 3"),
+        (np.array([[1, 0.5, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]), "differs from 1 by"),
+        (np.diag([0.0, 0.0, 0.0, 1.0]), "differs from 1 by 1"),
+        (np.diag([np.nan, 1.0, 1.0, 1.0]), "not finite"),
+        (np.array([[1, 0, 0, np.inf], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]), "not finite"),
+        (np.diag([1e200, 1e200, 1e200, 1.0]), "differs from 1 by inf"),
+    ],
+)
+def test_targets_that_are_no_poses_are_refused(spoiled: Array, said: str, chain_of: Callable[[str], Chain]) -> None:
+    chain = chain_of("amigo")
+    q = chain.sample(np.random.default_rng(14), 5)
+    targets = chain.fk(q)
+    targets[3] = spoiled
+    with pytest.raises(ValueError, match=f"target 3 is no pose: .*{said}"):
+        InverseKinematics(chain).solve(targets, q[:, None])
+    with pytest.raises(ValueError, match="target 0 is no pose"):
+        InverseKinematics(chain).solve_one(spoiled, q[3])
+
+
+def test_a_rotation_that_is_not_quite_one_means_the_nearest(chain_of: Callable[[str], Chain]) -> None:
+    chain = chain_of("amigo")
+    rng = np.random.default_rng(15)
+    targets = chain.fk(chain.sample(rng, 100))
+    rough = targets.copy()
+    rough[:, :3, :3] += rng.uniform(-1.5e-3, 1.5e-3, (100, 3, 3))
+    q, ok = InverseKinematics(chain).solve(rough, chain.sample(rng, (100, 20)))
+    assert ok.mean() >= 0.99
+    left, _, right = np.linalg.svd(rough[:, :3, :3])
+    assert angle_between(chain.fk(q[ok])[:, :3, :3], (left @ right)[ok]).max() <= 1.01 * ANGLE_TOLERANCE
 
 
 def test_arrays_of_the_wrong_shape_are_refused(chain_of: Callable[[str], Chain]) -> None:

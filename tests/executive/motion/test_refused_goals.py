@@ -40,6 +40,19 @@ def test_a_goal_inside_of_the_robot_is_refused_with_both_links(make_stage: MakeS
     assert all(part in links and body in links for part, body in refused.value.pairs)
 
 
+def test_a_base_that_would_stand_in_something_is_refused_with_both_names(make_stage: MakeStage) -> None:
+    platform = make_stage(TABLE).platform
+    with pytest.raises(GoalInCollision, match="in table") as refused:
+        platform.base_path((0.75, -0.2, 0.0))
+    links = platform.around.world.robot.links
+    assert {body for _, body in refused.value.pairs} == {"table"}
+    assert all(part in links for part, _ in refused.value.pairs)
+    joints = platform.world.configuration().joints
+    platform.world.set_configuration(Configuration((0.75, -0.2, 0.0), joints))  # type: ignore[attr-defined]
+    with pytest.raises(StartInCollision, match="in table"):
+        platform.base_path((-1.0, 0.0, 0.0))
+
+
 def test_errors_name_the_first_pairs() -> None:
     assert str(StartInCollision([0.0], [("hand", "cup")])).endswith("hand in cup")
 

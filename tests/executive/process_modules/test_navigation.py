@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from executive.motion import clearance_at
+from executive.platform import ROOMY
 from planlang import perform
 from planlang.designators import Action, a_location, action
 from planlang.failures import (
@@ -18,7 +21,7 @@ from planlang.failures import (
 )
 from planlang.protocols import Pose
 from sim import Body
-from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage
+from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage, hold_bottle
 
 POST = Body("post", Pose((1.5, 0.0, 0.5)), (0.4, 0.4, 1.0), type="Chair-PieceOfFurniture", movable=True)
 AWAY = replace(POST, pose=Pose((-3.0, 3.0, 0.5)))
@@ -51,6 +54,18 @@ def test_a_location_is_gone_to_at_its_best_place(ward: Stage) -> None:
 def test_where_the_base_is_already_it_does_not_move(ward: Stage) -> None:
     drive(ward, to(0.0, 0.0, 2 * math.pi))
     assert ward.truth.steps == 0
+
+
+def test_where_the_robot_taken_for_round_has_room_it_touches_nothing(make_stage: MakeStage) -> None:
+    leaning = replace(POST, pose=Pose((0.6, 1.6, 0.5), (math.sin(0.3), 0.0, 0.0, math.cos(0.3))))
+    stage = make_stage(*WARD, leaning)
+    hold_bottle(stage)
+    around = stage.platform.around
+    places = np.random.default_rng(0).uniform((-4.0, -2.0, -math.pi), (3.0, 3.0, math.pi), (400, 3))
+    room = clearance_at(places[:, :2], around.obstacles(), around.silhouette())
+    touching = np.array([bool(around.contacts((x, y, yaw))) for x, y, yaw in places.tolist()])
+    assert 20 < touching.sum() < len(places) - 20
+    assert not touching[room >= ROOMY].any()
 
 
 def test_an_obstacle_elsewhere_than_believed_is_felt_and_driven_around(make_stage: MakeStage) -> None:

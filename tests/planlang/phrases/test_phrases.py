@@ -28,6 +28,8 @@ from planlang.diagnostics import CODES, BadInput, Diagnostic
 from planlang.ontology import load
 from planlang.phrases import FORMS, Lexicon, read_location, read_thing, write_location
 from planlang.phrases.lexicon import DEVICES
+from planlang.phrases.mistakes import SPOKEN
+from planlang.phrases.reading import parser
 from planlang.phrases.words import GRASP_FORMS, plain
 from planlang.resources import bundled
 
@@ -241,6 +243,42 @@ def test_a_mistake_is_told_at_its_column_with_what_would_be_valid(
     assert help is None or help in (found.help or ""), found
 
 
+@pytest.mark.parametrize(
+    ("phrase", "expected"),
+    [
+        ("in reach of the person called patient1", "unexpected 'patient1' where a name in <...> is expected"),
+        ("near the bed called", "the phrase ends where a name in <...> is expected"),
+        ("near the bed (", "unexpected '(' where 'and', 'with' or the end is expected"),
+        ("near the bed ?", "unexpected '?' where 'and', 'with' or the end is expected"),
+        ("in reach of a place (near the bed ?", "unexpected '?' where 'and', 'with' or ')' is expected"),
+        ("in reach of a place (near the <a(b> ?", "unexpected '?' where 'and', 'with' or ')' is expected"),
+        ("in reach of a place (near the bed", "the phrase ends where ')' is expected"),
+        ("in reach of the bed with the", "the phrase ends where an arm is expected"),
+        ("near a", "the phrase ends where a thing is expected"),
+        ("blocking", "the phrase ends where a thing or a place is expected"),
+        ("beyond 2 m", "the phrase ends where 'of' or 'from' is expected"),
+        ("1 m left of the bed", "unexpected 'left' where 'to' is expected"),
+        ("at most", "the phrase ends where a length is expected"),
+    ],
+)
+def test_what_is_expected_is_said_in_the_words_of_phrases(phrase: str, expected: str) -> None:
+    assert only(phrase).message == expected
+
+
+def test_every_terminal_of_the_grammar_is_something_to_whoever_writes_a_phrase() -> None:
+    assert {terminal.name for terminal in parser().terminals if not terminal.name.startswith("_")} <= SPOKEN.keys()
+
+
+@given(words=st.lists(st.sampled_from((*SOME_WORDS, "at most", "1 m", "beyond", "blocking", "?", "<")), max_size=9))
+def test_no_message_has_a_name_of_the_grammar(words: list[str]) -> None:
+    try:
+        read_location(" ".join(words), LEXICON)
+    except BadInput as bad:
+        told = " ".join(found.message for found in bad.diagnostics)
+        names = ("exact", "word", "article", "lpar", "rpar", "comma", "length", "limit", "relation", "grasp", "$end")
+        assert not [name for name in names if f"'{name}'" in told]
+
+
 def test_a_noun_that_several_classes_of_the_map_end_with_is_not_guessed() -> None:
     lexicon = Lexicon.from_classes(
         {"WineBottle": Object, "DrinkingBottle": Object},
@@ -298,7 +336,7 @@ def test_a_file_has_its_diagnostic_at_its_line(path: Path) -> None:
 
 
 def test_every_code_about_phrases_has_a_file() -> None:
-    about_maps = {"P008", "P009"}
+    about_maps = {"P008", "P009", "P010", "P011"}
     assert {path.name.split("_")[0] for path in FILES} == {code for code in CODES if code[0] == "P"} - about_maps
 
 
