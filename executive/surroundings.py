@@ -88,6 +88,10 @@ class BelievedSurroundings:
         """Whether the body is a person."""
         return self.world.scene.body(name).shape == "person"
 
+    def is_room(self, name: str) -> bool:
+        """Whether the body is a room: everything is in it."""
+        return self.world.scene.body(name).shape == "room"
+
     def is_graspable(self, name: str) -> bool:
         """Whether the body can be taken into a hand."""
         return self.world.scene.body(name).graspable

@@ -74,6 +74,10 @@ Viewer = tuple[float, float]
 """Where somebody looks from, in the map [m]."""
 NEEDS_SIZE = ("visible_from", "in_center_of", "clear_of")
 """Relations to a thing that can be touched."""
+NOT_OF_ROOMS = ("in_reach_of", "visible_from", "above", "in_center_of")
+"""Relations to what has an outside that can be touched or seen."""
+FROM_OUTSIDE = ("clear_of", *SIDES)
+"""Relations that nothing in a room has to the room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,8 +263,7 @@ def _holding(arms: tuple[str, ...] | None, around: Surroundings) -> tuple[str, .
 
 def _for_body(what: Object, location: Location, around: Surroundings) -> Reach:
     """What being in reach of a body asks of a hand."""
-    body = around.bind(what)
-    block_of(body, around)
+    body = _body(Relation("in_reach_of", what), what, around)
     arms = _arms(location, around)
     if around.is_person(body):
         return Reach("offer", body, None, _holding(arms, around))
@@ -289,6 +292,11 @@ def _made(relation: Relation, body: str, location: Location, around: Surrounding
 def _body(relation: Relation, what: Object, around: Surroundings) -> str:
     body = around.bind(what)
     block_of(body, around)
+    if around.is_room(body):
+        if relation.name in NOT_OF_ROOMS:
+            raise meaningless(relation, f"{body} is a room, and nothing is ", (relation.name,), " a room")
+        if relation.name in FROM_OUTSIDE and not any(around.is_room(name) for name in around.names() if name != body):
+            raise meaningless(relation, f"{body} is the only room: in it nothing is ", (relation.name,), " it")
     if relation.name in NEEDS_SIZE and not around.is_solid(body):
         raise meaningless(relation, f"{body} has no size: it is a place, and nothing is ", (relation.name,), " a place")
     if relation.name == "on" and not relation.negated and around.rests_at(body) is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from itertools import islice
 
 import numpy as np
@@ -27,15 +27,12 @@ MOST_AREAS = 600
 
 def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> Iterator[Solution]:
     """Places without reach: around what they are about or, where none of those will do, anywhere."""
-    found, judged = False, len(log.places)
-    for solution in _judged(judge, demand, around_places(demand, judge.around), log):
-        found = True
-        yield solution
-    left = MOST_AREAS - (len(log.places) - judged)
-    if found or left <= 0:
+    found, looked_at = yield from _judged(judge, demand, around_places(demand, judge.around), MOST_AREAS, log)
+    if found or looked_at >= MOST_AREAS:
         return
     counts, blocking = log.counts.copy(), log.blocking.copy()
-    yield from _judged(judge, demand, all_places(demand, judge.around), log, left, named=bool(blocking))
+    anywhere = all_places(demand, judge.around)
+    yield from _judged(judge, demand, anywhere, MOST_AREAS - looked_at, log, named=bool(blocking))
     if blocking:  # what is in the way where one would look first
         log.counts, log.blocking = counts, blocking
 
@@ -44,14 +41,14 @@ def _judged(
     judge: BaseJudge,
     demand: BaseDemand,
     places: tuple[Array, Array, NDArray[np.intp]],
+    most: int,
     log: Rejections,
-    most: int = MOST_AREAS,
     *,
     named: bool = False,
-) -> Iterator[Solution]:
+) -> Generator[Solution, None, tuple[bool, int]]:
     """Of bases, with the room around each and its square, those that will do; so many are looked at exactly.
 
-    ``named``: what takes the room is known.
+    ``named``: what takes the room is known. Returns whether there were any, and how many were looked at.
     """
     around = judge.around
     terms = list(demand.areas)
@@ -74,7 +71,7 @@ def _judged(
     good = np.flatnonzero(roomy & (score > 0))
     log.scored.append((bases[good], total[good]))
     order = good[np.argsort(-total[good].round(9), kind="stable")]
-    hidden = 0
+    found, hidden = False, 0
     rows = np.fromiter(islice(_spread(squares[order], order), most), np.intp)
     for row, unseen in zip(rows.tolist(), _surely_unseen(judge, demand, bases[rows]), strict=True):
         if unseen and (hidden := hidden + 1) > MOST_CROWDED:
@@ -88,7 +85,9 @@ def _judged(
             continue
         answer = judge.answer(base, float(total[row]), {}, demand, log)
         if answer is not None:
+            found = True
             yield answer
+    return found, len(rows)
 
 
 def _surely_unseen(judge: BaseJudge, demand: BaseDemand, bases: Array) -> Iterator[bool]:

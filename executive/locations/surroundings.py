@@ -90,6 +90,9 @@ class Surroundings(Protocol):
     def is_person(self, name: str) -> bool:
         """Whether the body is a person."""
 
+    def is_room(self, name: str) -> bool:
+        """Whether the body is a room: everything is in it."""
+
     def is_graspable(self, name: str) -> bool:
         """Whether the body can be taken into a hand."""
 

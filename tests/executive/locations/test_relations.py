@@ -11,10 +11,22 @@ import pytest
 
 from executive import memory
 from executive.locations.relations import base_demand
-from planlang.designators import Location, a_location, a_person, an_object, located
+from planlang.designators import Location, Relation, a_location, a_person, an_object, located
 from planlang.failures import LocationMeaningless, LocationUnresolvable
 from planlang.protocols import Configuration, Pose
-from tests.executive.conftest import BED, BOTTLE, CABINET, THE_BOTTLE, WARD, MakeStage, Stage, hold_bottle, stand
+from sim import Body
+from tests.executive.conftest import (
+    BED,
+    BOTTLE,
+    CABINET,
+    PLACE,
+    THE_BOTTLE,
+    WARD,
+    MakeStage,
+    Stage,
+    hold_bottle,
+    stand,
+)
 
 THE_BED, THE_CABINET = an_object("Bed-PieceOfFurniture"), an_object("Cabinet-PieceOfFurniture")
 RADIUS = 0.333
@@ -168,6 +180,26 @@ def test_a_mere_place_is_neither_seen_nor_stood_on(make_stage: MakeStage) -> Non
     for location in (a_location(visible_from=THE_BED), a_location(clear_of=THE_BED)):
         with pytest.raises(LocationUnresolvable, match="has no size"):
             next(stage.resolver.bases(location))
+
+
+@pytest.mark.parametrize("relation", ["in_reach_of", "visible_from", "clear_of", "in_front_of", "next_to"])
+def test_what_is_said_from_outside_is_not_said_of_the_room_that_everything_is_in(
+    relation: str, make_stage: MakeStage
+) -> None:
+    room = Body("room", Pose((0.0, 0.0, 1.5)), (8.0, 8.0, 3.0), "room", type="HospitalRoom")
+    stage = make_stage(room, CABINET)
+    what = an_object("HospitalRoom")
+    with pytest.raises(LocationUnresolvable, match=r"room is (a|the only) room"):
+        next(stage.resolver.bases(Location((Relation(relation, what),))))
+    assert bases(stage, a_location(near=what, facing=what), 1)
+
+
+def test_what_is_clear_of_a_room_is_in_another(make_stage: MakeStage) -> None:
+    rooms = [Body(f"room{x}", Pose((x, 0.0, 1.5)), (5.0, 5.0, 3.0), "room", type="HospitalRoom") for x in (-2.75, 2.75)]
+    stage = make_stage(*rooms, start=(-2.0, 0.0, 0.0))
+    other = an_object("HospitalRoom", PLACE + rooms[0].name)
+    for x, _, _ in bases(stage, a_location(clear_of=other), 3):
+        assert x > 0
 
 
 def test_a_bottle_inside_a_wall_is_in_collision_with_it(make_stage: MakeStage) -> None:
