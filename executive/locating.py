@@ -21,7 +21,7 @@ from executive.outputs import replace as write_complete
 from executive.platform import Platform
 from planlang.designators import Location, Object, Person, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
-from planlang.failures import LocationMeaningless, LocationUnresolvable, ObjectUnresolvable
+from planlang.failures import LocationMeaningless, LocationUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.ontology import expand, load, shorten
 from planlang.phrases import FORMS, Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.words import GRASP_FORMS
@@ -56,8 +56,7 @@ def locate(options: LocateOptions) -> Answer:
         if location.device is not None and not robot.arms_of(location.device):
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
             asked = write_thing(location.device).removeprefix("the ")
-            text = f"MissingCapability: {robot.name} has no {asked}; its arms: {arms}"
-            return Answer(MISSING_CAPABILITY, tuple(found), text, {"failure": ["MissingCapability"]})
+            return _missing(f"{robot.name} has no {asked}; its arms: {arms}", found)
         world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
         platform = platform_of(robot, semantic_map, world, world, 0)
         what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
@@ -67,6 +66,14 @@ def locate(options: LocateOptions) -> Answer:
             return _resolved(location, what, lexicon, platform, meant, found, options)
         except LocationMeaningless as problem:
             raise BadInput([*found, *_of_no_place(problem, location, what, lexicon)]) from None
+        except MissingCapability as problem:
+            return _missing(str(problem), found)
+
+
+def _missing(said: str, found: Iterable[Diagnostic]) -> Answer:
+    """What is answered when the robot has no part for what is asked."""
+    text = f"MissingCapability: {said}"
+    return Answer(MISSING_CAPABILITY, tuple(found), text, {"failure": ["MissingCapability"], "message": said})
 
 
 def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
