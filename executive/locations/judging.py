@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from executive.locations.areas import Facing
+from executive.locations.areas import Area, Facing
 from executive.locations.blind import Blind
 from executive.locations.doors import Clear
 from executive.locations.effort import Extent
