@@ -12,6 +12,7 @@ from planlang.failures import (
     LookingGoalUnreachable,
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
+    MissingCapability,
     NavigationFailure,
     NavigationGoalNotReached,
     ObjectUndeliverable,
@@ -70,7 +71,7 @@ async def at_location(
     is evaporated and runs again at the same place, at most 10 times.
 
     Raises ObjectUnreachable, or ObjectUndeliverable when something is held, from the last failure, or from
-    LocationUnresolvable when no place was found at all.
+    LocationUnresolvable when no place was found at all, or from MissingCapability when the robot lacks what it takes.
     """
     _AT_LOCATION.branch("body", body)
     _AT_LOCATION.instance("location", location, Location, "a location")
@@ -138,7 +139,7 @@ class _Visit:
                     for action in self.executive.before_retry():
                         await perform(action)
                 solution = self._next()
-            except LocationUnresolvable as exhausted:
+            except (LocationUnresolvable, MissingCapability) as exhausted:
                 record("no more places", attempt=attempt, failure=exhausted)
                 exhausted.__cause__ = last
                 raise self._escalated(exhausted) from exhausted

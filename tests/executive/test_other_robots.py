@@ -200,7 +200,7 @@ def cart(folder: Path, urdf: str, numbers: str = "") -> Path:
 def test_what_has_no_camera_sees_from_nowhere(tmp_path: Path) -> None:
     (tmp_path / "drive.py").write_text(DRIVE.format(relation="visible_from"))
     found = run(tmp_path / "drive.py", "--robot", cart(tmp_path, BOX), "--environment", ROOM)
-    assert (found["exit_code"], found["failure"]) == (1, ["LocationUnresolvable"])
+    assert (found["exit_code"], found["failure"]) == (1, ["MissingCapability"])
 
 
 CAMERA = """
