@@ -21,7 +21,7 @@ from executive.outputs import replace as write_complete
 from executive.platform import Platform
 from planlang.designators import Location, Object, Person, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
-from planlang.failures import LocationMeaningless, LocationUnresolvable, ObjectUnresolvable
+from planlang.failures import LocationMeaningless, LocationUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.ontology import expand, load, shorten
 from planlang.phrases import FORMS, Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.words import GRASP_FORMS
@@ -56,8 +56,7 @@ def locate(options: LocateOptions) -> Answer:
         if location.device is not None and not robot.arms_of(location.device):
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
             asked = write_thing(location.device).removeprefix("the ")
-            text = f"MissingCapability: {robot.name} has no {asked}; its arms: {arms}"
-            return Answer(MISSING_CAPABILITY, tuple(found), text, {"failure": ["MissingCapability"]})
+            return _missing(f"{robot.name} has no {asked}; its arms: {arms}", found)
         world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
         platform = platform_of(robot, semantic_map, world, world, 0)
         what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
@@ -67,6 +66,14 @@ def locate(options: LocateOptions) -> Answer:
             return _resolved(location, what, lexicon, platform, meant, found, options)
         except LocationMeaningless as problem:
             raise BadInput([*found, *_of_no_place(problem, location, what, lexicon)]) from None
+        except MissingCapability as problem:
+            return _missing(str(problem), found)
+
+
+def _missing(said: str, found: Iterable[Diagnostic]) -> Answer:
+    """What is answered when the robot has no part for what is asked."""
+    text = f"MissingCapability: {said}"
+    return Answer(MISSING_CAPABILITY, tuple(found), text, {"failure": ["MissingCapability"], "message": said})
 
 
 def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
@@ -173,7 +180,7 @@ def _bases(location: Location, platform: Platform, count: int, log: Rejections) 
         detail = solution.detail
         arm = detail.get("arm", "")
         how = f"{arm if arm.endswith('arm') else f'{arm} arm'}: {', '.join(detail['reaches'])}" if arm else ""
-        line = f"{number}  x {x:.3f}  y {y:.3f}  yaw {yaw:.3f}  {how}".rstrip()
+        line = f"{number}  {_listed(x=x, y=y, yaw=yaw)}  {how}".rstrip()
         yield line, {"x": x, "y": y, "yaw": yaw, **detail}
 
 
@@ -183,7 +190,7 @@ def _things(
     """Places for a thing: the centre of its box."""
     for number, pose in enumerate(islice(platform.resolver.things(location, what, log), count), 1):
         x, y, z = pose.position
-        line = f"{number}  x {x:.3f}  y {y:.3f}  z {z:.3f}  yaw {pose.yaw:.3f}"
+        line = f"{number}  {_listed(x=x, y=y, z=z, yaw=pose.yaw)}"
         yield line, {"x": x, "y": y, "z": z, "yaw": pose.yaw, **({"frame": frame} if frame else {})}
 
 
@@ -199,8 +206,13 @@ def _told(frame: Mapping[str, str], platform: Platform) -> Iterator[str]:
     """A line for each side."""
     x, y, _ = platform.base()
     for words, whose in frame.items():
-        seen = f"as seen from the robot at x {x:.3f}  y {y:.3f}"
+        seen = f"as seen from the robot at {_listed(x=x, y=y)}"
         yield f"  {words}: {'in its own frame' if whose == 'its own' else seen}"
+
+
+def _listed(**numbers: float) -> str:
+    """Numbers of a pose [m, rad] with their names; nothing is less than nothing."""
+    return "  ".join(f"{name} {round(number, 3) + 0.0:.3f}" for name, number in numbers.items())
 
 
 def _resolved(

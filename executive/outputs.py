@@ -25,7 +25,7 @@ def check_outputs(
     """
     problems: list[Diagnostic] = []
     taken = {path.resolve(): name for name, path in inputs.items() if path is not None}
-    for name, path in {**outputs, **pictures}.items():
+    for name, path in {**pictures, **outputs}.items():
         if path is None:
             continue
         folder = path.parent

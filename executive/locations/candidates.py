@@ -7,6 +7,7 @@ rows of a way costs a rotation of constants and a look at the field of room.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -29,6 +30,8 @@ COUNTED = 48
 Indices = NDArray[np.intp]
 Weigh = Callable[[Array], Array]
 """Bases (m, 3) -> weights (m,), 0 where a place will not do."""
+Conjunct = tuple[str, Weigh]
+"""What is said of bases that will not do, and the weights."""
 Misses = Callable[[Array], NDArray[np.bool_]]
 """Bases (m, 3) -> whether something is surely not seen from there (m,)."""
 
@@ -51,8 +54,8 @@ class Candidates:
     """Promising places without room, with their scores."""
     without_room: int = 0
     """Places without room, up to so many of each way."""
-    unwanted: int = 0
-    """Places with room of which the other conjuncts say that they will not do, counted likewise."""
+    unwanted: Counter[str] = field(default_factory=Counter)
+    """Places with room of which another conjunct says that they will not do, counted likewise by its reason."""
     unseen: int = 0
     """Places that are left and from which the robot would not see what it has to, counted likewise."""
 
@@ -84,7 +87,7 @@ def invert(
     hands: Sequence[tuple[ArmModel, Ways]],
     inverse: InverseMaps,
     room: Field,
-    weigh: Weigh | None,
+    conjuncts: Sequence[Conjunct],
     lifted: Callable[[ArmModel, Sequence[float]], tuple[float, ...]],
     *,
     misses: Misses | None = None,
@@ -94,7 +97,7 @@ def invert(
 ) -> Candidates:
     """Places for some arms and their ways.
 
-    Of each way those ``each`` with the best score are kept, well spread. ``weigh`` is the other conjuncts' opinion.
+    Of each way those ``each`` with the best score are kept, well spread. ``conjuncts`` are the others.
     ``lifted`` tells where the torso may be with the rest of the robot as it is, ``misses`` from where the robot would
     not see what it has to. ``least`` and ``rows`` bound the rows of the maps by score, and by number for each torso
     position.
@@ -112,10 +115,11 @@ def invert(
             if not len(chosen.row):
                 continue
             for some in blocks(len(mine), max(1, AT_ONCE // len(chosen.row))):
-                part = _Part.of(ways, np.array(mine[some], np.intp), chosen, room, weigh, misses, each, number)
+                part = _Part.of(ways, np.array(mine[some], np.intp), chosen, room, conjuncts, misses, each, number)
                 parts.append(part)
     found.without_room = sum(part.without_room for part in parts)
-    found.unwanted = sum(part.unwanted for part in parts)
+    for part in parts:
+        found.unwanted.update(part.unwanted)
     found.unseen = sum(part.unseen for part in parts)
     crowded = [(part.number, *place) for part in parts for place in part.crowded]
     found.crowded = [(score, base) for _, _, score, base in sorted(crowded, key=lambda place: place[:2])]
@@ -146,7 +150,7 @@ class _Part:
     torsos: Array
     ranks: Indices
     without_room: int
-    unwanted: int
+    unwanted: Counter[str]
     unseen: int
     crowded: list[tuple[int, float, Array]]
     """Ways without any place that has room: their number, the score and place of the best row."""
@@ -157,7 +161,7 @@ class _Part:
         index: Indices,
         chosen: Rows,
         room: Field,
-        weigh: Weigh | None,
+        conjuncts: Sequence[Conjunct],
         misses: Misses | None,
         each: int,
         number: int,
@@ -178,18 +182,22 @@ class _Part:
             index, factors = index[free > 0], factors[free > 0]
         scores = factors * chosen.score
         scores *= ways.weights[index, None]
-        unwanted = 0
-        if weigh is not None and len(index):
+        unwanted = Counter[str]()
+        if conjuncts and len(index):
             way, row = np.nonzero(factors)
-            liked = weigh(_bases(ways, index[way], chosen, row))
-            scores[way, row] *= liked
-            unwanted = int(np.minimum(np.bincount(way[liked <= 0], minlength=len(index)), COUNTED).sum())
+            bases, weight, left = _bases(ways, index[way], chosen, row), np.ones(len(way)), np.ones(len(way), bool)
+            for reason, weigh in conjuncts:
+                weight *= weigh(bases)
+                refused = left & (weight <= 0)
+                left ^= refused
+                unwanted[reason] += _counted(way[refused])
+            scores[way, row] *= weight
         unseen = 0
         if misses is not None and len(index):
             way, row = np.nonzero(scores)
             missed = misses(_bases(ways, index[way], chosen, row))
             scores[way[missed], row[missed]] = 0.0
-            unseen = int(np.minimum(np.bincount(way[missed], minlength=len(index)), COUNTED).sum())
+            unseen = _counted(way[missed])
         way, row, ranks = _best(scores, chosen.squares, each)
         return _Part(
             number,
@@ -204,6 +212,11 @@ class _Part:
             unseen,
             crowded,
         )
+
+
+def _counted(ways: Indices) -> int:
+    """How many places, of each of which (m,) tells the way, are counted."""
+    return int(np.minimum(np.bincount(ways), COUNTED).sum())
 
 
 def _bases(ways: Ways, index: Indices, chosen: Rows, row: Indices) -> Array:

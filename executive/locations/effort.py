@@ -35,6 +35,8 @@ class Effort:
     """Places whose inverse kinematics is solved at once."""
     exact: int
     """Places that are judged exactly."""
+    then: Effort | None = None
+    """Bounds for places between those of the maps, when there is nothing at these: no more is looked for then."""
 
     @property
     def fine(self) -> bool:
@@ -42,9 +44,10 @@ class Effort:
         return self.extent > Extent.NATURAL
 
 
+BETWEEN = Effort(Extent.CLOSEST, least=0.0, rows=2_000, each=ALL, most=12_000, block=512, exact=500)
 EFFORTS = (
     Effort(Extent.NATURAL, least=0.1, rows=400, each=16, most=384, block=48, exact=40),
     Effort(Extent.NATURAL, least=0.1, rows=400, each=256, most=6_000, block=48, exact=80),
     Effort(Extent.ALL, least=0.05, rows=400, each=128, most=12_000, block=128, exact=150),
-    Effort(Extent.CLOSEST, least=0.0, rows=2_000, each=ALL, most=40_000, block=512, exact=500),
+    Effort(Extent.CLOSEST, least=0.0, rows=2_000, each=ALL, most=40_000, block=512, exact=500, then=BETWEEN),
 )

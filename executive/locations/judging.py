@@ -7,8 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from executive.locations.areas import Facing
+from executive.locations.areas import Area, Facing
 from executive.locations.blind import Blind
+from executive.locations.doors import Clear
 from executive.locations.effort import Extent
 from executive.locations.hand_ways import ways_of
 from executive.locations.inverse_map import InverseMaps
@@ -150,7 +151,7 @@ class BaseJudge:
         place = np.array([base])
         for term in demand.areas:
             if scored(term, place)[0] <= 0:
-                return _reject(log, base, score, f"not {term.words}".replace("not not ", ""))
+                return _reject(log, base, score, unmet(term))
         if contacts := around.contacts(base):
             body = first_body(contacts)
             log.crowded(body)
@@ -266,6 +267,11 @@ class BaseJudge:
     def remember(self, reached: Mapping[tuple[str, Base], Iterable[ReachSolution]]) -> None:
         """The inverse of :meth:`reached_from`; nothing else is remembered then."""
         self._reached = {key: {way.reach: way for way in ways} for key, ways in reached.items()}
+
+
+def unmet(term: Area | Facing | Clear) -> str:
+    """What is said of places that a conjunct about the floor refuses."""
+    return f"not {term.words}".replace("not not ", "")
 
 
 def scored(term: object, bases: Array) -> Array:

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.locations.between import between
 from executive.locations.blind import Blind
-from executive.locations.candidates import Candidates, invert
+from executive.locations.candidates import Candidates, Conjunct, Misses, invert
 from executive.locations.effort import Effort
 from executive.locations.hand_ways import ways_of
-from executive.locations.judging import PLACES, BaseJudge, scored
+from executive.locations.judging import PLACES, BaseJudge, scored, unmet
 from executive.locations.own_view import Unseen
 from executive.locations.reach import Reach, ReachSolution, hand_is_stopped
 from executive.locations.rejections import Rejections
@@ -75,23 +77,14 @@ class ReachingSearch:
         spread = max(float(np.linalg.norm(ways.points[:, :2] - middle[:2], axis=1).max()) for _, ways in hands)
         floor = around.floor()
         room = floor.field((float(middle[0]), float(middle[1])), block_of(first.body, around).yaw, spread + reach)
-        terms = self.demand.areas
-        others = [judge.band(reach, self.arms) for reach in self.wanted[1:]]
-
-        def weigh(bases: Array) -> Array:
-            weight = np.ones(len(bases))
-            for centre, least, most in others:
-                away = np.linalg.norm(bases[:, :2] - centre, axis=1)
-                weight = weight * ((away >= least) & (away <= most))
-            for term in terms:
-                weight = weight * scored(term, bases)
-            return weight
-
+        bands = [(reach.body, judge.band(reach, self.arms)) for reach in self.wanted[1:]]
+        conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
+        conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
         found = invert(
             hands,
             self.inverse,
             room,
-            weigh if terms or others else None,
+            conjuncts,
             around.lifted,
             misses=self._unseen() if effort.fine else None,
             least=effort.least,
@@ -100,18 +93,32 @@ class ReachingSearch:
         )
         log.scored.append((found.bases, found.scores))
         log.add("no room for the base", found.without_room)
-        log.add("not where the other conjuncts say", found.unwanted)
+        for reason, number in found.unwanted.items():
+            log.add(reason, number)
         log.add("not visible", found.unseen)
-        if not len(found) and not found.without_room and not found.unwanted and not found.unseen:
+        if not len(found) and not found.without_room and not found.unwanted.total() and not found.unseen:
             log.add("out of reach", sum(len(ways) for _, ways in hands))
         if log.explained:
             judge.name_crowding(found.crowded, log)
         if len(found):
-            yield from self._in_blocks(found, hands, checks, middle, around.stance_check(near))
+            some, stance = False, around.stance_check(near)
+            for solution in self._in_blocks(found, hands, checks, middle, stance):
+                some = True
+                yield solution
+            if effort.then is not None and not some and self.is_taken is None:
+                moved = between(found, floor, middle[:2], room.yaw, effort.most)
+                then = self._between(effort.then)
+                yield from then._in_blocks(moved, hands, checks, middle, stance, self._unseen()) if len(moved) else ()
         if not log.explained:
             judge.name_crowding(found.crowded, log)
 
-    def _unseen(self) -> Callable[[Array], NDArray[np.bool_]] | None:
+    def _between(self, effort: Effort) -> ReachingSearch:
+        """The same search for candidates that have been looked at elsewhere already: they are not counted again."""
+        log = self.log
+        log = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
+        return ReachingSearch(self.judge, self.wanted, self.demand, self.arms, effort, log)
+
+    def _unseen(self) -> Misses | None:
         """Tells from which bases the robot itself is in the way of seeing what has to be seen."""
         view = self.around.own_view()
         names = self.judge.to_see(self.demand)
@@ -127,6 +134,7 @@ class ReachingSearch:
         checks: Sequence[QuickCheck],
         middle: Array,
         stance: QuickCheck,
+        misses: Misses | None = None,
     ) -> Iterator[Solution]:
         around, effort, log = self.around, self.effort, self.log
         x, y, _ = around.base()
@@ -134,7 +142,7 @@ class ReachingSearch:
         found = found.chosen(order)
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
         bases = bases.round(PLACES)  # as they are told
-        floor, judged = around.floor(), 0
+        floor, judged, undecided = around.floor(), 0, np.ones(len(found), bool)
         blind = Blind(middle[:2], strict=effort.fine)
         failed = _Failed()
         failures: dict[tuple[int, int], tuple[ReachSolution, Base]] = {}
@@ -157,8 +165,10 @@ class ReachingSearch:
                 first, size = first + size, min(2 * size, AT_ONCE)
                 roomy = floor.holds(bases[rows])
                 log.add("no room for the base", int((~roomy).sum()))
+                undecided[rows] = roomy
                 rows = rows[roomy]
-                waiting = np.append(waiting, rows[arms_have_room(bases[rows], stance, log)])
+                undecided[rows] = arms_have_room(bases[rows], stance, log)
+                waiting = np.append(waiting, rows[undecided[rows]])
                 while len(waiting) >= effort.block or (len(waiting) and first >= len(found)):
                     yield waiting[: effort.block]
                     waiting = waiting[effort.block :]
@@ -166,9 +176,14 @@ class ReachingSearch:
         def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
             """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
             for rows in standing():
-                rows = rows[[not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]]
-                ways_ok, joints = self._solved(found, rows, bases, hands, checks)
-                for row in rows[ways_ok].tolist():
+                undecided[rows] = [not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]
+                rows = rows[undecided[rows]]
+                undecided[rows], joints = self._solved(found, rows, bases, hands, checks)
+                rows = rows[undecided[rows]]
+                if misses is not None and len(rows):
+                    undecided[rows] = ~misses(bases[rows])
+                    rows = rows[undecided[rows]]
+                for row in rows.tolist():
                     arm, ways = hands[int(found.arms[row])]
                     solution = ReachSolution(self.wanted[0], arm, ways.plan(int(found.ways[row])), joints[row])
                     yield row, solution, True
@@ -180,17 +195,17 @@ class ReachingSearch:
             number, way = int(found.arms[row]), int(found.ways[row])
             base = bases[row]
             place = (float(base[0]), float(base[1]), float(base[2]))
-            if self.is_taken is not None and self.is_taken(place):
-                continue
             heading = float(hands[number][1].headings[way])
-            if is_stopped(number, way):
+            if (self.is_taken is not None and self.is_taken(place)) or is_stopped(number, way):
+                undecided[row] = False
                 continue
             if first and (failed.near(number, base, heading) or blind.covers(base)):
                 postponed.append((row, solution))
                 continue
             if judged >= effort.exact:
-                log.add("not looked at")
+                log.add("not looked at", int(undecided.sum()))
                 return
+            undecided[row] = False
             score = float(found.scores[row])
             answer = self.judge.complete(place, score, solution, self.wanted, self.demand, blind, log, checks[number])
             if isinstance(answer, Solution):
@@ -236,6 +251,12 @@ class ReachingSearch:
                 ok[mine] = [reason is None for reason in solved.reasons]
                 joints |= zip(chosen.tolist(), solved.joints, strict=True)
         return ok, joints
+
+
+def _within(centre: tuple[float, float], least: float, most: float, bases: Array) -> Array:
+    """1 for bases (m, 3) between two distances [m] from a place, 0 for others."""
+    away = np.linalg.norm(bases[:, :2] - centre, axis=1)
+    return np.where((away >= least) & (away <= most), 1.0, 0.0)
 
 
 def _sphere(points: Sequence[Array], reach: float) -> tuple[Array, float]:

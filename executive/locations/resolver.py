@@ -22,13 +22,13 @@ from executive.locations.judging import BaseJudge
 from executive.locations.reach import Reach, ReachSolution, from_base, is_among, stopped_by
 from executive.locations.reaching import ReachingSearch
 from executive.locations.rejections import COLLISION, Rejections
-from executive.locations.relations import base_demand, hand_demand, thing_demand
+from executive.locations.relations import BaseDemand, base_demand, hand_demand, thing_demand
 from executive.locations.resting import thing_holds, thing_poses
 from executive.locations.solving import unblocked
 from executive.locations.standing import standing_places
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from planlang.designators import Device, Location, Object
-from planlang.failures import DesignatorFailure, LocationUnresolvable
+from planlang.failures import DesignatorFailure, MissingCapability
 from planlang.protocols import Array, Pose, Solution
 
 APART = 0.05
@@ -53,7 +53,8 @@ class Resolver:
     def bases(self, location: Location, log: Rejections | None = None) -> Iterator[Solution]:
         """Places that satisfy a location, lazily, best first; raises LocationUnresolvable when there are no more.
 
-        Answers are kept until the belief changes or the robot moves. ``log`` is told all that is looked at, anew.
+        Raises MissingCapability if the robot has no arm, or no camera, for what is asked. Answers are kept until the
+        belief changes or the robot moves. ``log`` is told all that is looked at, anew.
         """
         self._look(location)
         if log is not None:
@@ -71,10 +72,7 @@ class Resolver:
         demand = base_demand(location, around, self._viewer(location))
         wanted = judge.wanted(demand)
         arms = judge.arms(demand)
-        if (wanted or demand.unreached) and not around.arms:
-            raise LocationUnresolvable("the robot has no arm that could reach there", designator=str(location))
-        if any(reach.arms == () for reach in wanted):
-            raise LocationUnresolvable("the robot has no arm as it is asked for", designator=str(location))
+        self._check_parts(location, demand)
         for reach in wanted:
             judge.check_hands(reach, location)
         found: list[Base] = []
@@ -105,6 +103,19 @@ class Resolver:
                 yield solution
             again = bool(found)  # what was found is found again: it need not be judged once more
         raise log.failure(location, after=len(found))
+
+    def _check_parts(self, location: Location, demand: BaseDemand) -> None:
+        """Raises MissingCapability if the robot has no part that could do what is asked, wherever it stands."""
+        around, wanted = self.around, self._judge.wanted(demand)
+        said, part = "", "ArmComponent"
+        if demand.seen and not around.sighted():
+            said, part = "the robot has no camera", "Camera"
+        elif (wanted or demand.unreached) and not around.arms:
+            said = "the robot has no arm that could reach there"
+        elif any(reach.arms == () for reach in wanted):
+            said = "the robot has no arm as it is asked for"
+        if said:
+            raise MissingCapability(said, designator=str(location), missing=(part,))
 
     def reached_from(self, base: Base) -> Mapping[tuple[str, Base], Mapping[Reach, ReachSolution]]:
         """How arms can reach from a place what was asked for when it was found, if that is the last that was found."""

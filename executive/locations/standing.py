@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from executive.locations.anywhere import all_places
 from executive.locations.grid import around_places
-from executive.locations.judging import MOST_CROWDED, PLACES, BaseJudge, scored
+from executive.locations.judging import MOST_CROWDED, PLACES, BaseJudge, scored, unmet
 from executive.locations.own_view import Unseen
 from executive.locations.reaching import TRAVEL
 from executive.locations.rejections import Rejections
@@ -56,7 +56,7 @@ def _judged(
     score = np.ones(len(bases))
     for term in terms:
         score = score * scored(term, bases)
-        log.refuse(f"not {term.words}".replace("not not ", ""), bases[scored(term, bases) <= 0])
+        log.refuse(unmet(term), bases[scored(term, bases) <= 0])
     for name in demand.seen:
         score = score * sight_score(bases, block_of(name, around), around.camera_range())
     roomy = room > 0

@@ -118,6 +118,14 @@ def test_an_arm_that_the_robot_does_not_have_is_a_missing_capability() -> None:
     assert result.stdout.strip() == "MissingCapability: panda has no left arm; its arms: arm"
 
 
+def test_a_camera_that_the_robot_does_not_have_is_a_missing_capability() -> None:
+    panda = ("--robot", "panda", "--environment", "hospital_room")
+    answer = located("visible from the bottle and near the bed", code=3, where=panda)
+    assert answer["failure"] == ["MissingCapability"]
+    assert answer["message"] == "the robot has no camera"
+    assert located("not visible from the bottle and near the bed", "--count", "1", where=panda)["solutions"]
+
+
 def test_the_picture_shows_the_places(tmp_path: Path) -> None:
     path = tmp_path / "where.png"
     answer = located("in reach of the patient", "--count", "2", "--explain", str(path))
@@ -202,7 +210,8 @@ def test_a_robot_without_arms_reaches_nothing_but_stands_near_things(tmp_path: P
     (tmp_path / "cart.urdf").write_text(CART)
     (tmp_path / "cart.toml").write_text(NUMBERS)
     where = ("--robot", str(tmp_path / "cart.toml"), "--environment", "hospital_room")
-    answer = located("in reach of the bottle", code=1, where=where)
+    answer = located("in reach of the bottle", code=3, where=where)
+    assert answer["failure"] == ["MissingCapability"]
     assert answer["message"] == "the robot has no arm that could reach there"
     assert len(located("near the bed", "--count", "2", where=where)["solutions"]) == 2
     assert located("in reach of the bottle with the left arm", code=3, where=where)["failure"] == ["MissingCapability"]

@@ -1,6 +1,7 @@
 """A judge of answers that shares no code with what finds them: the room and the robot in a PyBullet client of its own.
 
 Used by the benchmark, by the sampler it measures and by the exhaustive search; it knows URDF, room and nothing else.
+What a person is made of is part of the room: the simulator's figure, for whoever judges.
 """
 
 from __future__ import annotations

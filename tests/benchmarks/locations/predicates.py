@@ -11,7 +11,6 @@ import numpy as np
 from executive.capabilities import Robot
 from planlang.designators import Location, Object, Relation
 from sim import Body
-from sim.person import reach_of
 from tests.benchmarks.locations.oracle import Base
 from tests.benchmarks.locations.rooms import Room, thing
 
@@ -122,12 +121,18 @@ def _at_side(
 def _front(body: Body, viewer: tuple[float, float]) -> tuple[float, bool]:
     """Heading of the front; whether it is the viewer's, whose left is the other side."""
     if body.shape == "person":
-        facing = reach_of(body).facing
-        return math.atan2(facing[1], facing[0]), False
+        return _ahead(body), False
     if body.graspable or body.shape == "cylinder":
         x, y = body.pose.position[:2]
         return math.atan2(viewer[1] - y, viewer[0] - x), True
     return body.pose.yaw, False
+
+
+def _ahead(body: Body) -> float:
+    """Heading of a person: the x axis of the box; of one who lies (1.2 m long, longer than high) its longer axis."""
+    length, width, height = body.size
+    lies = max(length, width) >= 1.2 and max(length, width) > height
+    return body.pose.yaw + (math.pi / 2 if lies and width > length else 0.0)
 
 
 def _extent(body: Body, heading: float) -> float:

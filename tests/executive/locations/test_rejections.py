@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from executive.locations.effort import EFFORTS
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.protocols import Pose
@@ -116,6 +117,36 @@ def test_each_place_is_counted_once(refused: Refused) -> None:
     table = box("table", 1.6, 0.0, (2.4, 2.4, 0.8))
     failure = refused(TO_GRASP, table, replace(BOTTLE, pose=Pose((1.6, 0.0, 0.9))))
     assert failure.counts == {"no room for the base": 2 * 32 * 5 * 48}
+
+
+def test_places_that_another_conjunct_refuses_are_counted_by_its_own_words(refused: Refused) -> None:
+    bed, patient = an_object("Bed-PieceOfFurniture"), a_person("Patient")
+    far = a_location(in_reach_of=(THE_BOTTLE, patient), facing=bed, not_=a_location(next_to=bed))
+    failure = refused(far, CABINET, BOTTLE, BED, PATIENT)
+    assert set(failure.counts) == {"no room for the base", "not in reach of patient"}, "nothing else is near"
+    failure = refused(a_location(in_reach_of=THE_BOTTLE, near=bed, facing=bed), CABINET, BOTTLE, BED)
+    assert {"not near bed", "no room for the base"} == set(failure.counts)
+    behind = a_location(in_reach_of=THE_BOTTLE, facing=bed, not_=a_location(near=THE_BOTTLE))
+    failure = refused(behind, CABINET, BOTTLE, BED)
+    assert {"not facing bed", "near bottle"} < set(failure.counts)
+
+
+@pytest.mark.parametrize("exact", [0, 3])
+def test_all_places_that_were_not_looked_at_are_counted(
+    exact: int, make_stage: MakeStage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unseen = a_location(in_reach_of=THE_BOTTLE, not_=a_location(visible_from=THE_BOTTLE))
+    counts = []
+    for effort in (replace(EFFORTS[0], most=0), replace(EFFORTS[0], exact=exact)):
+        monkeypatch.setattr("executive.locations.resolver.EFFORTS", (effort,))
+        stage = make_stage(CABINET, BOTTLE)
+        with pytest.raises(LocationUnresolvable) as caught:
+            next(stage.resolver.bases(unseen))
+        counts.append(caught.value.counts)
+    before, after = counts
+    assert sum(after.values()) - sum(before.values()) == EFFORTS[0].most, "each candidate has one reason"
+    assert after.get("bottle is visible", 0) == exact
+    assert after["not looked at"] > EFFORTS[0].most / 2
 
 
 @pytest.mark.parametrize(
