@@ -26,14 +26,14 @@ MOST_AREAS = 600
 
 
 def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> Iterator[Solution]:
-    """Places without reach: around what they are about or, where none of those will do, anywhere."""
+    """Places without reach: around what they are about, and when there are no more of these, anywhere."""
     found, looked_at = yield from _judged(judge, demand, around_places(demand, judge.around), MOST_AREAS, log)
-    if found or looked_at >= MOST_AREAS:
+    if looked_at >= MOST_AREAS:
         return
     counts, blocking = log.counts.copy(), log.blocking.copy()
-    anywhere = all_places(demand, judge.around)
-    yield from _judged(judge, demand, anywhere, MOST_AREAS - looked_at, log, named=bool(blocking))
-    if blocking:  # what is in the way where one would look first
+    told = found or bool(blocking)  # where one would look first
+    yield from _judged(judge, demand, all_places(demand, judge.around), MOST_AREAS - looked_at, log, named=told)
+    if told:
         log.counts, log.blocking = counts, blocking
 
 
