@@ -16,12 +16,13 @@ from executive.console import DONE, FAILED, MISSING_CAPABILITY, Answer
 from executive.knowledge import SemanticMap, read_map, scene_of
 from executive.locations import TABLE, Base, Rejections
 from executive.locations.idle import without_idle
+from executive.locations.meaningless import LocationMeaningless
 from executive.locations.relations import base_demand, sides, thing_demand
 from executive.outputs import replace as write_complete
 from executive.platform import Platform
 from planlang.designators import Location, Object, Person, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
-from planlang.failures import LocationMeaningless, LocationUnresolvable, MissingCapability, ObjectUnresolvable
+from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.ontology import expand, load, shorten
 from planlang.phrases import FORMS, Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.words import GRASP_FORMS

@@ -7,7 +7,7 @@ Process modules raise low-level failures; plans handle them or raise high-level 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Self
 
@@ -69,7 +69,7 @@ class PlanFailure(Exception):
 
     def details(self) -> dict[str, Any]:
         """The typed fields that are known, by name, in order of definition."""
-        skipped = {"message", "where", "siblings", "cleanup_failures", "parts"}
+        skipped = {"message", "where", "siblings", "cleanup_failures"}
         own = ((f.name, getattr(self, f.name)) for f in fields(self) if f.name not in skipped)
         return {name: value for name, value in own if value not in (None, (), "") and value != {}}
 
@@ -361,29 +361,6 @@ class LocationUnresolvable(DesignatorFailure):
         if self.blocking:
             text += f" (in the way: {', '.join(f'{body} {number}' for body, number in self.blocking.items())})"
         return text
-
-
-@dataclass(eq=False, repr=False)
-class LocationMeaningless(LocationUnresolvable):
-    """The description is of no place at all: it means nothing for what is looked for, or contradicts itself.
-
-    ``parts`` of the message are texts, relations and locations, and tuples with names of relations.
-    """
-
-    parts: tuple[object, ...] = field(default=(), kw_only=True)
-
-    text: ClassVar[str] = "no place is described"
-
-    def describe(self) -> str:
-        """The parts, relations and locations as Python has them."""
-        return self.told(str) if self.parts else super().describe()
-
-    def told(self, words: Callable[[object], str]) -> str:
-        """The message with the words that there are for a relation, a location and the name of a relation."""
-        return "".join(
-            part if isinstance(part, str) else ", ".join(map(words, part)) if isinstance(part, tuple) else words(part)
-            for part in self.parts
-        )
 
 
 class ObjectUnresolvable(DesignatorFailure):

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from itertools import permutations
 
+from executive.locations.meaningless import LocationMeaningless, meaningless
 from planlang.designators import Location, Relation
-from planlang.failures import LocationMeaningless
 
 ROUND_ABOUT = ("near", "far_from")
 """Relations of which the distance is all there is."""
@@ -60,11 +60,6 @@ def positive(relation: Relation) -> Relation:
 def contradictory(location: Location, *why: object) -> LocationMeaningless:
     """The failure of a conjunction that nothing can satisfy, ``why`` in parts."""
     return meaningless(location, location, " contradicts itself: ", *why)
-
-
-def meaningless(about: Relation | Location, *parts: object) -> LocationMeaningless:
-    """The failure of a relation or a location that is of no place, told in parts."""
-    return LocationMeaningless(designator=str(about), parts=parts)
 
 
 def _distances(relation: Relation, defaults: Mapping[str, tuple[float, float]]) -> tuple[float, float]:

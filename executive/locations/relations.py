@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 
 from executive.locations.areas import HEIGHTS, OF_A_BASE, OF_A_THING, SIDES, Area, Facing, area_of
 from executive.locations.block import Block
-from executive.locations.bounds import bounds, check_consistent, contradictory, meaningless
+from executive.locations.bounds import bounds, check_consistent, contradictory
 from executive.locations.doors import Clear
 from executive.locations.hand import HandTerm
+from executive.locations.meaningless import LocationMeaningless, meaningless
 from executive.locations.reach import Reach
 from executive.locations.surroundings import Surroundings
 from planlang.designators import Location, Object, Relation
-from planlang.failures import LocationMeaningless, LocationUnresolvable
+from planlang.failures import LocationUnresolvable
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,12 @@ from dataclasses import replace
 
 from executive.locations.answers import Answers
 from executive.locations.areas import SIDES
-from executive.locations.bounds import meaningless
 from executive.locations.effort import EFFORTS, Extent
 from executive.locations.hand_terms import hand_holds
 from executive.locations.hand_ways import ways_of
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.judging import BaseJudge
+from executive.locations.meaningless import meaningless
 from executive.locations.reach import Reach, ReachSolution, from_base, is_among, stopped_by
 from executive.locations.reaching import ReachingSearch
 from executive.locations.rejections import COLLISION, Rejections

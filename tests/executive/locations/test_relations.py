@@ -10,9 +10,10 @@ from itertools import islice
 import pytest
 
 from executive import memory
+from executive.locations.meaningless import LocationMeaningless
 from executive.locations.relations import base_demand
 from planlang.designators import Location, Relation, a_location, a_person, an_object, located
-from planlang.failures import LocationMeaningless, LocationUnresolvable
+from planlang.failures import LocationUnresolvable
 from planlang.protocols import Configuration, Pose
 from sim import Body
 from tests.executive.conftest import (
