@@ -108,11 +108,15 @@ def _parts(chosen: argparse.Namespace, robots: list[Robot]) -> Parts:
     return every
 
 
+CODE = (".py", ".c", ".toml", ".omn", ".owl", ".urdf")
+"""What files end with on which a measurement depends."""
+
+
 def _code() -> str:
     """A digest of what is measured and of what measures."""
     digest = hashlib.sha256()
     for folder in ("planlang", "executive", "sim", "ontologies", "tests/benchmarks/locations"):
-        for path in sorted(path for path in Path(folder).rglob("*") if path.suffix in (".py", ".toml", ".urdf")):
+        for path in sorted(path for path in Path(folder).rglob("*") if path.suffix in CODE):
             digest.update(path.read_bytes())
     return digest.hexdigest()
 
