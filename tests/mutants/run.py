@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -64,6 +65,7 @@ CPU_TIME = 300
 """After so many seconds of computing a test does not end, however busy the machine is with other things."""
 IDLE = 1500
 """After so many seconds on the clock it waits for what never comes."""
+ENDLESS = "a test that does not end"
 
 # what is broken, file below planlang/, a text that stands there once, what replaces it
 MUTANTS = [
@@ -177,10 +179,12 @@ def caught(mutant: tuple[str, str, str, str]) -> tuple[bool, str]:
         try:
             ended = subprocess.run(bounded, cwd=copy, env=environment, capture_output=True, text=True, timeout=IDLE)
         except subprocess.TimeoutExpired:
-            return True, "a test that does not end"
+            return True, ENDLESS
         failed = [line for line in ended.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
         if ended.returncode == 1 and failed:
             return True, failed[0] if mutant is UNBROKEN else failed[0].split(" - ")[0].rpartition("::")[2]
+        if ended.returncode == -signal.SIGKILL:
+            return True, ENDLESS
         return ended.returncode < 0, f"pytest ended with {ended.returncode}"  # a crash tells; a file not found does not
 
 
