@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,6 @@ from typer.testing import CliRunner
 from executive.capabilities import bind_robot
 from executive.carrying import with_carrying
 from executive.cli import app
-from executive.locations.reachability_building import keep_maps
-from executive.locations.surroundings import ArmModel
 from planlang.protocols import Configuration
 from planlang.resources import bundled
 from sim import PyBulletWorld, Scene
@@ -91,13 +88,6 @@ def run(*arguments: str | Path) -> dict[str, Any]:
     return found
 
 
-def right(arms: Iterable[ArmModel]) -> list[ArmModel]:
-    """The arms on the right, with one of which the real recipe grasps."""
-    chosen = [arm for arm in arms if "right" in arm.name]
-    assert chosen
-    return chosen
-
-
 def real_run(corpus: Path, robot: str, urdf: str) -> dict[str, Any]:
     """The real recipe in the real room."""
     return run(
@@ -110,11 +100,7 @@ def real_run(corpus: Path, robot: str, urdf: str) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("robot", "urdf"), [("amigo@hydro.owl", "amigo@hydro.urdf"), ("PR2@hydro.owl", "pr2@hydro.urdf")]
 )
-def test_real_robots_without_their_meshes_serve_the_drink(
-    corpus: Path, robot: str, urdf: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # maps of the PR2's other arm take 15 s: whoever asks for one waits for it
-    monkeypatch.setattr("executive.surroundings.keep_maps", lambda arms, *rest: keep_maps(right(arms), *rest))
+def test_real_robots_without_their_meshes_serve_the_drink(corpus: Path, robot: str, urdf: str) -> None:
     found = real_run(corpus, robot, urdf)
     assert found["exit_code"] == 0, found
     codes = [diagnostic["code"] for diagnostic in found["diagnostics"]]
