@@ -1,6 +1,6 @@
 """Entry point of the command ``planlang`` and of ``python -m executive``."""
 
-from executive.cli import app
+from executive.cli.app import app
 
 
 def main() -> None:

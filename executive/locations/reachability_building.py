@@ -18,7 +18,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.cache import cache_folder, keep
 from executive.locations.hand import HandFrame
 from executive.locations.reachability import (
     CELL,
@@ -34,6 +33,7 @@ from executive.locations.reachability import (
 from executive.locations.reachability_sampling import cells_of, is_bound, sampled
 from executive.locations.surroundings import ArmModel
 from executive.motion import Chain, InverseKinematics
+from planlang.cache import cache_folder, keep
 from planlang.protocols import Array
 
 VERSION = 2

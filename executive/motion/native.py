@@ -22,7 +22,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from executive.cache import cache_folder, keep
+from planlang.cache import cache_folder, keep
 
 FLAGS = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared", "-w")
 """-fno-math-errno only lets sqrt be an instruction; its value is the same."""

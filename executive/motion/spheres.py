@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.cache import cache_folder, keep
 from executive.motion.hulls import Hull
+from planlang.cache import cache_folder, keep
 from planlang.protocols import Array
 
 MOST = 24

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.capabilities import bind_robot
-from executive.knowledge import read_map, scene_of
+from executive.belief import read_map, scene_of
+from executive.robots import bind_robot
 from planlang.diagnostics import CODES, BadInput, Diagnostic
 from planlang.ontology import load
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from executive.cli import app
+from executive.cli.app import app
 from planlang.diagnostics import CODES
 
 HERE = Path(__file__).parent

@@ -9,14 +9,14 @@ from typing import Any, Protocol
 import numpy as np
 import pytest
 
-from executive.arms import arm_models, gaze_of
-from executive.capabilities import Robot, bind_robot
-from executive.core import RobotExecutive
-from executive.knowledge import Belief, MapObject, SemanticMap
+from executive.belief import Belief, MapObject, SemanticMap
+from executive.belief.planning_scene import BelievedSurroundings
 from executive.locations import ArmModel, Resolver
+from executive.modules.platform import Platform
 from executive.motion import Gaze
-from executive.platform import Platform
-from executive.surroundings import BelievedSurroundings
+from executive.robots import Robot, bind_robot
+from executive.robots.arms import arm_models, gaze_of
+from executive.runs.robot_executive import RobotExecutive
 from planlang import SimulationHost, Trace, run
 from planlang.designators import an_object
 from planlang.ontology import Ontology, expand, load, shorten

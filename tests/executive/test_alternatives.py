@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.running import RunOptions, RunResult, run_plan_file
+from executive.runs.running import RunOptions, RunResult, run_plan_file
 from planlang.resources import bundled
 
 ONTOLOGIES = bundled("ontologies")

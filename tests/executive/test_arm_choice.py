@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from executive.arm_choice import ArmChoices
-from executive.process_modules.gripper import GripperModule
+from executive.modules.arm_choice import ArmChoices
+from executive.modules.gripper import GripperModule
 from planlang import VirtualHost, checkpoint, par, perform, run, seq
 from planlang.designators import a_device, a_location, action, an_object
 from planlang.protocols import Pose, Solution

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.assembly import world_at_start
-from executive.capabilities import bind_robot
+from executive.robots import bind_robot
+from executive.runs.assembly import world_at_start
 from planlang.diagnostics import BadInput
 from planlang.protocols import Pose
 from sim import Body, Scene

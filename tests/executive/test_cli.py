@@ -14,8 +14,9 @@ import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from executive import cli, console
-from executive.console import Answer
+from executive.cli import app as cli
+from executive.cli import console
+from executive.cli.console import Answer
 from planlang.diagnostics import BadInput, Span, error, warning
 
 PLAN = '''"""Compiled by planlang 0.1.0 from gone.omn (sha256 0123456789abcdef), task Gone."""
@@ -255,7 +256,7 @@ def test_a_compiled_plan_is_told_from_an_edited_one(tmp_path: Path) -> None:
 
 
 def test_a_missing_viewer_package_is_told_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.report.recording.find_spec", lambda name: None)
+    monkeypatch.setattr("executive.pictures.recording.find_spec", lambda name: None)
     result = invoke("run", "serve_a_drink", "--record", tmp_path / "run.rrd")
     assert (result.exit_code, codes(result)) == (2, ["C012"])
 

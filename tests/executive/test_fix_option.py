@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from executive import cli
+from executive.cli import app as cli
 
 RECIPE = """\
 Prefix: : <http://planlang.org/test#>

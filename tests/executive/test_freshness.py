@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from executive.cli import app
+from executive.cli.app import app
 from planlang.resources import bundled
 
 

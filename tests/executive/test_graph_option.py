@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from executive import cli
+from executive.cli import app as cli
 
 
 def compile_with(*arguments: str | Path) -> Result:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from executive.cli import app
+from executive.cli.app import app
 from planlang.resources import bundled
 
 RECIPE = (bundled("recipes") / "serve_a_drink.omn").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from executive.cli import app
+from executive.cli.app import app
 from planlang.resources import bundled
 
 WARD = ("--robot", "amigo", "--environment", "hospital_room")

@@ -11,7 +11,7 @@ from planlang.designators import Location, a_device, a_location, a_person, a_pos
 from planlang.language.goals import holds
 from planlang.protocols import Detection, Pose, Solution
 from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage, stand
-from tests.executive.process_modules.test_navigation import to
+from tests.executive.modules.test_navigation import to
 
 THE_CABINET, THE_BED = an_object("Cabinet-PieceOfFurniture"), an_object("Bed-PieceOfFurniture")
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.origins import required_of_plan
-from executive.plan_files import import_plan, main_plan
-from executive.running import RunOptions, run_plan_file
+from executive.runs.origins import required_of_plan
+from executive.runs.plan_files import import_plan, main_plan
+from executive.runs.running import RunOptions, run_plan_file
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import Diagnostic, Severity
 from planlang.resources import bundled

@@ -13,9 +13,9 @@ import pybullet_data
 import pytest
 from typer.testing import CliRunner
 
-from executive.capabilities import bind_robot
-from executive.carrying import with_carrying
-from executive.cli import app
+from executive.cli.app import app
+from executive.robots import bind_robot
+from executive.robots.carrying import with_carrying
 from planlang.protocols import Configuration
 from planlang.resources import bundled
 from sim import PyBulletWorld, Scene

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.outputs import check_outputs, replace, write_plan, write_text
+from executive.cli.outputs import check_outputs, replace, write_plan, write_text
 from planlang.diagnostics import BadInput
 from planlang.plan_header import PlanHeader, digest, header
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.capabilities import Missing
-from executive.plan_actions import Needs, judged, needs_of
-from executive.plan_files import import_plan, main_plan
+from executive.robots import Missing
+from executive.runs.plan_actions import Needs, judged, needs_of
+from executive.runs.plan_files import import_plan, main_plan
 
 HEAD = """
 from functools import partial

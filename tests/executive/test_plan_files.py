@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.environments import default_environment
-from executive.knowledge import SemanticMap, read_map
-from executive.plan_files import bound_parameters, import_plan, main_plan
+from executive.belief import SemanticMap, read_map
+from executive.cli.environments import default_environment
+from executive.runs.plan_files import bound_parameters, import_plan, main_plan
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.ontology import load
 from planlang.resources import bundled

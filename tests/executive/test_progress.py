@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from executive.progress import ToldTrace, line_of, progress_lines
+from executive.cli.progress import ToldTrace, line_of, progress_lines
 from planlang import VirtualHost, run, sleep
 from planlang.designators import action, an_object
 from planlang.failures import ObjectNotFound

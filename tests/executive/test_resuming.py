@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from executive.cli import app
+from executive.cli.app import app
 
 PLAN = '''"""Take the bottle, then bring it, in steps of their own."""
 

@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 
-from executive.knowledge import read_map, scene_of
-from executive.running import RunOptions, RunResult, run_plan_file
+from executive.belief import read_map, scene_of
+from executive.runs.running import RunOptions, RunResult, run_plan_file
 from planlang.diagnostics import BadInput
 from planlang.ontology import load
 from planlang.resources import bundled

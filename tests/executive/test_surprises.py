@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from executive.running import RunOptions, RunResult, run_plan_file
+from executive.runs.running import RunOptions, RunResult, run_plan_file
 from planlang.protocols import Pose
 from planlang.resources import bundled
 from sim import Body, Scene
@@ -28,7 +28,7 @@ def run_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Runs the bundled plan in a truth that differs from the map; its result and its trace."""
 
     def run(change: Callable[[Scene], Scene]) -> tuple[RunResult, list[dict[str, Any]]]:
-        monkeypatch.setattr("executive.running.real_scene", lambda scene, seed, robot_in: change(scene))
+        monkeypatch.setattr("executive.runs.running.real_scene", lambda scene, seed, robot_in: change(scene))
         result = run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl"))
         return result, [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
 

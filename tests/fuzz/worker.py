@@ -71,7 +71,7 @@ def recipe(path: Path, lines: int) -> None:
 
 
 def environment(path: Path, lines: int) -> None:
-    from executive.knowledge import read_map
+    from executive.belief import read_map
     from planlang.ontology import load
 
     ontology = load(path)
@@ -80,7 +80,7 @@ def environment(path: Path, lines: int) -> None:
 
 
 def robot(path: Path, lines: int) -> None:
-    from executive.capabilities.self_model import read_self_model
+    from executive.robots.self_model import read_self_model
     from planlang.ontology import load
 
     ontology = load(path)

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planlang
-from executive.core import RobotExecutive
-from executive.process_modules.arm import Reaching
-from executive.process_modules.gripper import GripperModule
-from executive.process_modules.handover import Handover
-from executive.process_modules.head import Head
-from executive.process_modules.navigation import Navigation
-from executive.process_modules.perception import Perception
+from executive.modules.arm import Reaching
+from executive.modules.gripper import GripperModule
+from executive.modules.handover import Handover
+from executive.modules.head import Head
+from executive.modules.navigation import Navigation
+from executive.modules.perception import Perception
+from executive.runs.robot_executive import RobotExecutive
 from planlang import language
 from planlang.failures import LowLevelFailure, PlanFailure
 from planlang.language import Executive, ProcessModule

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from executive.capabilities import Robot
+from executive.robots import Robot
 from planlang.diagnostics import BadInput
 from tests.benchmarks.locations import conduct, parts
 from tests.benchmarks.locations.promises import Report, durations, table

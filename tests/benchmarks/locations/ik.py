@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import pybullet
 
-from executive.capabilities import Robot
 from executive.motion import Chain, InverseKinematics
+from executive.robots import Robot
 from planlang.protocols import Array, Pose
 from sim.engine import quiet
 from tests.benchmarks.locations.oracle import angle

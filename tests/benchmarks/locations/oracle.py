@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pybullet
 
-from executive.capabilities import Robot
+from executive.robots import Robot
 from planlang.protocols import Array, Pose
 from sim import Body
 from sim.engine import quiet

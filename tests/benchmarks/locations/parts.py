@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 
-from executive.capabilities import Robot
+from executive.robots import Robot
 from planlang.designators import a_location
 from tests.benchmarks.locations import ik
 from tests.benchmarks.locations.infeasible import infeasible_rooms

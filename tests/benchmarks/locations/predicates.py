@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executive.capabilities import Robot
+from executive.robots import Robot
 from planlang.designators import Location, Object, Relation
 from sim import Body
 from tests.benchmarks.locations.oracle import Base

@@ -8,8 +8,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from executive.capabilities import Robot
 from executive.motion import MotionError
+from executive.robots import Robot
 from planlang.designators import Location, Object
 from tests.benchmarks.locations.exhaustive import Verdict, search
 from tests.benchmarks.locations.oracle import Oracle

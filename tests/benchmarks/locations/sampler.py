@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import pybullet
 
-from executive.capabilities import Arm, Robot
 from executive.motion import Chain, InverseKinematics
+from executive.robots import Arm, Robot
 from planlang.protocols import Array
 from tests.benchmarks.locations.oracle import Claim, Oracle, angle, on_the_way
 

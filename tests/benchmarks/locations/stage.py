@@ -10,11 +10,11 @@ from itertools import islice
 
 import numpy as np
 
-from executive.assembly import platform_of
-from executive.capabilities import Robot, bind_robot
-from executive.knowledge import MapObject, SemanticMap
+from executive.belief import MapObject, SemanticMap
 from executive.locations import ReachSolution
-from executive.platform import Platform
+from executive.modules.platform import Platform
+from executive.robots import Robot, bind_robot
+from executive.runs.assembly import platform_of
 from planlang.designators import Location, Object, a_location
 from planlang.failures import PlanFailure
 from planlang.ontology import Ontology, expand, load

@@ -20,11 +20,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from executive.capabilities import Robot
-from executive.knowledge import read_map, scene_of
+from executive.belief import read_map, scene_of
 from executive.locations import ArmModel
+from executive.modules.platform import Platform
 from executive.motion import MotionError
-from executive.platform import Platform
+from executive.robots import Robot
 from planlang.diagnostics import BadInput
 from planlang.protocols import Array, Configuration
 from tests.benchmarks.locations.oracle import Oracle

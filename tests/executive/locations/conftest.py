@@ -9,8 +9,8 @@ import numpy as np
 import pybullet
 import pytest
 
-from executive.capabilities import Robot
 from executive.locations import ReachSolution
+from executive.robots import Robot
 from planlang.protocols import Array
 from sim import PyBulletWorld
 from tests.benchmarks.locations.oracle import followers, led

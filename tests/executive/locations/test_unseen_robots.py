@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.arms import arm_models, gaze_of
-from executive.capabilities import Robot, bind_robot
-from executive.carrying import with_carrying
+from executive.robots import Robot, bind_robot
+from executive.robots.arms import arm_models, gaze_of
+from executive.robots.carrying import with_carrying
 from planlang.designators import a_device, a_location
 from planlang.ontology import Ontology
 from planlang.protocols import Pose

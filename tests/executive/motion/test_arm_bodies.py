@@ -9,13 +9,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from executive.capabilities import bind_robot
 from executive.motion import Chain
 from executive.motion.arm_bodies import ArmShapes, Room
 from executive.motion.backends import SURE
 from executive.motion.collision import QuickCheck
 from executive.motion.link_shapes import links_of
 from executive.motion.solids import Solids
+from executive.robots import bind_robot
 from planlang.protocols import Array, Configuration, Pose
 from sim import Body, PyBulletWorld, Scene
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rdflib.compare import isomorphic, to_canonical_graph
 from typer.testing import CliRunner
 
-from executive.cli import app
+from executive.cli.app import app
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Term, Triple
 from planlang.ontology.manchester import read_manchester

@@ -1,0 +1,248 @@
+"""What the robot believes about where things are: map poses until seen, then what it saw, felt and did itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from executive.belief.semantic_map import MapObject, SemanticMap
+from planlang.designators import Object, local_name
+from planlang.failures import AmbiguousPerception, ObjectUnresolvable
+from planlang.kernel.exact import dump, load
+from planlang.ontology import expand
+from planlang.protocols import Configuration, Detection, Pose
+from sim import PyBulletWorld
+
+MOVED = 0.002
+"""A thing seen within this distance of where it was believed to be has not moved [m]."""
+TURNED = 0.01
+"""The same for its rotation [rad]."""
+ALIKE = 0.02
+"""Things whose distances from the robot differ by less are equally near [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """How a hand holds a thing."""
+
+    arm: str
+    link: str
+    offset: Pose
+    """Pose of the thing in the link's frame."""
+    before: Pose
+    """Pose of the thing in the map when it was grasped: what locations relative to it refer to until it is let go."""
+
+
+def _ignore(event: str, details: Mapping[str, Any]) -> None:
+    """Tell nobody."""
+
+
+class Belief:
+    """Poses of the things of a map as the robot knows them. Only sensing and acting change it."""
+
+    def __init__(self, semantic_map: SemanticMap, world: PyBulletWorld) -> None:
+        """``world`` is a planning world of the map's scene; its poses are the first ones believed."""
+        self.map = semantic_map
+        self.revision = 0
+        self.held: dict[str, Grip] = {}
+        self.tell: Callable[[str, Mapping[str, Any]], None] = _ignore
+        """Where changes are written: event, details."""
+        self._poses: dict[str, Pose] = {name: world.pose(name) for name in world.names()}
+        self._first = dict(self._poses)
+        self._taken: set[str] = set()
+        """Things that a person has taken."""
+        self._seen: dict[str, int] = {}
+        self._moves = 0
+        self._bound: dict[Object, str] = {}
+        self._in_vain: dict[str, list[tuple[float, float, float]]] = {}
+
+    # Asking
+
+    def names(self) -> tuple[str, ...]:
+        """Names of all things with a place, in the order of the map."""
+        return tuple(self._poses)
+
+    def pose(self, name: str) -> Pose:
+        """Where a thing is believed to be; of a held one, where it was last known to stand."""
+        return self._poses[name]
+
+    def reference_pose(self, name: str) -> Pose:
+        """What locations relative to a thing refer to: its pose, of a held one that before it was grasped."""
+        return self.held[name].before if name in self.held else self._poses[name]
+
+    def seen_from_here(self, name: str) -> bool:
+        """Whether a thing has been seen since the base last moved."""
+        return self._seen.get(name) == self._moves
+
+    def looked_in_vain(self, name: str) -> tuple[tuple[float, float, float], ...]:
+        """Places of the base from where a thing was looked for without being seen."""
+        return tuple(self._in_vain.get(name, ()))
+
+    def bind(self, what: Object, near: tuple[float, float, float]) -> str:
+        """The thing that a designator means: the one of its IRI; else of its class, the nearest to the robot.
+
+        What a designator was bound to once it keeps meaning, wherever the robot goes. Raises ObjectUnresolvable,
+        telling what there is; AmbiguousPerception if two that were seen from here are equally near.
+        """
+        if what not in self._bound:
+            self._bound[what] = self._find(what, near)
+        return self._bound[what]
+
+    def alike(self, what: Object) -> tuple[str, ...]:
+        """The things of a designator's class, in the order of the map."""
+        return tuple(
+            thing.name for thing in self.map.objects if thing.name in self._poses and self._is_a(thing, what.type)
+        )
+
+    def _find(self, what: Object, near: tuple[float, float, float]) -> str:
+        placed = [thing for thing in self.map.objects if thing.name in self._poses]
+        for thing in placed:
+            if what.iri is not None and thing.iri == what.iri:
+                return thing.name
+        fitting = {
+            thing.name: math.dist(self._poses[thing.name].position[:2], near[:2])
+            for thing in placed
+            if self._is_a(thing, what.type)
+        }
+        if not fitting:
+            known = ", ".join(self._poses)
+            raise ObjectUnresolvable(f"{what} ({what.type}) is not in the map; there are {known}", designator=str(what))
+        nearest = min(fitting, key=lambda name: fitting[name])
+        equal = tuple(n for n in fitting if fitting[n] - fitting[nearest] < ALIKE and self.seen_from_here(n))
+        if len(equal) > 1 and nearest in equal:
+            raise AmbiguousPerception(what=str(what), candidates=equal)
+        return nearest
+
+    def _is_a(self, thing: MapObject, cls: str) -> bool:
+        """Whether a thing is of a class; one that the map's vocabulary does not know is told by its local name."""
+        ontology = self.map.ontology
+        if ontology.defined(expand(cls)):
+            return any(ontology.is_a(one, expand(cls)) for one in thing.types)
+        return any(local_name(above) == local_name(cls) for one in thing.types for above in ontology.ancestors(one))
+
+    # Learning
+
+    def see(self, detections: Iterable[Detection]) -> None:
+        """What the camera recognised is where it saw it."""
+        for detection in detections:
+            if detection.name in self._poses and detection.name not in self.held:
+                self._seen[detection.name] = self._moves
+                self._in_vain.pop(detection.name, None)
+                self._put(detection.name, detection.pose, "seen")
+
+    def not_seen(self, name: str, base: tuple[float, float, float]) -> None:
+        """A thing was looked for from here and not seen."""
+        self._in_vain.setdefault(name, []).append(base)
+        self._changed("not_seen", name=name, base=base)
+
+    def bump(self, name: str, pose: Pose) -> None:
+        """The robot ran into a thing and feels where it is."""
+        if name in self._poses:
+            self._put(name, pose, "felt")
+
+    def base_moved(self) -> None:
+        """Things have to be looked at again before they are manipulated."""
+        self._moves += 1
+
+    def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
+        """A hand holds a thing from now on."""
+        self._taken.discard(name)
+        self.held[name] = Grip(arm, link, offset, self._poses[name])
+        self._changed("grasped", name=name, arm=arm)
+
+    def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
+        """A thing was let go: to a person, or it came down at ``pose``."""
+        self.held.pop(name, None)
+        self._poses[name] = pose
+        if to is not None:
+            self._taken.add(name)
+        self._changed("released", name=name, pose=pose, to=to)
+
+    def _put(self, name: str, pose: Pose, how: str) -> None:
+        before = self._poses[name]
+        if pose.distance(before) <= MOVED and _angle(pose, before) <= TURNED:
+            return
+        self._poses[name] = pose
+        self._changed(how, name=name, pose=pose)
+
+    def _changed(self, how: str, **details: Any) -> None:
+        self.revision += 1
+        self.tell("belief", {"revision": self.revision, "change": how, **details})
+
+    # Remembering
+
+    def snapshot(self) -> dict[str, Any]:
+        """What is believed, as JSON; poses that are still those of the map are left out."""
+        moved = {name: dump(pose) for name, pose in self._poses.items() if pose != self._first[name]}
+        held = {name: [grip.arm, grip.link, dump(grip.offset), dump(grip.before)] for name, grip in self.held.items()}
+        return {
+            "revision": self.revision,
+            "poses": moved,
+            "held": held,
+            "taken": sorted(self._taken),
+            "seen": dict(self._seen),
+            "moves": self._moves,
+            "bound": [[dump(what), name] for what, name in self._bound.items()],
+            "in_vain": {name: [list(base) for base in bases] for name, bases in self._in_vain.items()},
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Believe what was believed; raises ValueError for what is no snapshot of a belief about this map."""
+        try:
+            unknown = {*state["poses"], *state["held"], *state["taken"], *(name for _, name in state["bound"])}
+            if not unknown <= self._poses.keys():
+                raise ValueError(f"the map has no {', '.join(sorted(unknown - self._poses.keys()))}")
+            self._poses = {**self._first, **{name: _pose(pose) for name, pose in state["poses"].items()}}
+            self.held = {
+                name: Grip(str(arm), str(link), _pose(offset), _pose(before))
+                for name, (arm, link, offset, before) in state["held"].items()
+            }
+            self._taken, self._moves = set(state["taken"]), int(state["moves"])
+            self._seen = {name: int(moves) for name, moves in state["seen"].items()}
+            self._bound = {load(what): name for what, name in state["bound"]}
+            self._in_vain = {
+                name: [(float(x), float(y), float(yaw)) for x, y, yaw in bases]
+                for name, bases in state["in_vain"].items()
+            }
+            self.revision = int(state["revision"])
+        except (KeyError, TypeError, AttributeError) as problem:
+            raise ValueError(f"the state of the belief is damaged: {problem!r}") from None
+
+    # Imagining
+
+    def sync(self, world: PyBulletWorld, configuration: Configuration) -> None:
+        """Make a planning world equal to the belief: the robot, what it holds, everything else."""
+        for name in world.attached():
+            if name not in self.held or world.attached()[name] != self.held[name].link:
+                world.release(name)
+        world.set_configuration(configuration)
+        there = set(world.names())
+        for name, pose in self._poses.items():
+            if name in self._taken:
+                world.remove(name)
+                continue
+            if name not in there:
+                world.restore(name)
+            if name in self.held:
+                grip = self.held[name]
+                at = world.link_pose(grip.link) @ grip.offset
+                if name not in world.attached():
+                    world.set_pose(name, at)
+                    world.attach(grip.link, name)
+            elif world.pose(name) != pose:
+                world.set_pose(name, pose)
+
+
+def _pose(state: object) -> Pose:
+    pose = load(state)
+    if not isinstance(pose, Pose):
+        raise ValueError(f"a pose is expected, not {pose!r}")
+    return pose
+
+
+def _angle(one: Pose, other: Pose) -> float:
+    """Angle between two orientations [rad]."""
+    dot = abs(sum(a * b for a, b in zip(one.orientation, other.orientation, strict=True)))
+    return 2 * math.acos(min(1.0, dot))

@@ -1,0 +1,222 @@
+"""Semantic maps: things with their classes, poses, sizes and how they hang together, read from an ontology."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from executive.belief.numbers import stated
+from executive.belief.sizes import EXTENTS, TRIPLES, Size, read_size
+from executive.belief.transforms import read_transform
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
+from planlang.ontology import Literal, Ontology, expand
+from planlang.protocols import Array, Pose
+
+
+@dataclass(frozen=True, slots=True)
+class MapObject:
+    """One thing of a map; lists of others are their IRIs."""
+
+    iri: str
+    name: str
+    """Local name, with ``_2`` etc. when an earlier thing of the map has the same."""
+    types: tuple[str, ...]
+    pose: Pose | None
+    """Pose of the box centre in the map; None for what has no place of its own (a building)."""
+    size: Size | None
+    """Extents along its own axes [m]; None for a mere place."""
+    stated_size: tuple[float | None, float | None, float | None]
+    """What the file says of the extents; None where it says nothing."""
+    parts: tuple[str, ...] = ()
+    hinged_to: tuple[str, ...] = ()
+    inside: tuple[str, ...] = ()
+    on: tuple[str, ...] = ()
+    span: Span | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SemanticMap:
+    """The things of a map in document order, and what was repaired or assumed while reading it."""
+
+    iri: str | None
+    ontology: Ontology
+    objects: tuple[MapObject, ...]
+    diagnostics: tuple[Diagnostic, ...]
+
+    def find(self, name: str) -> MapObject | None:
+        """The thing with this IRI, or else of this name."""
+        return next((o for o in self.objects if o.iri == name), None) or next(
+            (o for o in self.objects if o.name == name), None
+        )
+
+    def holder(self, thing: MapObject) -> MapObject | None:
+        """What the thing is a proper physical part of, if the map says so."""
+        return next((o for o in self.objects if thing.iri in o.parts), None)
+
+
+def read_map(ontology: Ontology) -> SemanticMap:
+    """Read the map that an ontology states.
+
+    A thing is what a perception places, or what has a size, parts, a hinge, a room or ``describedInMap``. Its pose is
+    that of its latest perception (``startTime``, later in the file on a tie), composed with those it is relative to;
+    without perception, the matrix that it states itself (``orientation``, ``pose``).
+    Raises BadInput with everything found if a number is missing, not finite or negative, or poses depend on themselves.
+    """
+    found: list[Diagnostic] = []
+    things = _things(ontology)
+    poses = _Poses(ontology, found)
+    names: set[str] = set()
+    objects = []
+    for iri in things:
+        types = ontology.types(iri)
+        size, said = read_size(ontology, iri, types, found)
+        matrix = poses.of(iri)
+        objects.append(
+            MapObject(
+                iri,
+                _unique(local_name(iri), names),
+                types,
+                None if matrix is None else Pose.from_matrix(matrix),
+                size,
+                said,
+                parts=_individuals(ontology, iri, "properPhysicalParts"),
+                hinged_to=_individuals(ontology, iri, "hingedTo"),
+                inside=_individuals(ontology, iri, "in-ContGeneric"),
+                on=_individuals(ontology, iri, "on-Physical"),
+                span=ontology.span(iri),
+            )
+        )
+    if not has_errors(found) and not any(thing.pose for thing in objects):
+        document = ontology.documents[0] if ontology.documents else None
+        span = Span(str(document.path)) if document else None
+        help = "a map says where things are: SemanticMapPerception with objectActedOn and eventOccursAt"
+        found.append(error("M009", "nothing in this file has a place: it is no map", span, help))
+    if has_errors(found):
+        raise BadInput(found)
+    return SemanticMap(ontology.iri, ontology, tuple(objects), tuple(found))
+
+
+_MARKS = ("describedInMap", "hingedTo", "properPhysicalParts", "roomNumber", "in-ContGeneric", *EXTENTS, *TRIPLES)
+
+
+def _things(ontology: Ontology) -> tuple[str, ...]:
+    """IRIs of the things of the map, in document order of what makes them one."""
+    things: dict[str, None] = {}
+    links = set(ontology.individuals(expand("UrdfLink"))) | set(ontology.individuals(expand("UrdfJoint")))
+    for event in _perceptions(ontology):
+        things.update(dict.fromkeys(_individuals(ontology, event, "objectActedOn")))
+    for name in _MARKS:
+        for triple in ontology.triples(None, expand(name)):
+            if isinstance(triple.subject, str):
+                things[triple.subject] = None
+    for name in ("orientation", "pose"):
+        for triple in ontology.triples(None, expand(name)):
+            if isinstance(triple.subject, str) and isinstance(triple.object, str):
+                things[triple.subject] = None
+    order = {iri: rank for rank, iri in enumerate(_typed(ontology))}
+    return tuple(sorted((iri for iri in things if iri in order and iri not in links), key=order.__getitem__))
+
+
+def _typed(ontology: Ontology) -> tuple[str, ...]:
+    """Individuals that have a class, in document order."""
+    rdf_type = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
+    subjects = dict.fromkeys(t.subject for t in ontology.triples(None, rdf_type) if isinstance(t.subject, str))
+    return tuple(iri for iri in subjects if ontology.is_individual(iri))
+
+
+def _perceptions(ontology: Ontology) -> Iterator[str]:
+    """Events that place a thing: they have objectActedOn and eventOccursAt; a robot's sense of itself is none."""
+    own = set(ontology.individuals(expand("Proprioception")))
+    for triple in ontology.triples(None, expand("eventOccursAt")):
+        if isinstance(triple.subject, str) and triple.subject not in own:
+            yield triple.subject
+
+
+def _individuals(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(v for v in ontology.values(iri, expand(prop)) if isinstance(v, str)))
+
+
+def _unique(name: str, names: set[str]) -> str:
+    candidate, number = name, 2
+    while candidate in names:
+        candidate, number = f"{name}_{number}", number + 1
+    names.add(candidate)
+    return candidate
+
+
+class _Poses:
+    """Poses of things as matrices, each read once, relative ones composed."""
+
+    def __init__(self, ontology: Ontology, found: list[Diagnostic]) -> None:
+        self.ontology = ontology
+        self.found = found
+        self.places: dict[str, list[tuple[float, int, str]]] = {}
+        for rank, event in enumerate(_perceptions(ontology)):
+            when = self._time(event)
+            for thing in _individuals(ontology, event, "objectActedOn"):
+                for place in _individuals(ontology, event, "eventOccursAt"):
+                    self.places.setdefault(thing, []).append((when, rank, place))
+        self.known: dict[str, Array | None] = {}
+        self.open: list[str] = []
+
+    def of(self, thing: str) -> Array | None:
+        """Where a thing is, (4, 4) in the map; None if it is nowhere stated."""
+        place = self._place(thing)
+        return None if place is None else self._resolve(place)
+
+    def _place(self, thing: str) -> str | None:
+        if thing in self.places:
+            return max(self.places[thing])[2]
+        own = [*_individuals(self.ontology, thing, "orientation"), *_individuals(self.ontology, thing, "pose")]
+        return own[-1] if own else None
+
+    def _resolve(self, place: str) -> Array | None:
+        if place in self.known:
+            return self.known[place]
+        if place in self.open:
+            circle = " -> ".join(local_name(iri) for iri in (*self.open[self.open.index(place) :], place))
+            help = "state one of them in the map frame, without relativeTo"
+            self.found.append(error("M008", f"poses relative to each other: {circle}", self._span(place), help))
+            return None
+        self.open.append(place)
+        matrix = read_transform(self.ontology, place, self.found)
+        for parent in _individuals(self.ontology, place, "relativeTo"):
+            frame = self._frame(parent, place)
+            matrix = None if frame is None or matrix is None else frame @ matrix
+        self.open.pop()
+        self.known[place] = matrix
+        return matrix
+
+    def _frame(self, parent: str, place: str) -> Array | None:
+        """The frame that a pose is relative to: another pose, a thing's pose, or the map itself."""
+        if self.ontology.is_a(parent, expand("SemanticEnvironmentMap")) or parent == expand("MapFrame"):
+            return np.eye(4)
+        nested = self._place(parent)
+        if nested is None and stated(self.ontology, parent, "m03"):
+            nested = parent
+        if nested is None:
+            message = f"{local_name(place)} is relative to {local_name(parent)}, which has no place in this map"
+            self.found.append(warning("M010", message, self._span(place)))
+            return None
+        return self._resolve(nested)
+
+    def _span(self, place: str) -> Span | None:
+        triple = stated(self.ontology, place, "relativeTo")
+        return triple.span if triple else self.ontology.span(place)
+
+    def _time(self, event: str) -> float:
+        """Seconds of a perception's startTime: a number, or the number that ends a time point's name."""
+        triple = stated(self.ontology, event, "startTime")
+        if triple is None:
+            return float("-inf")
+        text = triple.object.value if isinstance(triple.object, Literal) else str(triple.object)
+        number = re.search(r"(\d+(\.\d+)?)$", text)
+        if number is None:
+            message = f"no time can be read from {local_name(text)!r}; this perception counts as the oldest"
+            self.found.append(note("M011", message, triple.span))
+            return float("-inf")
+        return float(number.group(1))

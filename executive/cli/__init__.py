@@ -1,0 +1,1 @@
+"""The command line: console, inputs, outputs and options; one file per command."""

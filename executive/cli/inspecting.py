@@ -1,0 +1,128 @@
+"""``planlang robot inspect``: what a robot is made of, what its arms reach, and what it lacks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from executive.cli.console import Answer
+from executive.cli.outputs import replace
+from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
+from executive.locations.reachability_building import keep_maps, reachability_maps
+from executive.robots import Arm, Robot, bind_robot
+from executive.robots.arms import arm_models
+from executive.robots.carrying import with_carrying
+from executive.runs.assembly import mapped
+from planlang.diagnostics import BadInput, error
+from sim import PyBulletWorld, Scene
+
+USEFUL = ("carrying", "prepare_grasp", "handover")
+"""Postures that plans and the executive ask for."""
+
+Maps = Mapping[GraspClass, ReachabilityMap]
+
+
+@dataclass(frozen=True, slots=True)
+class InspectOptions:
+    """What to inspect, and where to draw what the arms reach."""
+
+    robot: Path | str
+    urdf: Path | None = None
+    picture: Path | None = None
+    record: Path | None = None
+    """Where to write a recording for the rerun viewer."""
+    progress: Callable[[str], None] = lambda line: None
+
+
+def inspect(options: InspectOptions) -> Answer:
+    """Bind a robot, map its arms, say and draw what was found; raises BadInput."""
+    bare = bind_robot(options.robot, urdf=options.urdf)
+    robot = with_carrying(bare)
+    world = PyBulletWorld(Scene(()), robot.body())
+    try:
+        return _inspected(options, bare, robot, world)
+    finally:
+        world.close()
+
+
+def _inspected(options: InspectOptions, bare: Robot, robot: Robot, world: PyBulletWorld) -> Answer:
+    models = arm_models(robot, world)
+    bounds = dict(world.robot.limits)
+    for file in (options.picture, options.record):
+        if file is not None and not models:
+            raise BadInput([error("C004", f"{file}: {robot.name} has no arm whose reach could be drawn")])
+    built = keep_maps(models, robot.torso, lambda *done: mapped(options.progress, *done))
+    maps: dict[str, dict[GraspClass, ReachabilityMap]] = {}
+    for model in models:
+        kept = [grasp for grasp in GraspClass if (model.name, grasp) not in built]
+        found = {**reachability_maps(model, robot.torso, kept)}
+        maps[model.name] = {grasp: found.get(grasp) or built[model.name, grasp] for grasp in GraspClass}
+    if options.record is not None:
+        from executive.pictures.reach_recording import save_reach_recording
+        from executive.pictures.shapes import drawn_in
+
+        save_reach_recording(options.record, drawn_in(world, robot.urdf), models, maps)
+    if options.picture is not None:
+        from executive.pictures.reach_picture import save_reach_picture
+
+        radius = robot.base.radius
+        replace(options.picture, lambda path: save_reach_picture(path, robot.name, models, maps, radius))
+    lacking = list(_lacking(bare))
+    lines = [*_body_lines(robot)]
+    for arm in robot.arms:
+        lines += _arm_lines(robot, arm, maps[arm.name], bounds)
+    lines += ["postures"]
+    lines += [f"  {name}: {_positions(joints)}" for name, joints in robot.postures.items()]
+    lines += ["missing", *(f"  {what}" for what in lacking or ["nothing"])]
+    arms = [_arm_data(arm, maps) for arm in robot.arms]
+    data: dict[str, Any] = {"robot": robot.name, "urdf": str(robot.urdf), "arms": arms}
+    data |= {"torso": robot.torso, "neck": list(robot.neck), "camera": robot.camera.link if robot.camera else None}
+    data |= {"postures": {name: dict(joints) for name, joints in robot.postures.items()}, "missing": lacking}
+    return Answer(diagnostics=robot.diagnostics, text="\n".join(lines), data=data)
+
+
+def _body_lines(robot: Robot) -> Iterator[str]:
+    base = robot.base
+    yield f"{robot.name} ({robot.urdf})"
+    yield f"  base: {robot.base_link}, radius {base.radius:g} m, {base.speed:g} m/s, {base.turn_speed:g} rad/s"
+    yield f"  torso: {robot.torso or 'none'}"
+    camera = f"{robot.camera.link}, turned by {', '.join(robot.neck) or 'the base'}" if robot.camera else "none"
+    yield f"  camera: {camera}"
+
+
+def _arm_lines(robot: Robot, arm: Arm, maps: Maps, bounds: Mapping[str, tuple[float, float]]) -> Iterator[str]:
+    yield f"arm {arm.name}, from {arm.base_link} to {arm.tip}"
+    approach, closing = (" ".join(f"{value:g}" for value in axis) for axis in (arm.approach, arm.closing))
+    opening = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"
+    yield f"  hand: {arm.hand_link}, approaches along {approach}, closes along {closing}, {opening}"
+    for joint in (*([robot.torso] if robot.torso else []), *arm.joints):
+        lower, upper = bounds.get(joint, (-math.inf, math.inf))
+        limits = robot.limits[joint]
+        yield f"  {joint:32} {lower:8.3f} .. {upper:8.3f}   at most {limits.speed:g} per second"
+    reached = ", ".join(f"{grasp.value} {len(found)}" for grasp, found in maps.items())
+    yield f"  reaches, of poses {CELL:g} m and {360 // YAWS} degrees apart: {reached}"
+
+
+def _arm_data(arm: Arm, maps: Mapping[str, Maps]) -> dict[str, Any]:
+    reached = {grasp.value: len(found) for grasp, found in maps[arm.name].items()}
+    return {"name": arm.name, "tip": arm.tip, "joints": list(arm.joints), "reachable": reached}
+
+
+def _positions(joints: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.3f}" for name, value in joints.items())
+
+
+def _lacking(robot: Robot) -> Iterator[str]:
+    """What would be of use and is not there."""
+    if not robot.arms:
+        yield "arms"
+    yield from (f"a gripper of the {arm.name} arm" for arm in robot.arms if arm.gripper is None)
+    if robot.torso is None:
+        yield "a torso that lifts the arms: they reach fewer heights"
+    if robot.camera is None:
+        yield "a camera: nothing can be looked for ([camera] in the robot file)"
+    known = robot.postures
+    yield from (f"a posture {name} ([postures.{name}] in the robot file)" for name in USEFUL if name not in known)

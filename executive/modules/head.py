@@ -1,0 +1,30 @@
+"""Points the camera at things."""
+
+from __future__ import annotations
+
+from executive.modules.platform import Platform
+from planlang.designators import Action, Object
+from planlang.failures import ActionUnresolvable, DesignatorFailure, LookingFailure
+
+
+class Head:
+    """Turns the neck so that an object is in the middle of the picture."""
+
+    name = "head"
+    actions = ("LookingAtSomething",)
+    failures = (LookingFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """The head."""
+        return ("head",)
+
+    async def execute(self, action: Action) -> None:
+        """Look at ``object_acted_on``; raises LookingGoalUnreachable beyond the neck's limits."""
+        what = action.get("object_acted_on")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable("looking at something needs object_acted_on", designator=str(action))
+        name = self.platform.around.bind(what)
+        await self.platform.look_at(self.platform.around.block(name).centre, name)

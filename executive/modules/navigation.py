@@ -1,0 +1,80 @@
+"""Drives the base: plans in the believed world, drives in the real one, learns from what it bumps into."""
+
+from __future__ import annotations
+
+import math
+
+from executive.locations import Base
+from executive.modules.platform import Platform
+from executive.motion import GoalInCollision, MotionError, StartInCollision
+from planlang.designators import Action, Location
+from planlang.failures import (
+    ActionUnresolvable,
+    DesignatorFailure,
+    NavigationFailure,
+    NavigationGoalInCollision,
+    NavigationGoalNotReached,
+    NavigationPoseUnreachable,
+)
+from planlang.protocols import Trajectory
+
+REPLANS = 3
+"""How often a path is planned anew around an obstacle that was not believed to be there."""
+
+
+class Navigation:
+    """Moves the base to a pose, or to the best place of a location."""
+
+    name = "navigation"
+    actions = ("Translation-LocationChange",)
+    failures = (NavigationFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """The base."""
+        return ("base",)
+
+    async def execute(self, action: Action) -> None:
+        """Drive to ``x``, ``y``, ``yaw``, or to a place that satisfies ``to_location``."""
+        goal = self._goal(action)
+        blocked_by: str | None = None
+        for _ in range(REPLANS):
+            if _close(goal, self.platform.base()):
+                return
+            motion = await self.platform.follow("base", self._path(goal))
+            self.platform.base_moved()
+            if motion.state == "done":
+                return
+            blocked_by = motion.blocked_by
+            self.platform.bump(blocked_by)
+        raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
+
+    def _goal(self, action: Action) -> Base:
+        match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
+            case float(x), float(y), float(yaw), None:
+                return x, y, yaw
+            case None, None, None, Location() as location:
+                return next(self.platform.resolver.bases(location)).base
+        raise ActionUnresolvable("a base motion needs to_location, or x, y and yaw", designator=str(action))
+
+    def _path(self, goal: Base) -> Trajectory:
+        try:
+            return self.platform.base_path(goal)
+        except GoalInCollision as problem:
+            raise NavigationGoalInCollision(target=goal, blocked_by=_blocking(problem)) from problem
+        except StartInCollision as problem:
+            stuck = _blocking(problem)
+            raise NavigationGoalNotReached("the base is stuck", target=goal, blocked_by=stuck) from problem
+        except MotionError as problem:
+            raise NavigationPoseUnreachable(target=goal) from problem
+
+
+def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:
+    return next((body for _, body in problem.pairs), None)
+
+
+def _close(one: Base, other: Base) -> bool:
+    turn = math.remainder(one[2] - other[2], 2 * math.pi)
+    return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3

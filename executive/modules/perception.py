@@ -1,0 +1,70 @@
+"""Looks for things: where they are believed to be first, then over what they are believed to stand on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from executive.modules.platform import Platform
+from planlang.designators import Action, Object
+from planlang.failures import (
+    ActionUnresolvable,
+    DesignatorFailure,
+    LookingFailure,
+    LookingGoalUnreachable,
+    ObjectNotFound,
+    PerceptionFailure,
+)
+from planlang.protocols import Array, Pose
+
+MOST_GAZES = 6
+"""Directions that are looked into before an object counts as not found."""
+
+
+class Perception:
+    """Turns the head and asks the camera; everything seen changes the belief."""
+
+    name = "perception"
+    actions = ("Perceiving",)
+    failures = (PerceptionFailure, LookingFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """The head."""
+        return ("head",)
+
+    async def execute(self, action: Action) -> Pose:
+        """Look for ``object_acted_on``; its pose as seen, or ObjectNotFound."""
+        what = action.get("object_acted_on")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable("perceiving needs object_acted_on", designator=str(action))
+        platform = self.platform
+        name = platform.around.bind(what)
+        beyond: LookingGoalUnreachable | None = None
+        for count, point in enumerate(self._gazes(name)):
+            if count == MOST_GAZES:
+                break
+            try:
+                await platform.look_at(point, name)
+            except LookingGoalUnreachable as failure:
+                beyond = beyond or failure
+                continue
+            if name in platform.see():
+                return platform.believed_pose(name)
+        platform.not_seen(name)
+        raise ObjectNotFound(what=name) from beyond
+
+    def _gazes(self, name: str) -> Iterator[Array]:
+        """Points (3,) to look at: the believed place, then over its support, nearest to that place first."""
+        block = self.platform.around.block(name)
+        yield block.centre
+        support = self.platform.support_of(name)
+        if support is None:
+            return
+        points = support.grid(0.3, 0.1)
+        away = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
+        for point in points[np.argsort(away, kind="stable")]:
+            yield np.array([point[0], point[1], support.high + (block.high - block.low) / 2])

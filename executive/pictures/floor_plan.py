@@ -1,0 +1,250 @@
+"""A room from above with what a resolution looked at: one view of it, in a box of a sheet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from executive.locations.rejections import Judged
+from executive.locations.surroundings import Base
+from executive.pictures.drawing import FAINT, FINE, INK, PAPER, Colour, Sheet, blended, font
+from planlang.protocols import Array
+
+Bounds = tuple[float, float, float, float]
+"""x_min, y_min, x_max, y_max [m]."""
+
+SCORES: tuple[Colour, ...] = ((226, 238, 250), (66, 133, 200))
+"""Colours of scores, low to high."""
+ACCEPTED: Colour = (0, 130, 60)
+REGIONS: tuple[Colour, ...] = ((190, 20, 110), (110, 60, 10), (0, 110, 120), (90, 90, 200))
+"""Colours of the outlines of where conjuncts hold."""
+CANDIDATE = 0.065
+"""Radius of the spot of a candidate's score [m]."""
+STEP = 2
+"""Distance of points at which regions are looked at [pixels]."""
+_FLOOR, _GRID, _ROBOT = (250, 250, 247), (228, 228, 224), (110, 110, 110)
+_KINDS: Mapping[str, tuple[Colour, Colour]] = {
+    "solid": ((224, 208, 184), (140, 115, 80)),
+    "person": ((240, 205, 185), (170, 110, 85)),
+    "meant": ((255, 226, 120), (190, 140, 0)),
+    "marker": ((245, 245, 245), (190, 190, 190)),
+}
+"""Kind of body -> fill and outline."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """A body from above: its name, a polygon (n, 2) in the map [m], "solid", "person", "meant" or "marker"."""
+
+    name: str
+    polygon: Array
+    kind: str = "solid"
+    facing: float | None = None
+    """Where a person faces [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """Where a conjunct holds: its words, and whether it does at points (n, 2) of the map, (n,)."""
+
+    words: str
+    inside: Callable[[Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Scenery:
+    """What there is besides the resolution: the room's floor, the bodies, the robot's base and where it is."""
+
+    bounds: Bounds
+    bodies: Sequence[Outline]
+    radius: float
+    """Of the outline of what places are for [m]."""
+    robot: Base
+    robot_radius: float
+    regions: Sequence[Region] = ()
+    on_floor: bool = True
+    """Whether places are on the floor: what is placed on things is drawn over them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resolution:
+    """What a resolution looked at and came to, places best first."""
+
+    title: str
+    places: Sequence[Base]
+    judged: Sequence[Judged]
+    scored: Sequence[tuple[Array, Array]] = ()
+    """Candidates (m, 3) before they were judged, and their scores (m,)."""
+    refused: Sequence[tuple[str, Array]] = ()
+    """Reasons, and candidates (m, 3 or 2) that were refused for it before they were judged."""
+    counts: Mapping[str, int] = field(default_factory=dict)
+    blocking: Mapping[str, int] = field(default_factory=dict)
+    details: Sequence[str] = ()
+    """What is said of each place besides where it is."""
+
+
+class FloorPlan:
+    """A view of a room, drawn on a sheet of its own."""
+
+    def __init__(
+        self,
+        view: Bounds,
+        scale: float,
+        scenery: Scenery,
+        resolution: Resolution,
+        colours: Mapping[str, Colour],
+    ) -> None:
+        """``scale``: pixels for one metre."""
+        x_min, y_min, x_max, y_max = view
+        self.view, self.scale, self.colours = view, scale * FINE, colours
+        self.scenery, self.resolution = scenery, resolution
+        self.sheet = Sheet(scale * (x_max - x_min), scale * (y_max - y_min))
+        self.pen = self.sheet.pen
+
+    def drawn(self, *, numbered: int) -> Sheet:
+        """All of it, the back first; so many of the best places have their numbers, the others a dot."""
+        self._floor()
+        if self.scenery.on_floor:
+            self._candidates()
+            self._bodies()
+        else:
+            self._bodies()
+            self._candidates()
+        self._regions()
+        self._judged()
+        self._robot()
+        self._places(numbered)
+        self._names()
+        width, height = self.sheet.image.size
+        self.pen.rectangle((0, 0, width - 1, height - 1), outline=FAINT, width=FINE)
+        return self.sheet
+
+    def _at(self, x: float, y: float) -> tuple[float, float]:
+        """The pixel of a point of the map: x to the right, y up."""
+        return (x - self.view[0]) * self.scale, (self.view[3] - y) * self.scale
+
+    def _pixels(self, points: Array) -> list[tuple[float, float]]:
+        """The pixels of points (n, 2 or 3) that are in view."""
+        x_min, y_min, x_max, y_max = self.view
+        x, y = points[:, 0], points[:, 1]
+        seen = points[(x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)]
+        return [self._at(x, y) for x, y in seen[:, :2].tolist()]
+
+    def _floor(self) -> None:
+        x_min, y_min, x_max, y_max = self.scenery.bounds
+        self.pen.rectangle((*self._at(x_min, y_max), *self._at(x_max, y_min)), fill=_FLOOR)
+        x_min, y_min, x_max, y_max = self.view
+        for x in range(math.ceil(x_min), math.floor(x_max) + 1):
+            self.pen.line((*self._at(x, y_min), *self._at(x, y_max)), fill=_GRID, width=FINE)
+        for y in range(math.ceil(y_min), math.floor(y_max) + 1):
+            self.pen.line((*self._at(x_min, y), *self._at(x_max, y)), fill=_GRID, width=FINE)
+
+    def _candidates(self) -> None:
+        self._scores()
+        self._refused()
+
+    def _scores(self) -> None:
+        """Spots of the candidates, the best on top."""
+        found = [(bases, scores) for bases, scores in self.resolution.scored if len(scores) and scores.max() > 0]
+        if not found:
+            return
+        points = np.concatenate([bases[:, :2] for bases, _ in found])
+        scores = np.concatenate([scores / scores.max() for _, scores in found])
+        radius = CANDIDATE if self.scenery.on_floor else CANDIDATE / 2.5
+        for index in np.argsort(scores.round(6), kind="stable").tolist():
+            for at in self._pixels(points[index : index + 1]):
+                self.sheet.disc(at, radius * self.scale, fill=blended(SCORES, float(scores[index])))
+
+    def _refused(self) -> None:
+        for reason, bases in self.resolution.refused:
+            for u, v in self._pixels(np.unique(bases[:, :2].round(4), axis=0)):
+                side = 1.1 * FINE
+                self.pen.rectangle((u - side, v - side, u + side, v + side), fill=self.colours[reason])
+
+    def _bodies(self) -> None:
+        for body in self.scenery.bodies:
+            fill, outline = _KINDS[body.kind]
+            points = [self._at(float(x), float(y)) for x, y in body.polygon]
+            if len(points) > 2:
+                self.pen.polygon(points, fill=fill, outline=outline, width=FINE)
+            if body.facing is not None:
+                x, y = body.polygon.mean(axis=0).tolist()
+                self._arrow((x, y, body.facing), 0.3, outline)
+
+    def _regions(self) -> None:
+        """The outlines of where conjuncts hold."""
+        x_min, y_min, x_max, y_max = self.view
+        step = STEP * FINE / self.scale
+        xs, ys = np.arange(x_min, x_max, step), np.arange(y_min, y_max, step)
+        points = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+        for number, region in enumerate(self.scenery.regions):
+            inside = np.asarray(region.inside(points), bool).reshape(len(xs), len(ys))
+            colour = REGIONS[number % len(REGIONS)]
+            for column, row in np.argwhere(inside[1:] != inside[:-1]).tolist():
+                x, y = xs[column] + step / 2, ys[row]
+                ends = (*self._at(x, y - step / 2), *self._at(x, y + step / 2))
+                self.pen.line(ends, fill=colour, width=2 * FINE)
+            for column, row in np.argwhere(inside[:, 1:] != inside[:, :-1]).tolist():
+                x, y = xs[column], ys[row] + step / 2
+                ends = (*self._at(x - step / 2, y), *self._at(x + step / 2, y))
+                self.pen.line(ends, fill=colour, width=2 * FINE)
+
+    def _judged(self) -> None:
+        for one in sorted(self.resolution.judged, key=lambda one: one.reason == ""):
+            colour, tick = self.colours[one.reason], 6 * FINE
+            for u, v in self._pixels(np.array([one.base])):
+                yaw = one.base[2]
+                self.sheet.disc((u, v), 2.6 * FINE, fill=colour)
+                self.pen.line((u, v, u + tick * math.cos(yaw), v - tick * math.sin(yaw)), fill=colour, width=FINE)
+
+    def _robot(self) -> None:
+        x, y, yaw = self.scenery.robot
+        radius = self.scenery.robot_radius
+        self.sheet.ring(self._at(x, y), radius * self.scale, _ROBOT)
+        self._arrow((x, y, yaw), radius, _ROBOT)
+        self.sheet.halo(self._at(x, y - 0.5 * radius), "robot", 12, _ROBOT)
+
+    def _places(self, numbered: int) -> None:
+        for number, (x, y, yaw) in reversed(list(enumerate(self.resolution.places, 1))):
+            self.sheet.ring(self._at(x, y), self.scenery.radius * self.scale, ACCEPTED, width=3 if number == 1 else 1)
+            self._arrow((x, y, yaw), self.scenery.radius, ACCEPTED)
+            self.sheet.disc(self._at(x, y), (10 if number <= numbered else 4) * FINE, fill=ACCEPTED, outline=PAPER)
+            if number <= numbered:
+                self.sheet.text(self._at(x, y), str(number), 13, PAPER, "mm")
+
+    def _arrow(self, base: Base, length: float, colour: Colour) -> None:
+        x, y, yaw = base
+        head = min(0.09, 0.4 * length)
+        tip = x + length * math.cos(yaw), y + length * math.sin(yaw)
+        self.pen.line((*self._at(x, y), *self._at(*tip)), fill=colour, width=2 * FINE)
+        sides = [
+            self._at(tip[0] - head * math.cos(yaw + turn), tip[1] - head * math.sin(yaw + turn)) for turn in (0.5, -0.5)
+        ]
+        self.pen.polygon([self._at(*tip), *sides], fill=colour)
+
+    def _names(self) -> None:
+        """Names of bodies, each where it covers no other: inside of large ones, else below."""
+        taken: list[tuple[float, float, float, float]] = []
+        width, height = self.sheet.image.size
+        for body in sorted(self.scenery.bodies, key=lambda body: (body.kind != "meant", body.name)):
+            (left, top), (right, bottom) = self._corner(body, 0.0), self._corner(body, 1.0)
+            if right < 0 or left > width or bottom < 0 or top > height:
+                continue
+            half = font(12).getlength(body.name) / 2 + 3 * FINE
+            inside = right - left > 2 * half and bottom - top > 24 * FINE
+            u, v = (left + half + 3 * FINE, top + 12 * FINE) if inside else ((left + right) / 2, bottom + 9 * FINE)
+            u, v = min(max(u, half), width - half), min(max(v, 9 * FINE), height - 9 * FINE)
+            for offset in (0, 15, -15, 30, -30, 45, -45):
+                box = (u - half, v + (offset - 8) * FINE, u + half, v + (offset + 8) * FINE)
+                if not any(a < box[2] and c > box[0] and b < box[3] and d > box[1] for a, b, c, d in taken):
+                    break
+            taken.append(box)
+            self.sheet.halo(((box[0] + box[2]) / 2, (box[1] + box[3]) / 2), body.name, 12, INK)
+
+    def _corner(self, body: Outline, share: float) -> tuple[float, float]:
+        """A corner of the box around a body in the picture: 0 upper left, 1 lower right."""
+        low, high = body.polygon.min(axis=0), body.polygon.max(axis=0)
+        return self._at(float(low[0] + share * (high[0] - low[0])), float(high[1] - share * (high[1] - low[1])))

@@ -1,0 +1,317 @@
+"""Binding a robot: a self-model (SRDL) or a robot file (TOML) to the links and joints of a URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from executive.motion import BadRobotDescription
+from executive.robots.limbs import Limbs, renamed, with_camera_neck
+from executive.robots.mechanism import Mechanism
+from executive.robots.naming import Naming
+from executive.robots.parts import Part, claims_of, inherent, parts_of
+from executive.robots.robot import Arm, JointLimits, Robot
+from executive.robots.robot_file import (
+    DEFAULT_BASE,
+    DEFAULT_LIMITS,
+    RobotFile,
+    looks_like_toml,
+    read_robot_file,
+)
+from executive.robots.self_model import SelfModel, read_self_model
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
+from planlang.ontology import Ontology, load
+from planlang.resources import bundled
+from sim import CameraModel
+from sim.urdf import read_description
+
+
+def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders: Iterable[Path] = ()) -> Robot:
+    """The robot that a source describes, bound to a URDF.
+
+    ``source``: a loaded ontology, a file with a self-model or a robot file (told by content), or the name of a bundled
+    robot. Without ``urdf``, a self-model is bound to the bundled robot whose self-model it is, else to the one that has
+    most of its actuated joints, and all of at least one arm. Beside a URDF that is given, a robot file of the same stem
+    says the numbers.
+    Raises BadInput with all that is wrong.
+    """
+    if isinstance(source, Ontology):
+        return _bind_model(read_self_model(source), urdf)
+    path = Path(source)
+    if not path.is_file():
+        path = _bundled_file(str(source))
+    if looks_like_toml(path):
+        numbers = read_robot_file(path)
+        if numbers.self_model is not None:
+            return _bind(
+                read_self_model(load(numbers.self_model, folders=tuple(folders))), numbers, urdf or numbers.urdf
+            )
+        return _bind(None, numbers, urdf or numbers.urdf)
+    ontology = load(path, folders=tuple(folders))
+    problems = [d for d in ontology.diagnostics if has_errors([d])]
+    if problems:
+        raise BadInput(problems)
+    return _bind_model(read_self_model(ontology), urdf)
+
+
+def robots() -> tuple[str, ...]:
+    """Names of the bundled robots, sorted."""
+    return tuple(sorted(path.stem for path in (bundled("ontologies") / "robots").glob("*.toml")))
+
+
+def _bundled_file(name: str) -> Path:
+    if name not in robots():
+        help = f"give the path of a file, or the name of a bundled robot: {', '.join(robots())}"
+        raise BadInput([error("B008", f"there is no robot {name}", None, help)])
+    return bundled("ontologies") / "robots" / f"{name}.toml"
+
+
+def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
+    if urdf is not None:
+        beside = urdf.with_suffix(".toml")
+        return _bind(model, read_robot_file(beside) if beside.is_file() else _numbers_for(urdf), urdf)
+    numbers = _matching(model)
+    if numbers is None:
+        span = model.span or Span(str(model.ontology.documents[0].path))
+        message = f"no bundled robot ({', '.join(robots())}) has the joints of an arm of {model.name}"
+        raise BadInput([error("B008", message, span, "give --urdf FILE with the robot's URDF")])
+    return _bind(model, numbers, numbers.urdf)
+
+
+def _installed() -> Iterator[RobotFile]:
+    """The bundled robots, those left out whose URDF is in a package that is not installed."""
+    for name in robots():
+        try:
+            yield read_robot_file(_bundled_file(name))
+        except BadInput as problem:
+            if any(one.code != "B014" for one in problem.diagnostics):
+                raise
+
+
+def _mentions(urdf: Path, joints: Iterable[str]) -> bool:
+    """Whether a URDF's text has one of these names: spares reading those of quite other robots."""
+    text = urdf.read_text(encoding="utf-8", errors="replace")
+    return any(f'"{joint}"' in text for joint in joints)
+
+
+def _matching(model: SelfModel) -> RobotFile | None:
+    """The bundled robot whose self-model this is, else that with the most of its actuated joints and all of one arm."""
+    said = set(model.joints.values())
+    own = Path(model.ontology.documents[0].path).resolve()
+    best: tuple[int, RobotFile] | None = None
+    for numbers in _installed():
+        if numbers.self_model is not None and numbers.self_model.resolve() == own:
+            return numbers
+        if not _mentions(numbers.urdf, said):
+            continue
+        mechanism = _mechanism(numbers.urdf)
+        common = sum(mechanism.actuated(joint) for joint in sorted(said))
+        whole = any(said.issuperset(mechanism.movers(arm.tip)) for arm in numbers.arms)
+        if whole and (best is None or common > best[0]):
+            best = (common, numbers)
+    return best[1] if best else None
+
+
+def _numbers_for(urdf: Path) -> RobotFile | None:
+    """The numbers of the bundled robot whose arms are those of a URDF: same joints, same lengths."""
+    mechanism = _mechanism(urdf)
+    for numbers in _installed():
+        if not _mentions(numbers.urdf, mechanism.joints):
+            continue
+        bundled_one = _mechanism(numbers.urdf)
+        if has_errors(_check(numbers, mechanism)) or not numbers.arms:
+            continue
+        if all(_same_arm(mechanism, bundled_one, arm.tip) for arm in numbers.arms):
+            return numbers
+    return None
+
+
+def _same_arm(one: Mechanism, other: Mechanism, tip: str) -> bool:
+    """Whether two URDFs agree in the joints that move a link, and in where they are relative to each other."""
+    movers = one.movers(tip)
+    if not movers or movers != other.movers(tip):
+        return False
+    mine, others = (
+        [np.linalg.inv(robot.frame(tip)) @ robot.frame(robot.joints[mover].child) for mover in movers]
+        for robot in (one, other)
+    )
+    return bool(np.allclose(mine, others, atol=0.002))
+
+
+def _mechanism(urdf: Path) -> Mechanism:
+    try:
+        return Mechanism(urdf)
+    except BadRobotDescription as problem:
+        raise BadInput([error("B009", problem.problem, Span(str(urdf)))]) from None
+
+
+def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Robot:
+    mechanism = _mechanism(urdf)
+    found = list(read_description(urdf).diagnostics)
+    if numbers is not None:
+        found += _check(numbers, mechanism)
+        if has_errors(found):
+            raise BadInput(found)
+    limbs = Limbs(mechanism, numbers, found)
+    if model is not None:
+        _check_same(model, mechanism, found)
+        naming = Naming(model, mechanism, found)
+        arms = renamed(limbs.from_model(model, naming))
+        _list_unknown(model, naming, found)
+    else:
+        arms = limbs.from_numbers(numbers) if numbers else ()
+    torso = limbs.torso([arm.tip for arm in arms]) or (numbers.torso if numbers and not arms else None)
+    camera = _camera(model, numbers, mechanism)
+    neck = _neck(numbers, mechanism, camera, arms, torso)
+    if has_errors(found):
+        raise BadInput(found)
+    if numbers is None:
+        help = f"a robot file {urdf.stem}.toml beside the URDF says them in [base], [joints.*] and [postures.*]"
+        found.append(note("B010", "speeds, postures and the size of the base are assumed", None, help))
+    elif model is not None and numbers.path.parent != urdf.parent and numbers.urdf.resolve() != urdf.resolve():
+        help = f"a robot file {urdf.stem}.toml beside the URDF says others"
+        found.append(
+            note("B010", f"speeds, postures and hands are those of the bundled robot {numbers.name}", None, help)
+        )
+    if model is not None:
+        parts: tuple[Part, ...] = parts_of(model)
+        claims: Mapping[str, Span | None] = claims_of(model)
+    else:
+        parts, claims = inherent([(arm.name, arm.gripper is not None) for arm in arms], camera is not None)
+    return Robot(
+        name=numbers.name if numbers else (model.name if model else urdf.stem),
+        iri=model.iri if model else None,
+        urdf=urdf,
+        base_link=mechanism.root,
+        base=numbers.base if numbers else DEFAULT_BASE,
+        torso=torso,
+        arms=arms,
+        neck=neck,
+        camera=camera,
+        postures=numbers.postures if numbers else {},
+        limits=_limits(numbers, mechanism, arms, torso, neck),
+        allowed_contacts=numbers.allowed_contacts if numbers else (),
+        parts=parts,
+        claims=claims,
+        model=model,
+        diagnostics=tuple(found),
+    )
+
+
+def _check_same(model: SelfModel, mechanism: Mechanism, found: list[Diagnostic]) -> None:
+    """A URDF that has none of the joints that move is another robot's."""
+    moving = [n for iri, n in model.joints.items() if not any("Fixed" in cls for cls in model.ontology.types(iri))]
+    if moving and not any(name in mechanism.joints for name in moving):
+        message = f"{mechanism.path.name} has none of the {len(moving)} joints that move in {model.name}"
+        found.append(error("B012", message, model.span, "give --urdf FILE with the URDF of this robot"))
+
+
+def _list_unknown(model: SelfModel, naming: Naming, found: list[Diagnostic]) -> None:
+    unknown = naming.unknown()
+    if unknown:
+        total = len(model.links) + len(model.joints)
+        shown = ", ".join(unknown[:8]) + (", ..." if len(unknown) > 8 else "")
+        message = f"{len(unknown)} of {total} links and joints of {model.name} are not in {naming.mechanism.path.name}"
+        found.append(note("B007", f"{message} and not used: {shown}", model.span))
+
+
+def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
+    """Names in a robot file that the URDF does not have, and positions outside of limits."""
+    found: list[Diagnostic] = []
+    name = mechanism.path.name
+
+    def link(value: str, key: str) -> None:
+        if value not in mechanism.links:
+            found.append(error("B011", f"{key}: {name} has no link {value!r}", numbers.span(key)))
+
+    def joint(value: str, key: str, position: float | None = None, *, follows: bool = False) -> None:
+        if not (mechanism.moves(value) if follows else mechanism.actuated(value)):
+            found.append(error("B011", f"{key}: {name} has no joint {value!r} that moves by itself", numbers.span(key)))
+        elif position is not None and mechanism.joints[value].kind != "continuous":
+            lower, upper = mechanism.joints[value].lower, mechanism.joints[value].upper
+            if not lower - 1e-9 <= position <= upper + 1e-9:
+                message = f"{key}: {position} is outside of the limits {lower} to {upper} of {value}"
+                found.append(error("B011", message, numbers.span(key)))
+
+    for arm in numbers.arms:
+        link(arm.tip, f"arms.{arm.name}.tip")
+        link(arm.hand, f"arms.{arm.name}.hand")
+        for side, positions in (("opened", arm.gripper.opened), ("closed", arm.gripper.closed)) if arm.gripper else ():
+            for moved, position in positions.items():
+                joint(moved, f"arms.{arm.name}.gripper.{side}", position, follows=True)
+        if arm.gripper and not any(map(mechanism.actuated, arm.gripper.opened)):
+            key = f"arms.{arm.name}.gripper.opened"
+            found.append(error("B011", f"{key}: none of these joints moves by itself", numbers.span(key)))
+        for finger in arm.gripper.fingers if arm.gripper else ():
+            link(finger, f"arms.{arm.name}.gripper.fingers")
+    if numbers.camera is not None:
+        link(numbers.camera.link, "camera.link")
+    for moved in numbers.neck:
+        joint(moved, "camera.neck")
+    if numbers.torso is not None:
+        joint(numbers.torso, "torso")
+    for moved in numbers.limits:
+        joint(moved, f"joints.{moved}")
+    for posture, positions in numbers.postures.items():
+        for moved, position in positions.items():
+            joint(moved, f"postures.{posture}.{moved}", position)
+    for pair in numbers.allowed_contacts:
+        for one in pair:
+            link(one, "allowed_contacts")
+    return found
+
+
+def _camera(model: SelfModel | None, numbers: RobotFile | None, mechanism: Mechanism) -> CameraModel | None:
+    """The robot file's camera, if the self-model has one at all; else the self-model's first one in the URDF."""
+    if model is None:
+        return numbers.camera if numbers else None
+    cameras = [
+        iri
+        for iri in model.components
+        if any(local_name(a) == "Camera" for cls in model.ontology.types(iri) for a in model.ontology.ancestors(cls))
+    ]
+    if numbers is not None:
+        return numbers.camera if cameras else None
+    links = [model.links[iri] for iri in cameras if model.links.get(iri) in mechanism.links]
+    if not links:
+        return None
+    if "optical" in links[0]:
+        return CameraModel(links[0])
+    return CameraModel(links[0], forward=(1.0, 0.0, 0.0), up=(0.0, 0.0, 1.0))
+
+
+def _neck(
+    numbers: RobotFile | None,
+    mechanism: Mechanism,
+    camera: CameraModel | None,
+    arms: tuple[Arm, ...],
+    torso: str | None,
+) -> tuple[str, ...]:
+    if camera is None:
+        return ()
+    return (numbers.neck if numbers else ()) or with_camera_neck(mechanism, camera.link, arms, torso)
+
+
+def _limits(
+    numbers: RobotFile | None,
+    mechanism: Mechanism,
+    arms: tuple[Arm, ...],
+    torso: str | None,
+    neck: tuple[str, ...],
+) -> Mapping[str, JointLimits]:
+    """Limits of every joint that is used; speeds that nobody states are those of the URDF, if they are lower."""
+    used = dict.fromkeys([torso] if torso else [])
+    for arm in arms:
+        used.update(dict.fromkeys((*arm.joints, *(arm.gripper.joints if arm.gripper else ()))))
+    used.update(dict.fromkeys(neck))
+    default = numbers.default_limits if numbers else DEFAULT_LIMITS
+    stated = numbers.limits if numbers else {}
+    limits = {}
+    for name in used:
+        speed = mechanism.joints[name].velocity
+        slower = JointLimits(min(default.speed, speed or default.speed), default.acceleration, default.jerk)
+        limits[name] = stated.get(name, slower)
+    return limits

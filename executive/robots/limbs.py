@@ -1,0 +1,251 @@
+"""Arms, grippers, torso and neck: what a self-model's compositions, or a robot file, are in the URDF."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from executive.robots.mechanism import Mechanism
+from executive.robots.naming import Naming
+from executive.robots.robot import Arm, Axis, Gripper, side_of
+from executive.robots.robot_file import ArmNumbers, GripperNumbers, RobotFile
+from executive.robots.self_model import Composition, SelfModel
+from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, error, note, warning
+from planlang.protocols import Array
+
+FINGER = 0.05
+"""Length of a finger that does not end at the tip frame [m]."""
+_TOOL = re.compile(r"tool|tcp|grip_?point|grasp", re.IGNORECASE)
+
+
+def is_gripper(model: SelfModel, composition: Composition) -> bool:
+    """Whether a composition is a gripper or hand; this outweighs that one real file calls its grippers arms as well."""
+    return _is_a(model, composition, ("GripperComponent", "HolderGripper", "Hand", "LeftHand", "RightHand"))
+
+
+def is_arm(model: SelfModel, composition: Composition) -> bool:
+    """Whether a composition is an arm."""
+    arm = _is_a(model, composition, ("ArmComponent", "Arm", "LeftArm", "RightArm"))
+    return arm and not is_gripper(model, composition)
+
+
+def _is_a(model: SelfModel, composition: Composition, names: Sequence[str]) -> bool:
+    ancestors = {local_name(a) for cls in composition.types for a in model.ontology.ancestors(cls)}
+    return not ancestors.isdisjoint(names)
+
+
+class Limbs:
+    """Builds the arms of one robot; problems are collected in ``found``."""
+
+    def __init__(self, mechanism: Mechanism, numbers: RobotFile | None, found: list[Diagnostic]) -> None:
+        self.mechanism, self.numbers, self.found = mechanism, numbers, found
+
+    # From a robot file alone
+
+    def from_numbers(self, numbers: RobotFile) -> tuple[Arm, ...]:
+        """The arms that a robot file describes, whose links have been checked."""
+        torso = self.torso([arm.tip for arm in numbers.arms])
+        return tuple(self._arm(n.name, None, n.side, n.tip, n.hand, n, n.gripper, None, torso) for n in numbers.arms)
+
+    # From a self-model
+
+    def from_model(self, model: SelfModel, naming: Naming) -> tuple[Arm, ...]:
+        """The arms that a self-model's compositions describe."""
+        grippers = {}
+        for composition in model.compositions:
+            if is_gripper(model, composition) and composition.base is not None:
+                base = naming.link(composition.base, composition.span)
+                if base is None:
+                    self._lost(composition, composition.base)
+                else:
+                    grippers[base] = composition
+        found = []
+        for composition in model.compositions:
+            if is_arm(model, composition):
+                place = self._place(composition, naming, grippers)
+                if place is not None:
+                    found.append((composition, *place))
+        torso = self.torso([tip for _, tip, _, _ in found])
+        arms = []
+        for composition, tip, hand, gripper in found:
+            labels = [text for text in (composition.label, local_name(composition.iri)) if text]
+            side = side_of(*(local_name(cls) for cls in composition.types)) or side_of(*labels) or side_of(tip)
+            numbers = self._numbers_for(hand)
+            name = numbers.name if numbers else side or local_name(composition.iri)
+            own = self._finger_names(hand, tip, model)
+            stated = (
+                numbers.gripper if numbers and numbers.gripper and set(numbers.gripper.opened) <= set(own) else None
+            )
+            if stated is None and own:
+                stated = self._guess_gripper(own, tip)
+            if gripper is not None and stated is None:
+                message = f"the gripper {local_name(gripper.iri)} has no joint that moves; it is left out"
+                self.found.append(warning("B006", message, gripper.span))
+            iri = gripper.iri if gripper and stated else None
+            arm = self._arm(name, composition.iri, side, tip, hand, numbers, stated, iri, torso)
+            self._check_known(arm, model, composition)
+            arms.append(arm)
+        return tuple(arms)
+
+    def _place(
+        self, composition: Composition, naming: Naming, grippers: dict[str, Composition]
+    ) -> tuple[str, str, Composition | None] | None:
+        """Tip link, hand link and gripper of an arm; None, with an error, if its ends are not in the URDF."""
+        named = [iri for iri in (composition.base, *composition.ends) if iri]
+        links = {iri: naming.link(iri, composition.span) for iri in named}
+        for iri, link in links.items():
+            if link is None:
+                self._lost(composition, iri)
+        ends = [link for iri in composition.ends if (link := links[iri])]
+        if None in links.values() or not ends:
+            return None
+        gripper = next((g for g in grippers if self._continues(g, ends)), None)
+        hand = gripper or self.mechanism.common_ancestor(ends)
+        tool = naming.link(composition.tool_frame, composition.span) if composition.tool_frame else None
+        tip = tool or self._tip(hand, ends)
+        return tip, hand, grippers.get(gripper or "")
+
+    def _continues(self, gripper: str, ends: Sequence[str]) -> bool:
+        """Whether a gripper that begins at a link is at the end of an arm with these ends."""
+        above = self.mechanism.ancestors(gripper)
+        return any(end in above or gripper in self.mechanism.ancestors(end) for end in ends)
+
+    def _tip(self, hand: str, ends: Sequence[str]) -> str:
+        numbers = self._numbers_for(hand)
+        group = self.mechanism.rigid_with(hand)
+        if numbers is not None:
+            return numbers.tip
+        candidates = [link for link in (*ends, *group) if link in group and _TOOL.search(link)]
+        return candidates[0] if candidates else hand
+
+    def _numbers_for(self, hand: str) -> ArmNumbers | None:
+        """The part of the robot file that is about the arm with this hand."""
+        group = self.mechanism.rigid_with(hand)
+        return next((arm for arm in self.numbers.arms if arm.tip in group), None) if self.numbers else None
+
+    def _lost(self, composition: Composition, iri: str) -> None:
+        message = f"{local_name(composition.iri)} begins or ends at {local_name(iri)}, which {self.mechanism.path.name}"
+        help = "give --urdf FILE with the URDF that the self-model is about"
+        self.found.append(error("B004", f"{message} does not have", composition.span, help))
+
+    def _check_known(self, arm: Arm, model: SelfModel, composition: Composition) -> None:
+        known = set(model.joints.values())
+        unknown = [joint for joint in arm.joints if joint not in known]
+        if unknown:
+            message = f"{self.mechanism.path.name} moves {local_name(composition.iri)} by {', '.join(unknown)}"
+            help = "add the joints to the self-model, or give --urdf FILE with the URDF that it is about"
+            self.found.append(error("B005", f"{message}, which the self-model does not have", composition.span, help))
+
+    # Both
+
+    def torso(self, tips: Sequence[str]) -> str | None:
+        """The sliding joint that carries all arms: the last one before any of them turns."""
+        leading = []
+        for tip in tips:
+            slides = []
+            for name in self.mechanism.movers(tip):
+                if self.mechanism.joints[name].kind != "prismatic":
+                    break
+                slides.append(name)
+            leading.append(slides)
+        shared = [name for name in leading[0] if all(name in slides for slides in leading)] if leading else []
+        return shared[-1] if shared else None
+
+    def _arm(
+        self,
+        name: str,
+        iri: str | None,
+        side: str | None,
+        tip: str,
+        hand: str,
+        numbers: ArmNumbers | None,
+        gripper: GripperNumbers | None,
+        gripper_iri: str | None,
+        torso: str | None,
+    ) -> Arm:
+        joints = tuple(joint for joint in self.mechanism.movers(tip) if joint != torso)
+        base = self.mechanism.joints[joints[0]].parent if joints else self.mechanism.root
+        approach, closing = (numbers.approach, numbers.closing) if numbers else self._axes(tip, hand, name)
+        bound = None
+        if gripper is not None:
+            names = tuple(name for name in gripper.opened if self.mechanism.actuated(name))
+            fingers = gripper.fingers or tuple(self.mechanism.joints[joint].child for joint in names)
+            called = local_name(gripper_iri) if gripper_iri else f"{name}_gripper"
+            opened, closed = ({name: side[name] for name in names} for side in (gripper.opened, gripper.closed))
+            bound = Gripper(called, gripper_iri, names, opened, closed, fingers, gripper.max_opening)
+            hand = self.mechanism.joints[names[0]].parent if numbers is None else numbers.hand
+        return Arm(name, iri, side, joints, base, tip, hand, approach, closing, bound)
+
+    def _axes(self, tip: str, hand: str, name: str) -> tuple[Axis, Axis]:
+        """Approach and closing axes of a tip about which nothing is said."""
+        message = f"the {name} arm's hand is taken to move along x and to close along y of {tip}"
+        self.found.append(
+            note(
+                "B010",
+                message,
+                help=f"a robot file (TOML) beside the URDF says more: approach and closing in [arms.{name}]",
+            )
+        )
+        return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+
+    def _finger_names(self, hand: str, tip: str, model: SelfModel) -> tuple[str, ...]:
+        """Finger joints at a hand that move by themselves and that the self-model has."""
+        above = {joint.name for joint in self.mechanism.chain(tip)}
+        known = set(model.joints.values())
+        fingers = (joint.name for joint in self.mechanism.fingers(hand) if joint.name not in above)
+        moving = tuple(name for name in fingers if name in known and self.mechanism.actuated(name))
+        return tuple(name for name in moving if "finger" in name.lower()) or moving
+
+    def _guess_gripper(self, joints: tuple[str, ...], tip: str) -> GripperNumbers | None:
+        """Opened is the limit at which a finger is farther from the line of approach."""
+        opened, closed, room = {}, {}, 0.0
+        links: list[str] = []
+        line = self.mechanism.frame(tip)
+        for name in joints:
+            joint = self.mechanism.joints[name]
+            link = joint.child
+            reach = np.array([0.0, 0.0, 0.0, 1.0])
+            finger = self.mechanism.frame(link)
+            length = max(float(line[:3, 0] @ (line[:3, 3] - finger[:3, 3])), FINGER)
+            reach[:3] = length * _ahead(finger, line)
+            sides = []
+            for value in (joint.lower, joint.upper):
+                point = np.linalg.inv(line) @ self.mechanism.frame(link, value, of=name) @ reach
+                sides.append(float(np.hypot(point[1], point[2])))
+            widest = int(sides[1] >= sides[0])
+            limits = (joint.lower, joint.upper)
+            opened[name], closed[name] = limits[widest], limits[1 - widest]
+            followers = [j.child for j in self.mechanism.joints.values() if j.mimic and j.mimic.joint == name]
+            links += [link, *(child for child in followers if "finger" in child.lower())]
+            room += (max(sides) - min(sides)) * (2 if len(followers) else 1)
+        help = "a robot file (TOML) beside the URDF says more: opened, closed, max_opening in [arms.*.gripper]"
+        message = f"{', '.join(joints)}: opened and closed are taken from the URDF's limits"
+        self.found.append(note("B010", message, help=help))
+        return GripperNumbers(opened, closed, tuple(links), max(0.9 * room, 0.01))
+
+
+def _ahead(finger: Array, tip: Array) -> Array:
+    """Direction of the approach (x of the tip) in a finger's frame, (3,)."""
+    direction: Array = finger[:3, :3].T @ tip[:3, 0]
+    return direction
+
+
+def with_camera_neck(mechanism: Mechanism, link: str, arms: Sequence[Arm], torso: str | None) -> tuple[str, ...]:
+    """Joints that move the camera and no arm."""
+    taken = {torso, *(joint for arm in arms for joint in arm.joints)}
+    return tuple(joint for joint in mechanism.movers(link) if joint not in taken)
+
+
+def renamed(arms: Sequence[Arm]) -> tuple[Arm, ...]:
+    """The same arms with names that are their own."""
+    names: list[str] = []
+    for arm in arms:
+        name, number = arm.name, 2
+        while name in names:
+            name, number = f"{arm.name}_{number}", number + 1
+        names.append(name)
+    return tuple(replace(arm, name=name) for arm, name in zip(arms, names, strict=True))

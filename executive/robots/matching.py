@@ -1,0 +1,247 @@
+"""Whether a robot has what tasks require, with the reasons, as a tree.
+
+Three answers: available, missing, and unknown, when neither the self-model nor the vocabulary says enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from executive.robots.closed_world import ClosedWorld, compared
+from executive.robots.finding import Availability, Finding, together
+from executive.robots.parts import Part
+from executive.robots.requirements import Requirement, Semantics, requirements_of
+from executive.robots.robot import Robot
+from executive.robots.self_model import SelfModel
+from planlang.designators import local_name
+from planlang.diagnostics import Span
+from planlang.ontology import Ontology, expand
+from planlang.ontology.expressions import Expression
+
+AVAILABLE, MISSING, UNKNOWN = Availability.AVAILABLE, Availability.MISSING, Availability.UNKNOWN
+
+_SHAPE = ("srdl2-comp:ArmComponent", "srdl2-comp:GripperComponent", "srdl2-comp:ManipulationEntity",
+          "srdl2-comp:Camera", "srdl2-comp:MobileBase")  # fmt: skip
+"""What the shape of a robot shows, so that without self-model it is missing rather than unknown."""
+_BY_CAMERA = frozenset(map(expand, ("srdl2-comp:ObjectRecognitionComponent", "knowrob:ObjectRecognitionModel")))
+"""What comes with a camera (:func:`executive.robots.parts.inherent`), and so is missing without one."""
+
+
+@dataclass(frozen=True)
+class Possessions:
+    """What a robot has, as far as matching is concerned.
+
+    ``lacks`` are capabilities (local names) that binding to a URDF has disproved, with the reason.
+    """
+
+    robot: str
+    parts: tuple[Part, ...]
+    claims: Mapping[str, Span | None]
+    model: SelfModel | None = None
+    lacks: Mapping[str, str] = field(default_factory=dict)
+
+
+def possessions_of(robot: Robot) -> Possessions:
+    """What a bound robot has. What binding found outweighs claims: no gripper in the URDF, no gripping."""
+    lacks: dict[str, str] = {}
+    if not robot.arms:
+        lacks |= dict.fromkeys(("ArmMotionCapability", "ManipulationCapability"), f"{robot.name} has no arm")
+    if not any(arm.gripper for arm in robot.arms):
+        grasping = ("GripperMotionCapability", "GraspingCapability", "PickingUpAnObjectCapability")
+        lacks |= dict.fromkeys(grasping, f"{robot.name} has no gripper")
+    return Possessions(robot.name, robot.parts, robot.claims, robot.model, lacks)
+
+
+@dataclass(frozen=True, slots=True)
+class Missing:
+    """Something that a task requires and a robot does not have, or may not have."""
+
+    iri: str
+    kind: str
+    """"capability" or "component"."""
+    state: str
+    """"missing", or "unknown" when neither the self-model nor the vocabulary says enough."""
+    because: tuple[str, ...]
+    """Classes from the action to the requirement, each depending on the next (IRIs)."""
+    reason: str
+
+    @property
+    def name(self) -> str:
+        """Local name of what is missing."""
+        return local_name(self.iri)
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name}: {self.reason} (required by {' > '.join(map(local_name, self.because))})"
+
+
+def missing_capabilities(ontology: Ontology, actions: Iterable[str], robot: Robot) -> tuple[Missing, ...]:
+    """What action classes (a task with all its steps) require and the robot lacks or may lack, capabilities first."""
+    judge = Judge(ontology, possessions_of(robot))
+    found: dict[tuple[str, str], Missing] = {}
+    for action in dict.fromkeys(actions):
+        for finding, path in judge.action(action).walk():
+            if finding.kind in ("capability", "component") and finding.state is not AVAILABLE:
+                because = tuple(one.iri or one.text for one in (*path, finding))
+                what = finding.iri or finding.text
+                missing = Missing(what, finding.kind, finding.state.value, because, finding.reason)
+                found.setdefault((finding.kind, what), missing)
+    return tuple(sorted(found.values(), key=lambda one: one.kind))
+
+
+class Judge:
+    """Compares requirements, as one ontology states them, with the possessions of one robot."""
+
+    def __init__(self, ontology: Ontology, robot: Possessions, semantics: Semantics = Semantics.CLOSURE) -> None:
+        self.ontology = ontology
+        self.robot = robot
+        self.semantics = semantics
+        self.world = ClosedWorld([ontology, *([robot.model.ontology] if robot.model else [])])
+        self._known: dict[str, Finding] = {}
+        self._open: dict[str, None] = {}
+
+    def action(self, cls: str, text: str | None = None, span: Span | None = None) -> Finding:
+        """What an action class requires itself, with everything that this takes, and whether all of it is there."""
+        below = tuple(self.requirement(one) for one in requirements_of(self.ontology, cls, self.semantics))
+        closed = (one for top in below for one, _ in top.walk())
+        state = together(one.state for one in (below if self.semantics is Semantics.ORIGINAL else closed))
+        return Finding("action", text or local_name(cls), cls, state, "", span, below)
+
+    def requirement(self, needed: Requirement) -> Finding:
+        """Whether one requirement is met."""
+        if needed.kind == "capability" and needed.name is not None:
+            return replace(self.capability(self._class_of(needed.name)), required=needed.span)
+        if needed.kind == "capability":
+            return self._expressed_capability(needed)
+        return self.component(needed)
+
+    def _class_of(self, name: str) -> str:
+        """The class of a capability given by an individual of it."""
+        if self.ontology.is_class(name):
+            return name
+        return next(iter(self.ontology.types(name)), name)
+
+    def _expressed_capability(self, needed: Requirement) -> Finding:
+        """A combination of capabilities with and, or, not."""
+        below: list[Finding] = []
+
+        def judged(expression: Expression) -> Availability:
+            if expression.kind == "name" and isinstance(expression.term, str):
+                below.append(replace(self.capability(expression.term), counts=False))
+                return below[-1].state
+            states = [judged(part) for part in expression.parts]
+            match expression.kind:
+                case "and":
+                    return together(states)
+                case "or":
+                    return together(states, any_of=True)
+                case "not":
+                    return {AVAILABLE: MISSING, MISSING: AVAILABLE}.get(states[0], UNKNOWN)
+            return UNKNOWN
+
+        state = judged(needed.expression)
+        return Finding("capability", needed.text, None, state, "", None, tuple(below), required=needed.span)
+
+    # -- components
+
+    def component(self, needed: Requirement) -> Finding:
+        """Whether parts of the robot are what is required, and as many."""
+        text, name = needed.text, needed.name
+        answers = [self._fits(part, needed) for part in self.robot.parts]
+        kind = needed.quantifier if needed.quantifier in ("min", "max", "exactly") else "min"
+        enough = compared(kind, needed.number, answers)
+        found = [part for part, answer in zip(self.robot.parts, answers, strict=True) if answer]
+        if enough:
+            named = ", ".join(part.name for part in found[:3]) + (", ..." if len(found) > 3 else "")
+            span = next((part.span for part in found if part.span), None)
+            return Finding("component", text, name, AVAILABLE, named or "none", span, (), needed.span)
+        who = self.robot.robot
+        if enough is None or (name is not None and not self.world.is_known(name)):
+            return Finding("component", text, name, UNKNOWN, "nothing says what that is", None, (), needed.span)
+        if self.robot.model is None and not found and not self._shows(name):
+            reason = f"{who} has no self-model that would tell"
+            return Finding("component", text, name, UNKNOWN, reason, None, (), needed.span)
+        reason = f"{who} has {f'only {len(found)}' if found and kind != 'max' else len(found) or 'none'}"
+        return Finding("component", text, name, MISSING, reason, None, (), needed.span)
+
+    def _fits(self, part: Part, needed: Requirement) -> bool | None:
+        name = needed.name
+        if name is not None and (part.iri == name or name in part.classes):
+            return True
+        if name is not None and any(self.world.is_below(cls, name) for cls in part.classes):
+            return True
+        if self.semantics is Semantics.ORIGINAL or part.iri is None:
+            return self._by_classes(part, needed.expression)
+        return self.world.satisfies(part.iri, needed.expression)
+
+    def _by_classes(self, part: Part, expression: Expression) -> bool | None:
+        """Whether a part of which only classes are known satisfies an expression."""
+        answers = [self._by_classes(part, one) for one in expression.parts]
+        match expression.kind:
+            case "name":
+                return any(self.world.is_below(cls, str(expression.term)) for cls in part.classes)
+            case "and":
+                return False if False in answers else None if None in answers else True
+            case "or":
+                return True if True in answers else None if None in answers else False
+            case "not":
+                return None if answers[0] is None else not answers[0]
+        return None
+
+    def _shows(self, name: str | None) -> bool:
+        """Whether the shape of a robot shows if it has such a part."""
+        if name is None or name in _BY_CAMERA:
+            return name is not None
+        return any(self.world.is_below(expand(one), name) for one in _SHAPE)
+
+    # -- capabilities
+
+    def capability(self, cls: str) -> Finding:
+        """Whether the robot has a capability: claims it and has the components, or has all that it takes."""
+        if cls not in self._known:
+            if cls in self._open:  # not remembered: it may be there by another way
+                return Finding("capability", local_name(cls), cls, MISSING, "it depends on itself", counts=False)
+            self._open[cls] = None
+            finding = self._judged(cls)
+            del self._open[cls]
+            if self._open:  # what it found may stand on something that is still open
+                return finding
+            self._known[cls] = finding
+        return self._known[cls]
+
+    def _judged(self, cls: str) -> Finding:
+        """A capability with everything that it takes; what a claimed one takes is required all the same."""
+        needed = requirements_of(self.ontology, cls, self.semantics)
+        components = [self.requirement(one) for one in needed if one.kind == "component"]
+        capabilities = [self.requirement(one) for one in needed if one.kind == "capability"]
+        below = (*components, *capabilities)
+        claim = next((one for one in self.robot.claims if self.world.is_below(one, cls)), None)
+        disproved = [a for a in map(local_name, self.ontology.ancestors(cls)) if a in self.robot.lacks]
+        span = None
+        if disproved:
+            state, reason = MISSING, self.robot.lacks[disproved[0]]
+        elif claim is not None:
+            state, reason = self._claimed(cls, claim, components)
+            span = self.robot.claims[claim]
+        elif not below:
+            state, reason = UNKNOWN, f"{self.robot.robot} does not claim it, and nothing is known of what it takes"
+            if self.semantics is Semantics.ORIGINAL:
+                state, reason = AVAILABLE, "it takes nothing"
+        else:
+            state, reason = together(one.state for one in below), "all that it takes is there"
+            if state is not AVAILABLE:
+                reason = f"{self.robot.robot} does not claim it and {_lacking(state, below)}"
+        return Finding("capability", local_name(cls), cls, state, reason, span, below)
+
+    def _claimed(self, cls: str, claim: str, components: Iterable[Finding]) -> tuple[Availability, str]:
+        components = tuple(components)
+        said = f"{self.robot.robot} claims {'it' if claim == cls else local_name(claim)}"
+        state = together(one.state for one in components)
+        if self.semantics is Semantics.ORIGINAL or state is AVAILABLE:
+            return AVAILABLE, said
+        return state, f"{said}, but {_lacking(state, components)}"
+
+
+def _lacking(state: Availability, below: Iterable[Finding]) -> str:
+    verb = "lacks" if state is MISSING else "may lack"
+    return f"{verb} {', '.join(one.text for one in below if one.state is state)}"

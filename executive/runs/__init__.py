@@ -1,0 +1,1 @@
+"""Puts runs together: assembles robot, belief and worlds; runs, resumes and replays plans."""

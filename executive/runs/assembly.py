@@ -1,0 +1,123 @@
+"""Puts worlds, belief and robot together: what a run needs before it can begin."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import cache, partial
+from itertools import chain, islice
+
+import numpy as np
+
+from executive.belief import Belief, SemanticMap, default_starts
+from executive.belief.planning_scene import BelievedSurroundings
+from executive.locations import Base, Resolver
+from executive.modules.platform import Platform
+from executive.robots import Robot
+from executive.robots.arms import arm_models, gaze_of
+from planlang.diagnostics import BadInput, error
+from planlang.ontology import Ontology, expand, shorten
+from sim import PyBulletWorld, Scene, perturb
+
+MOST_STARTS = 5000
+"""Places with room for the base that are looked at for one with room for the arms, too."""
+
+
+def real_scene(scene: Scene, seed: int, robot_in: PyBulletWorld) -> Scene:
+    """The scene as it might really be, by a seed; ``robot_in`` is a world that has the robot in its first posture."""
+    bands = robot_in.silhouette()
+    radius, height = max(radius for _, _, radius in bands), max(high for _, high, _ in bands)
+    return perturb(scene, seed, radius=radius, height=height)
+
+
+def world_at_start(scene: Scene, robot: Robot, start: Base | None, stack: ExitStack) -> PyBulletWorld:
+    """A world with the robot at its start: where the user says, else at a free place near the middle.
+
+    ``stack`` closes the world. Raises BadInput when there is no place, or something stands where the user says.
+    """
+    places = default_starts(scene, robot.base.radius) if start is None else iter((start,))
+    first = next(places, None)
+    if first is None:
+        raise _nowhere()
+    world = PyBulletWorld(replace(scene, start=first), robot.body())
+    stack.callback(world.close)
+    if start is not None:
+        _check_start(world)
+        return world
+    now = world.configuration()
+    for place in chain((first,), islice(places, MOST_STARTS)):
+        if not world.contacts(replace(now, base=place), moving=("base",)):
+            break
+    else:
+        raise _nowhere()
+    if place == first:
+        return world
+    world = PyBulletWorld(replace(scene, start=place), robot.body())
+    stack.callback(world.close)
+    return world
+
+
+def _nowhere() -> BadInput:
+    advice = "say where with --start x,y,yaw"
+    return BadInput([error("X003", "there is no free place for the robot to start", help=advice)])
+
+
+def _check_start(world: PyBulletWorld) -> None:
+    """Raise BadInput when the robot would stand in something, or off the map."""
+    x, y, yaw = world.scene.start
+    x_min, y_min, x_max, y_max = world.scene.bounds
+    place = f"the robot cannot start at {x:g},{y:g},{yaw:g}"
+    advice = f"--start x,y,yaw with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}"
+    if not (x_min < x < x_max and y_min < y < y_max):
+        raise BadInput([error("X007", f"{place}: that is off the map", help=advice)])
+    touched = sorted({contact.body for contact in world.contacts()})
+    if touched:
+        raise BadInput([error("X007", f"{place}: it would stand in {', '.join(touched)}", help=advice)])
+
+
+def platform_of(
+    robot: Robot,
+    semantic_map: SemanticMap,
+    truth: PyBulletWorld,
+    believed: PyBulletWorld,
+    seed: int,
+    say: Callable[[str], None] = lambda line: None,
+) -> Platform:
+    """A robot in a true and a believed world; ``say`` is told while maps of what its arms reach are built."""
+    belief = Belief(semantic_map, believed)
+    belief.sync(believed, truth.configuration())
+    around = BelievedSurroundings(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
+    around.map_reach(partial(mapped, say))
+    ontology = semantic_map.ontology
+
+    @cache
+    def ancestors(action_type: str) -> tuple[str, ...]:
+        return tuple(map(shorten, ontology.ancestors(expand(action_type))))
+
+    return Platform(
+        truth,
+        robot,
+        belief,
+        around,
+        Resolver(around),
+        ancestors,
+        releasing(ontology),
+        np.random.default_rng(seed),
+    )
+
+
+def mapped(say: Callable[[str], None], done: int, count: int, what: str) -> None:
+    """Say on a terminal that so many maps of what the arms reach are built: whether they have to be is no result."""
+    if not sys.stderr.isatty():
+        return
+    bar = "#" * done + "-" * (count - done)
+    say(f"mapping what the arms reach, once for this robot [{bar}] {done} of {count}: {what}")
+
+
+def releasing(ontology: Ontology) -> frozenset[str]:
+    """Action classes whose primitive says that it releases something."""
+    primitives = [iri for iri in ontology.individuals(expand("Primitive")) if ontology.values(iri, expand("releases"))]
+    performed = (cls for iri in primitives for cls in ontology.values(iri, expand("performsAction")))
+    return frozenset(shorten(cls) for cls in performed if isinstance(cls, str))

@@ -1,0 +1,179 @@
+"""What the robot believes: bound, seen, bumped into, held, let go; and a planning world made equal to it."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from executive.belief import Belief, SemanticMap, scene_of
+from executive.robots import Robot, bind_robot
+from planlang.designators import an_object
+from planlang.failures import AmbiguousPerception, ObjectUnresolvable
+from planlang.protocols import Configuration, Detection, Pose
+from sim import PyBulletWorld
+
+HERE = (0.0, 0.0, 0.0)
+MAP = "http://example.org/map.owl#"
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    """Amigo."""
+    return bind_robot("amigo")
+
+
+@pytest.fixture
+def semantic_map(
+    map_of: Callable[..., SemanticMap], thing: Callable[..., str], seen: Callable[..., str]
+) -> SemanticMap:
+    """A table with two bottles, and a bottle on the floor as far from the middle as the first of them."""
+    return map_of(
+        thing("table1", "Table-PieceOfFurniture", (0.8, 0.8, 0.7)),
+        thing("bottle1", "DrinkingBottle", (0.06, 0.06, 0.2)),
+        thing("bottle2", "DrinkingBottle", (0.06, 0.06, 0.2)),
+        thing("cup1", "Cup", (0.08, 0.08, 0.1)),
+        seen("table1", (2.0, 0.0, 0.35)),
+        seen("bottle1", (2.0, 0.0, 0.8)),
+        seen("bottle2", (2.3, 0.0, 0.8)),
+        seen("cup1", (-2.3, 0.0, 0.05)),
+    )
+
+
+@pytest.fixture
+def planning(semantic_map: SemanticMap, robot: Robot) -> Iterator[PyBulletWorld]:
+    """A world of the map with Amigo in it."""
+    world = PyBulletWorld(scene_of(semantic_map), robot.body())
+    yield world
+    world.close()
+
+
+@pytest.fixture
+def belief(semantic_map: SemanticMap, planning: PyBulletWorld) -> Belief:
+    """The belief of a robot that has seen nothing yet."""
+    return Belief(semantic_map, planning)
+
+
+def test_nothing_has_been_seen_at_first_and_things_are_where_the_map_says(belief: Belief) -> None:
+    assert belief.pose("bottle1").position == (2.0, 0.0, 0.8)
+    assert not belief.seen_from_here("bottle1")
+
+
+def test_an_iri_binds_before_the_class(belief: Belief) -> None:
+    assert belief.bind(an_object("DrinkingBottle", MAP + "bottle2"), HERE) == "bottle2"
+
+
+def test_a_class_binds_to_the_nearest_of_its_things_subclasses_included(belief: Belief) -> None:
+    assert belief.bind(an_object("DrinkingBottle"), HERE) == "bottle1"
+    assert belief.bind(an_object("DrinkingVessel"), (-3.0, 0.0, 0.0)) == "cup1"
+
+
+def test_a_designator_keeps_meaning_what_it_was_bound_to(belief: Belief) -> None:
+    bottle = an_object("DrinkingBottle")
+    assert belief.bind(bottle, HERE) == "bottle1"
+    assert belief.bind(bottle, (5.0, 0.0, 0.0)) == "bottle1"
+
+
+def test_an_unknown_class_is_told_by_its_name(belief: Belief) -> None:
+    assert belief.bind(an_object("http://example.org/recipe.owl#DrinkingBottle"), HERE) == "bottle1"
+
+
+def test_what_is_not_there_cannot_be_bound(belief: Belief) -> None:
+    with pytest.raises(ObjectUnresolvable, match="bottle1, bottle2"):
+        belief.bind(an_object("Bed-PieceOfFurniture"), HERE)
+
+
+def test_two_equally_near_things_that_are_seen_are_ambiguous(belief: Belief) -> None:
+    belief.see([Detection("bottle1", Pose((2.0, 0.3, 0.8)), 1.0), Detection("bottle2", Pose((2.0, -0.3, 0.8)), 1.0)])
+    with pytest.raises(AmbiguousPerception) as problem:
+        belief.bind(an_object("DrinkingBottle"), HERE)
+    assert problem.value.candidates == ("bottle1", "bottle2")
+
+
+def test_seeing_a_thing_elsewhere_changes_the_belief_and_is_told(belief: Belief) -> None:
+    told: list[tuple[str, Mapping[str, Any]]] = []
+    belief.tell = lambda event, details: told.append((event, details))
+    belief.see([Detection("bottle1", Pose((2.1, 0.1, 0.8)), 0.9)])
+    assert belief.pose("bottle1").position == (2.1, 0.1, 0.8)
+    assert belief.seen_from_here("bottle1")
+    assert belief.revision == 1
+    assert [(event, details["change"]) for event, details in told] == [("belief", "seen")]
+
+
+def test_seeing_a_thing_where_it_was_believed_changes_nothing_but_that_it_was_seen(belief: Belief) -> None:
+    belief.see([Detection("bottle1", Pose((2.001, 0.0, 0.8)), 0.9)])
+    assert belief.revision == 0
+    assert belief.seen_from_here("bottle1")
+
+
+def test_after_the_base_moved_things_have_to_be_looked_at_again(belief: Belief) -> None:
+    belief.see([Detection("bottle1", Pose((2.0, 0.0, 0.8)), 0.9)])
+    belief.base_moved()
+    assert not belief.seen_from_here("bottle1")
+
+
+def test_places_from_where_a_thing_was_not_seen_are_remembered_until_it_is(belief: Belief) -> None:
+    belief.not_seen("bottle1", HERE)
+    belief.not_seen("bottle1", (1.0, 0.0, 0.0))
+    assert belief.looked_in_vain("bottle1") == (HERE, (1.0, 0.0, 0.0))
+    belief.see([Detection("bottle1", Pose((2.0, 0.0, 0.8)), 0.9)])
+    assert belief.looked_in_vain("bottle1") == ()
+
+
+def test_bumping_into_a_thing_tells_where_it_is(belief: Belief) -> None:
+    belief.bump("table1", Pose((1.7, 0.0, 0.35)))
+    assert belief.pose("table1").position == (1.7, 0.0, 0.35)
+    assert belief.revision == 1
+
+
+def test_places_relative_to_a_held_thing_keep_its_last_pose_until_it_is_let_go(belief: Belief, robot: Robot) -> None:
+    before = belief.pose("bottle1")
+    belief.grasped("bottle1", "right", robot.arm("right").hand_link, Pose((0.14, 0.0, 0.0)))
+    assert belief.reference_pose("bottle1") == before
+    belief.see([Detection("bottle1", Pose((0.0, 0.0, 1.0)), 1.0)])
+    assert belief.reference_pose("bottle1") == before
+    belief.released("bottle1", Pose((1.0, 1.0, 0.8)))
+    assert belief.reference_pose("bottle1").position == (1.0, 1.0, 0.8)
+    assert belief.held == {}
+
+
+def test_the_planning_world_becomes_what_is_believed(belief: Belief, planning: PyBulletWorld, robot: Robot) -> None:
+    hand = robot.arm("right").hand_link
+    here = Configuration((-1.0, 0.5, 0.3), robot.postures["carrying"])
+    belief.see([Detection("cup1", Pose((-2.0, 0.4, 0.05)), 1.0)])
+    belief.grasped("bottle1", "right", hand, Pose((0.14, 0.0, 0.0)))
+    belief.released("bottle2", Pose((0.0, 0.0, 1.0)), to="somebody")
+    belief.sync(planning, here)
+    assert planning.pose("cup1").position == (-2.0, 0.4, 0.05)
+    assert planning.attached() == {"bottle1": hand}
+    expected = planning.link_pose(hand) @ Pose((0.14, 0.0, 0.0))
+    assert np.allclose(planning.pose("bottle1").position, expected.position, atol=1e-6)
+    assert "bottle2" not in planning.names()
+    belief.released("bottle1", Pose((2.0, 0.1, 0.8)))
+    belief.sync(planning, here)
+    assert planning.attached() == {}
+    assert planning.pose("bottle1").position == (2.0, 0.1, 0.8)
+
+
+def test_syncing_twice_is_the_same_as_once(belief: Belief, planning: PyBulletWorld, robot: Robot) -> None:
+    here = Configuration(HERE, robot.postures["carrying"])
+    belief.grasped("bottle1", "right", robot.arm("right").hand_link, Pose((0.14, 0.0, 0.0)))
+    belief.sync(planning, here)
+    state = planning.state()
+    belief.sync(planning, here)
+    assert planning.state() == state
+
+
+def test_what_a_person_took_is_out_of_the_planning_world_until_it_is_grasped_again(
+    belief: Belief, planning: PyBulletWorld, robot: Robot
+) -> None:
+    arm, here = robot.arms[0], Configuration(HERE, {})
+    offset = Pose((0.05, 0.0, 0.0))
+    belief.grasped("bottle1", arm.name, arm.tip, offset)
+    belief.released("bottle1", belief.pose("bottle1"), to="somebody")
+    belief.sync(planning, here)
+    assert "bottle1" not in planning.names()
+    belief.grasped("bottle1", arm.name, arm.tip, offset)
+    belief.sync(planning, here)
+    assert planning.attached() == {"bottle1": arm.tip}
+    assert planning.pose("bottle1").distance(planning.link_pose(arm.tip) @ offset) < 1e-6

@@ -1,0 +1,83 @@
+"""Recordings: what is kept, and a file that the viewer's own tool accepts."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from executive.pictures import recording
+from executive.pictures.recording import Recording
+from executive.pictures.shapes import drawn_in, link_shapes
+from planlang.diagnostics import BadInput
+from planlang.protocols import Pose
+from planlang.resources import bundled
+from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
+
+
+def test_without_the_package_a_recording_is_bad_input_that_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(recording, "find_spec", lambda name: None)
+    with pytest.raises(BadInput, match=r"C012.*\n.*pip install 'planlang\[record\]'"):
+        Recording(30, [])
+
+
+def test_importing_the_recorder_does_not_import_the_viewer() -> None:
+    code = "import sys, executive.pictures.recording; sys.exit('rerun' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_saved_recording_passes_the_viewers_verification(tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the extra [record] is not installed")
+    room = Scene(
+        (
+            Body("bottle 1", Pose((0.0, 0.0, 1.0)), (0.07, 0.07, 0.25), "cylinder", movable=True),
+            Body("bed1", Pose((2.0, 0.0, 0.3)), (2.0, 1.0, 0.6)),
+            Body("patient1", Pose((2.0, 0.0, 0.75)), (1.8, 0.6, 0.3), "person"),
+        )
+    )
+    urdf = bundled("ontologies") / "robots" / "amigo.urdf"
+    world = PyBulletWorld(room, RobotBody(urdf, CameraModel("base_link")))
+    kept = Recording(world.rate, drawn_in(world, urdf))
+    for step in range(60):
+        world.set_pose("bottle 1", Pose((0.01 * step, 0.0, 1.0)))
+        kept.frame(step)
+    world.close()
+    kept.event(0, "serve_a_drink started")
+    path = tmp_path / "run.rrd"
+    kept.save(path)
+    assert [p.name for p in tmp_path.iterdir()] == ["run.rrd"]
+
+    rerun = shutil.which("rerun", path=str(Path(sys.executable).parent))
+    assert rerun, "the package brings its command"
+    verified = subprocess.run([rerun, "rrd", "verify", str(path)], capture_output=True, text=True, check=False)
+    assert verified.returncode == 0, verified.stderr
+    printed = subprocess.run([rerun, "rrd", "print", "-vvv", str(path)], capture_output=True, text=True, check=False)
+    link = next(iter(link_shapes(urdf)))
+    for entity in ("bodies/bottle\\ 1", "bodies/bed1/box", "bodies/patient1/limb", f"robot/{link}/", "plan"):
+        assert entity in printed.stdout
+    assert recording.TIME_LINE in printed.stdout
+    assert "serve_a_drink started" in printed.stdout
+
+
+def test_primitives_of_links_are_read_with_their_place_and_colour(tmp_path: Path) -> None:
+    urdf = tmp_path / "robot.urdf"
+    urdf.write_text(
+        """<robot name="r"><material name="red"><color rgba="1 0 0 1"/></material>
+        <link name="arm"><visual><origin xyz="0 0 1" rpy="0 0 3.14159265"/>
+          <geometry><cylinder radius="0.05" length="0.4"/></geometry><material name="red"/></visual></link>
+        <link name="hand"><visual><geometry><mesh filename="hand.dae"/></geometry></visual>
+          <collision><geometry><box size="0.1 0.2 0.3"/></geometry></collision></link>
+        <link name="frame"/></robot>"""
+    )
+    shapes = link_shapes(urdf)
+    assert list(shapes) == ["arm", "hand"]
+    (arm,) = shapes["arm"]
+    assert (arm.kind, arm.size, arm.colour) == ("cylinder", (0.1, 0.1, 0.4), (255, 0, 0, 255))
+    assert arm.pose.position == (0.0, 0.0, 1.0)
+    assert arm.pose.yaw == pytest.approx(3.14159265)
+    assert shapes["hand"][0].size == (0.1, 0.2, 0.3)

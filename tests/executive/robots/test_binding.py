@@ -1,0 +1,273 @@
+"""Robots: bundled, real self-models, and what is not quite right about them."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import distributions
+from pathlib import Path
+
+import numpy as np
+import pybullet_data
+import pytest
+
+from executive.motion import Chain
+from executive.robots import Robot, bind_robot, robots
+from planlang.designators import Device
+from planlang.diagnostics import BadInput
+from planlang.protocols import Configuration, Pose
+from sim import Body, PyBulletWorld, Scene
+
+ARM = ("shoulder_yaw", "shoulder_pitch", "shoulder_roll", "elbow_pitch", "elbow_roll", "wrist_pitch", "wrist_yaw")
+
+
+@pytest.fixture(scope="module")
+def amigo() -> Robot:
+    """The bundled robot."""
+    return bind_robot("amigo")
+
+
+@pytest.fixture(scope="module")
+def world(amigo: Robot) -> PyBulletWorld:
+    """Amigo beside a bottle that is out of its way."""
+    bottle = Body("bottle", Pose((3.0, 3.0, 0.1)), (0.065, 0.065, 0.2), "cylinder", movable=True)
+    return PyBulletWorld(Scene((bottle,)), amigo.body())
+
+
+def assert_is_amigo(robot: Robot) -> None:
+    assert robot.torso == "spindle_joint"
+    assert robot.neck == ("neck_pan_joint", "neck_tilt_joint")
+    assert robot.camera
+    assert {arm.side for arm in robot.arms} == {"left", "right"}
+    for arm in robot.arms:
+        assert arm.joints == tuple(f"{joint}_joint_{arm.side}" for joint in ARM)
+        assert (arm.base_link, arm.tip) == (f"shoulder_mount_{arm.side}", f"grippoint_{arm.side}")
+        assert arm.gripper
+        assert arm.gripper.joints == (f"finger1_joint_{arm.side}", f"finger2_joint_{arm.side}")
+        assert arm.gripper.finger_links == (f"finger1_{arm.side}", f"finger2_{arm.side}")
+
+
+def test_amigo_binds_without_any_remark(amigo: Robot) -> None:
+    assert_is_amigo(amigo)
+    assert amigo.diagnostics == ()
+    assert "amigo" in robots()
+
+
+def test_every_joint_that_moves_has_limits(amigo: Robot) -> None:
+    used = {amigo.torso, *amigo.neck, *(j for arm in amigo.arms for j in arm.joints)}
+    used |= {joint for arm in amigo.arms if arm.gripper for joint in arm.gripper.joints}
+    assert set(amigo.limits) == used
+    assert amigo.limits["spindle_joint"].speed == 0.07
+
+
+@pytest.mark.parametrize("name", ["amigo@hydro.owl", "amigo@re_stack.owl.in"])
+def test_real_self_models_of_amigo_are_matched_to_the_bundled_one(corpus: Path, name: str) -> None:
+    robot = bind_robot(corpus / "robots" / name)
+    assert_is_amigo(robot)
+    codes = [d.code for d in robot.diagnostics]
+    assert "B003" in codes, "links that were found by name or by their joint are noted"
+    assert codes.count("B007") == 1, "what is not in the URDF is listed once"
+
+
+def test_the_real_urdf_of_amigo_can_be_given(corpus: Path) -> None:
+    robot = bind_robot(corpus / "robots" / "amigo@hydro.owl", corpus / "robots" / "amigo@hydro.urdf")
+    assert_is_amigo(robot)
+    assert robot.camera
+    assert robot.camera.link == "openni_rgb_optical_frame", "what is said about the bundled one holds for it"
+    assert set(robot.postures) >= {"carrying", "handover"}
+    assert {"B007"}.isdisjoint(d.code for d in robot.diagnostics), "all 225 names are in the URDF"
+
+
+@pytest.mark.parametrize("name", ["PR2@hydro.owl", "pioneer@hydro.owl", "baxter@hydro.owl"])
+def test_another_robot_needs_its_urdf(corpus: Path, name: str) -> None:
+    if name.startswith("PR2") and any(distributions(name="example-robot-data")):
+        pytest.skip("the extra pr2 is installed, which has its URDF")
+    with pytest.raises(BadInput, match="--urdf"):
+        bind_robot(corpus / "robots" / name)
+
+
+def test_a_pr2_has_two_arms_on_a_torso(corpus: Path) -> None:
+    robot = bind_robot(corpus / "robots" / "PR2@hydro.owl", corpus / "robots" / "pr2@hydro.urdf")
+    assert robot.torso == "torso_lift_joint"
+    assert [(arm.tip, len(arm.joints)) for arm in robot.arms] == [
+        ("l_gripper_tool_frame", 7),
+        ("r_gripper_tool_frame", 7),
+    ]
+    assert robot.neck == ("head_pan_joint", "head_tilt_joint")
+    left = robot.arm("left").gripper
+    assert left
+    assert left.opened["l_gripper_l_finger_joint"] > left.closed["l_gripper_l_finger_joint"]
+    assert "B010" in [d.code for d in robot.diagnostics]
+
+
+def test_a_urdf_of_another_robot_is_refused(corpus: Path) -> None:
+    with pytest.raises(BadInput, match="B012"):
+        bind_robot(corpus / "robots" / "pioneer@hydro.owl", corpus / "robots" / "pr2@hydro.urdf")
+
+
+def test_an_unknown_robot_is_refused_with_the_names_of_the_bundled_ones() -> None:
+    with pytest.raises(BadInput, match="amigo"):
+        bind_robot("amigoo")
+
+
+@pytest.mark.parametrize("opened", [True, False], ids=["hands opened", "hands closed"])
+@pytest.mark.parametrize("posture", ["reset", "carrying", "prepare_grasp", "handover", "parking"])
+def test_amigo_does_not_touch_itself_in_its_postures(
+    amigo: Robot, world: PyBulletWorld, posture: str, opened: bool
+) -> None:
+    joints = dict(amigo.postures[posture])
+    for arm in amigo.arms:
+        if arm.gripper:
+            joints |= arm.gripper.opened if opened else arm.gripper.closed
+    assert world.contacts(Configuration((0.0, 0.0, 0.0), joints)) == ()
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_amigo_carries_a_bottle_upright_and_close(amigo: Robot, world: PyBulletWorld, side: str) -> None:
+    arm = amigo.arm(side)
+    assert arm.gripper
+    posture = {**amigo.postures["carrying"], **arm.gripper.opened}
+    world.set_configuration(Configuration((0.0, 0.0, 0.0), posture))
+    tip = world.link_pose(arm.tip)
+    assert abs(tip.matrix()[:3, :3] @ arm.approach)[2] < 0.02, "the hand is level"
+    assert abs(tip.matrix()[:3, :3] @ arm.closing)[2] < 0.02, "a bottle between the fingers stays upright"
+    assert np.hypot(*tip.position[:2]) < 0.45
+    world.set_pose("bottle", Pose(tip.position))
+    world.attach(arm.hand_link, "bottle")
+    assert world.contacts() == ()
+    world.release("bottle")
+    world.set_pose("bottle", Pose((3.0, 3.0, 0.1)))
+
+
+def test_the_open_hand_has_room_for_what_it_claims(amigo: Robot) -> None:
+    for arm in amigo.arms:
+        assert arm.gripper
+        opening = 0.0
+        for joint, link in zip(arm.gripper.joints, arm.gripper.finger_links, strict=True):
+            chain = Chain.from_urdf(amigo.urdf, arm.hand_link, link)
+            finger = chain.fk(np.array([[arm.gripper.opened[joint]]]))[0]
+            middle = finger @ np.array([0.0, 0.0, -0.065, 1.0])
+            opening += abs(middle[1]) - 0.009
+        assert opening > arm.gripper.max_opening
+
+
+def test_devices_are_taken_by_identity_else_by_side(amigo: Robot) -> None:
+    right, left = amigo.arm("right"), amigo.arm("left")
+    assert right.gripper
+    assert amigo.arms_of(None) == (right, left)
+    assert amigo.arms_of(Device("HolderGripper", right.gripper.iri)) == (right,)
+    assert amigo.arms_of(Device("HolderGripper", "http://example.org/recipe.owl#robotLeftGripper")) == (left,)
+    assert amigo.arms_of(Device("HolderGripper", "http://example.org/recipe.owl#gripper")) == (right, left)
+    assert amigo.arms_of(Device("LeftArm", "http://example.org/recipe.owl#device")) == (left,)
+
+
+def test_only_arms_with_a_hand_count_as_grippers(amigo: Robot) -> None:
+    one_handed = replace(amigo, arms=(replace(amigo.arm("right"), gripper=None), amigo.arm("left")))
+    assert [arm.name for arm in one_handed.arms_of(Device("HolderGripper"))] == ["left"]
+    assert [arm.name for arm in one_handed.arms_of(Device("ArmComponent"))] == ["right", "left"]
+
+
+def without_fingers(text: str) -> str:
+    """Amigo's self-model without grippers and fingers."""
+    frames = text.split("\n\n")
+    kept = [f for f in frames if not ("_gripper\n" in f.split("Types")[0] or "finger" in f.split("Types")[0])]
+    return "\n\n".join(
+        "\n".join(line for line in frame.splitlines() if "finger" not in line and "Grip" not in line) for frame in kept
+    )
+
+
+@pytest.fixture
+def handless(amigo: Robot, tmp_path: Path) -> Robot:
+    """Amigo as a self-model without grippers describes it."""
+    path = tmp_path / "handless.omn"
+    path.write_text(without_fingers(amigo.urdf.with_suffix(".omn").read_text()))
+    return bind_robot(path)
+
+
+def test_a_self_model_without_fingers_binds_without_gripper(handless: Robot) -> None:
+    assert [arm.gripper for arm in handless.arms] == [None, None]
+    assert [len(arm.joints) for arm in handless.arms] == [7, 7]
+
+
+def test_a_robot_can_be_described_by_a_toml_file_alone(tmp_path: Path, amigo: Robot) -> None:
+    text = amigo.urdf.with_suffix(".toml").read_text()
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace('self_model = "amigo.omn"\n', "").replace('"amigo"', '"mine"'))
+    (tmp_path / "amigo.urdf").write_text(amigo.urdf.read_text())
+    robot = bind_robot(path)
+    assert_is_amigo(robot)
+    assert robot.name == "mine"
+    assert robot.iri is None
+    assert any(iri.endswith("#GraspingCapability") for iri in robot.claims)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right", "complaint"),
+    [
+        ("radius = -1", "radius = 0.333", "base.radius"),
+        ("radius = true", "radius = 0.333", "base.radius"),
+        ("radius = nan", "radius = 0.333", "base.radius"),
+        ('side = "top"', 'side = "left"', "arms.left.side"),
+        ("closing = [1, 1, 0]", "closing = [0, 1, 0]", "right angle"),
+        ('tip = "nowhere"', 'tip = "grippoint_left"', "no link 'nowhere'"),
+        ("far = 0.1", "far = 4.0", "camera.far"),
+        ('neck = "neck_pan_joint"', 'neck = ["neck_pan_joint", "neck_tilt_joint"]', "list of names"),
+        ("[joints.no_joint]", "[joints.spindle_joint]", "no_joint"),
+        ('urdf = "gone.urdf"', 'urdf = "amigo.urdf"', "gone.urdf"),
+        ("[base", "[base]", "not TOML"),
+    ],
+)
+def test_mistakes_in_a_robot_file_are_told(
+    tmp_path: Path, amigo: Robot, wrong: str, right: str, complaint: str
+) -> None:
+    (tmp_path / "amigo.urdf").write_text(amigo.urdf.read_text())
+    text = amigo.urdf.with_suffix(".toml").read_text().replace('self_model = "amigo.omn"\n', "")
+    assert right in text
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace(right, wrong))
+    with pytest.raises(BadInput, match=complaint) as problem:
+        bind_robot(path)
+    assert all(d.span and d.span.file == str(path) for d in problem.value.diagnostics)
+
+
+def test_a_posture_is_known_by_name(amigo: Robot, request: pytest.FixtureRequest) -> None:
+    ask: Callable[[str], object] = amigo.posture
+    assert ask("carrying") == amigo.postures["carrying"]
+    assert ask("yoga") is None
+
+
+PANDA = """
+name = "panda"
+urdf = "panda.urdf"
+[base]
+radius = 0.26
+speed = 0.5
+acceleration = 0.5
+turn_speed = 1.0
+turn_acceleration = 1.0
+jerk = 5.0
+[arms.arm]
+tip = "panda_grasptarget"
+hand = "panda_hand"
+approach = [0, 0, 1]
+closing = [0, 1, 0]
+[arms.arm.gripper]
+opened = { panda_finger_joint1 = 0.04, panda_finger_joint2 = 0.04 }
+closed = { panda_finger_joint1 = 0.0, panda_finger_joint2 = 0.0 }
+fingers = ["panda_leftfinger", "panda_rightfinger"]
+max_opening = 0.075
+"""
+
+
+def test_a_single_arm_without_torso_neck_and_camera_binds(tmp_path: Path) -> None:
+    source = Path(pybullet_data.getDataPath()) / "franka_panda"
+    shutil.copytree(source, tmp_path / "panda")
+    path = tmp_path / "panda" / "robot.toml"
+    path.write_text(PANDA)
+    robot = bind_robot(path)
+    assert (robot.torso, robot.neck, robot.camera, robot.base_link) == (None, (), None, "panda_link0")
+    assert [arm.joints for arm in robot.arms] == [tuple(f"panda_joint{k}" for k in range(1, 8))]
+    assert robot.arms[0].base_link == "panda_link0"
+    world = PyBulletWorld(Scene(()), robot.body())
+    fingers = set(robot.body().hands["panda_hand"])
+    assert not any({contact.part, contact.body} == fingers for contact in world.contacts()), "fingers may touch"
+    world.close()
