@@ -2,8 +2,8 @@
 
 JSON's own types stand for themselves. Tuples, numbers that are not finite, members of an Enum and the value types of
 :mod:`planlang.designators`, :mod:`planlang.geometry.pose` and :mod:`planlang.protocols` are objects with a key that
-begins with ``$``. Nothing else survives. Reading makes no object of any other class and imports nothing: a member of an Enum is looked up among the
-classes that the program has defined already.
+begins with ``$``. Nothing else survives. Reading makes no object of any other class and imports nothing: a member of an
+Enum is looked up among the classes that the program has defined already.
 """
 
 from __future__ import annotations
