@@ -11,8 +11,8 @@ import numpy as np
 from executive.belief.belief import Belief
 from planlang.designators import Object
 from planlang.failures import LocationUnresolvable
+from planlang.geometry import Array, Pose
 from planlang.ontology import expand
-from planlang.protocols import Array, Pose
 from sim import PyBulletWorld
 
 LEANING = 0.05

@@ -13,7 +13,7 @@ from executive.motion import Gaze
 from executive.robots import Robot
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Device
-from planlang.protocols import Array
+from planlang.geometry import Array
 from sim import PyBulletWorld
 
 

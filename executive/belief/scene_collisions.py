@@ -16,7 +16,8 @@ from executive.motion.link_shapes import links_of
 from executive.motion.solids import Solids
 from executive.robots import Robot
 from executive.robots.arms import ArmModel
-from planlang.protocols import Array, Configuration, Contact
+from planlang.geometry import Array
+from planlang.protocols import Configuration, Contact
 from sim import PyBulletWorld
 from sim.bodies import FLOOR
 

@@ -15,7 +15,8 @@ from executive.belief.free_floor import BasePose
 from executive.motion import Gaze
 from executive.motion.solids import Solids
 from executive.robots import Robot
-from planlang.protocols import Array, Configuration
+from planlang.geometry import Array
+from planlang.protocols import Configuration
 from sim import PyBulletWorld
 
 SEEN_SHARE = 0.3

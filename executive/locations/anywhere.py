@@ -17,7 +17,7 @@ from executive.belief.free_floor import CELL, Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.areas import FACING, HAIR, Facing
 from executive.locations.relations import BaseDemand
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 MOST_CELLS = 4096
 """Cells that are looked at in one go."""

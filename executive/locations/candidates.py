@@ -18,7 +18,7 @@ from executive.belief.free_floor import Field
 from executive.locations.inverse_map import SQUARE_BITS, InverseMaps, Rows
 from executive.locations.ways import CLASSES, Ways
 from executive.robots.arms import ArmModel
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 TIE = 1e-9
 """Of places whose scores differ by less than this the one of the better row comes first."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.believed_bodies import Block, Door
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from executive.belief.planning_scene import PlanningScene
 from executive.locations.areas import Facing
 from executive.locations.doors import Clear
 from executive.locations.relations import BaseDemand
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 TURNS = (0.0, 0.5, -0.5)
 """Headings relative to facing what a place is about [rad]."""

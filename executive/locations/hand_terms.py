@@ -17,7 +17,7 @@ from executive.locations.resting import thing_holds
 from executive.locations.ways import APPROACH, CLASSES, LIFTS, classified
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Location
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 AT_CENTRE = 0.01
 """How far from the centre a grip point may be [m]."""

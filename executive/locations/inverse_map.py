@@ -14,7 +14,7 @@ from executive.locations.reachability import CELL, YAWS, GraspClass, Reachabilit
 from executive.locations.reachability_building import Progress, keep_maps, reachability_maps
 from executive.locations.reachability_sampling import exact_places, is_bound
 from executive.robots.arms import ArmModel
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 SPREAD = 0.1
 """Of places of one way in a square of this side the best comes first [m]."""

@@ -20,7 +20,7 @@ from executive.locations.solving import base_matrices, solve
 from executive.locations.ways import CLASSES, HandPlan, Ways
 from executive.motion import QuickCheck, cartesian_path
 from executive.robots.arms import ArmModel
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 CHUNK = 48
 """Ways whose inverse kinematics is solved in one call."""

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from executive.robots.arms import HandFrame, Lift
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 CELL = 0.05
 """Side of a cell of the lattice [m]."""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from executive.belief.believed_bodies import Block, ComfortZone
 from executive.locations.reachability import GraspClass
 from executive.robots.arms import HandFrame, Held
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 APPROACH = 0.08
 """How far back along the approach direction the pre-grasp is [m] (rules of `in_front_of`)."""

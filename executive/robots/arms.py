@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from executive.motion import Chain, Gaze, InverseKinematics
 from executive.motion.urdf import Joint, displacement, joints_between, read_joints
 from executive.robots import Arm, Robot
-from planlang.protocols import Array, Configuration, Pose
+from planlang.geometry import Array, Pose
+from planlang.protocols import Configuration
 from sim import PyBulletWorld
 
 SAMPLES = 400

@@ -16,8 +16,8 @@ from executive.modules.arm_choice import ArmChoices
 from executive.modules.platform import Platform
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
+from planlang.geometry import Array
 from planlang.kernel.exact import dump, load
-from planlang.protocols import Array
 
 
 @runtime_checkable
