@@ -22,6 +22,7 @@ from executive.locations.reachability import CELL, YAWS, GraspClass, Index, Reac
 from executive.locations.reachability_sampling import cells_of, is_bound, sampled
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame, Lift, lift_of
+from planlang.cache import Cache
 from planlang.geometry import Array
 
 VERSION = 2
