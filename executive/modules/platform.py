@@ -31,8 +31,7 @@ from executive.robots import Gripper, Robot
 from planlang import Fluent, checkpoint, wait_for
 from planlang.designators import Location, Object
 from planlang.failures import ActionUnresolvable, LookingGoalUnreachable, ObjectUnresolvable
-from planlang.geometry import Array, Pose
-from planlang.geometry.matrices import moved
+from planlang.geometry import Array, Pose, matrices
 from planlang.protocols import Motion, Trajectory, World
 
 STEPS = (1.0, 0.5, 0.25)
@@ -151,7 +150,7 @@ class Platform:
             return not self.around.contacts(base, arm, row, touches, among=quick.doubtful(row))
 
         chain = arm.solver.chain
-        beginning, end = chain.fk(start)[0], product(Pose.planar(*base).inverse().matrix(), pose)
+        beginning, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
         line = cartesian_path(arm.solver, start, beginning, end, is_free)
         if line.waypoints is None:
             raise MotionError(line.reason)
@@ -297,7 +296,7 @@ class Platform:
         if self.around.gaze is None or camera is None:
             await checkpoint()
             return
-        neck, beyond, _ = self.around.gaze.at(moved(Pose.planar(*self.base()).inverse().matrix(), point))
+        neck, beyond, _ = self.around.gaze.at(matrices.moved(Pose.planar(*self.base()).inverse().matrix(), point))
         if beyond > camera.half_angle:
             raise LookingGoalUnreachable(what=name)
         if not self.around.gaze.joints:
