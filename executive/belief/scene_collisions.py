@@ -17,6 +17,7 @@ from executive.motion.solids import Solids
 from executive.robots import Robot
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+from planlang.geometry.matrices import moved
 from planlang.protocols import Configuration, Contact
 from sim import PyBulletWorld
 from sim.bodies import FLOOR
@@ -181,7 +182,7 @@ class SceneCollisions:
         """What tells without PyBullet how an arm may move here; ``touches`` as in :meth:`contacts`."""
         bodies = self._bodies_of(arm, opened=False)
         base = self._world.link_pose(self._robot.base_link).matrix()
-        middle = base[:3, :3] @ bodies.centre + base[:3, 3]
+        middle = moved(base, bodies.centre)
         return bodies.against(base, self._room().near(middle, bodies.reach), (arm.hand_links, touches))
 
     def arm_check(

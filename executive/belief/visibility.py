@@ -16,6 +16,7 @@ from executive.motion import Gaze
 from executive.motion.solids import Solids
 from executive.robots import Robot
 from planlang.geometry import Array
+from planlang.geometry.matrices import rotated
 from planlang.protocols import Configuration
 from sim import PyBulletWorld
 
@@ -174,8 +175,8 @@ class Visibility:
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         centre = self._bodies.block(name).centre
-        neck, beyond, camera = self.gaze.at(turn.T @ (centre - np.array([x, y, 0.0])))
-        away = float(np.linalg.norm(centre - (turn @ camera + np.array([x, y, 0.0]))))
+        neck, beyond, camera = self.gaze.at(rotated(turn.T, centre - np.array([x, y, 0.0])))
+        away = float(np.linalg.norm(centre - (rotated(turn, camera) + np.array([x, y, 0.0]))))
         if beyond > self._robot.camera.half_angle or not self._robot.camera.near <= away <= self._robot.camera.far:
             return ""
         joints = {**self._world.configuration().joints, **dict(zip(self.gaze.joints, map(float, neck), strict=True))}
