@@ -153,7 +153,7 @@ def test_the_plan_tests_in_the_readme_pass(tmp_path: Path) -> None:
 
 
 def test_the_table_of_codes_is_the_programs() -> None:
-    assert ROW.findall(README) == sorted(CODES.items()), f"docs/codes.md should say:\n{code_table()}"
+    assert ROW.findall(PAGES["codes.md"]) == sorted(CODES.items()), f"docs/codes.md should say:\n{code_table()}"
 
 
 def test_every_code_that_the_program_says_is_explained_and_every_explained_code_is_said() -> None:
