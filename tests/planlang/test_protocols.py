@@ -16,9 +16,8 @@ from executive.modules.head import Head
 from executive.modules.navigation import Navigation
 from executive.modules.perception import Perception
 from executive.runs.robot_executive import RobotExecutive
-from planlang import language
+from planlang import Executive, ProcessModule, language
 from planlang.failures import LowLevelFailure, PlanFailure
-from planlang.language import Executive, ProcessModule
 from planlang.protocols import Configuration, Contact, Detection, Motion, Pose, World
 from sim import PyBulletWorld
 
