@@ -21,8 +21,9 @@ from executive.motion.link_shapes import links_of
 from executive.motion.solids import Solids
 from executive.robots import Robot
 from planlang.designators import Device, Object
+from planlang.geometry import Array, Pose
 from planlang.ontology import expand
-from planlang.protocols import Array, Configuration, Contact, Pose
+from planlang.protocols import Configuration, Contact
 from sim import PyBulletWorld
 from sim.bodies import FLOOR
 

@@ -13,8 +13,8 @@ from executive.belief.sizes import EXTENTS, TRIPLES, Size, read_size
 from executive.belief.transforms import read_transform
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
+from planlang.geometry import Array, Pose
 from planlang.ontology import Literal, Ontology, expand
-from planlang.protocols import Array, Pose
 
 
 @dataclass(frozen=True, slots=True)

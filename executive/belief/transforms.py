@@ -7,8 +7,8 @@ import numpy as np
 from executive.belief.numbers import length, lengths, stated
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, note, warning
+from planlang.geometry import Array, Pose
 from planlang.ontology import Ontology
-from planlang.protocols import Array, Pose
 
 TOLERANCE = 1e-3
 """Entries of a rotation may differ by this from an orthonormal matrix before that is worth a note."""

@@ -31,7 +31,8 @@ from executive.robots import Gripper, Robot
 from planlang import Fluent, checkpoint, wait_for
 from planlang.designators import Location, Object
 from planlang.failures import ActionUnresolvable, LookingGoalUnreachable, ObjectUnresolvable
-from planlang.protocols import Array, Motion, Pose, Trajectory, World
+from planlang.geometry import Array, Pose
+from planlang.protocols import Motion, Trajectory, World
 
 STEPS = (1.0, 0.5, 0.25)
 """A path whose every sample is not free is planned anew with checks this much closer to each other."""

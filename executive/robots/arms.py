@@ -11,7 +11,8 @@ from executive.locations.reachability_building import lift_of
 from executive.motion import Chain, Gaze, InverseKinematics
 from executive.motion.urdf import Joint, displacement, joints_between, read_joints
 from executive.robots import Arm, Robot
-from planlang.protocols import Array, Configuration
+from planlang.geometry import Array
+from planlang.protocols import Configuration
 from sim import PyBulletWorld
 
 SAMPLES = 400

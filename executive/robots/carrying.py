@@ -11,7 +11,8 @@ from executive.modules.platform import CARRYING
 from executive.motion import Chain, InverseKinematics
 from executive.robots import Arm, Robot
 from planlang.diagnostics import note
-from planlang.protocols import Array, Configuration
+from planlang.geometry import Array
+from planlang.protocols import Configuration
 from sim import PyBulletWorld, Scene
 
 AHEAD = np.arange(0.25, 0.75, 0.1)

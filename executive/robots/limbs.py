@@ -15,7 +15,7 @@ from executive.robots.robot_file import ArmNumbers, GripperNumbers, RobotFile
 from executive.robots.self_model import Composition, SelfModel
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, note, warning
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 FINGER = 0.05
 """Length of a finger that does not end at the tip frame [m]."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from executive.motion.urdf import Joint, displacement, read_joints
-from planlang.protocols import Array
+from planlang.geometry import Array
 from sim.urdf import read_description
 
 
