@@ -12,6 +12,7 @@ from executive.motion import Chain, InverseKinematics
 from executive.robots import Arm, Robot
 from planlang.diagnostics import note
 from planlang.geometry import Array
+from planlang.geometry.matrices import product
 from planlang.protocols import Configuration
 from sim import PyBulletWorld, Scene
 
@@ -108,5 +109,5 @@ def _target(arm: Arm, position: tuple[float, float, float], heading: float) -> A
     there = np.column_stack([ahead, across, np.cross(ahead, across)])
     tip = np.column_stack([arm.approach, arm.closing, np.cross(arm.approach, arm.closing)])
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = there @ tip.T, position
+    pose[:3, :3], pose[:3, 3] = product(there, tip.T), position
     return pose
