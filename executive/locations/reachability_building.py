@@ -34,7 +34,7 @@ from executive.locations.reachability_sampling import cells_of, is_bound, sample
 from executive.locations.surroundings import ArmModel
 from executive.motion import Chain, InverseKinematics
 from planlang.cache import Cache
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 VERSION = 2
 """Raised whenever maps come out otherwise for the same arm."""

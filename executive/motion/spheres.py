@@ -15,7 +15,7 @@ import numpy as np
 
 from executive.motion.hulls import Hull
 from planlang.cache import Cache
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 MOST = 24
 """Spheres in one shape."""
