@@ -70,7 +70,7 @@ class Reaching:
         raise problem or ManipulationPoseUnreachable(arm=arms[0].name, what=str(location))
 
     def _arms(self, action: Action) -> list[ArmModel]:
-        """Its device's arm; else the arm that holds something; else the one chosen in this strand; else all.
+        """Its device's arm; else the arm that holds something; else the one chosen in this branch; else all.
 
         Of several that may be meant one that is free takes hold of a thing, one that holds something reaches for a
         person.

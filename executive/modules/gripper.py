@@ -32,7 +32,7 @@ class GripperModule:
         return await self._open(arms[0])
 
     def _arms(self, action: Action) -> list[ArmModel]:
-        """Its device's arm; else the arm that holds something; else the one chosen in this strand of the plan.
+        """Its device's arm; else the arm that holds something; else the one chosen in this branch of the plan.
 
         Of several that may be meant one that is free opens for, and closes on, a thing that is not in a hand.
         """
