@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 
-from executive.locations import ReachSolution
+from executive.locations import HandSolution, ReachKind
 from executive.modules.platform import Platform
 from executive.motion import MotionError
 from executive.robots.arms import ArmModel
@@ -120,14 +120,14 @@ class Reaching:
             return
         raise problem or ManipulationPoseUnreachable(arm=arm.name, what=str(location))
 
-    def _ways(self, arm: ArmModel, location: Location) -> Iterator[ReachSolution]:
+    def _ways(self, arm: ArmModel, location: Location) -> Iterator[HandSolution]:
         """The way that was begun first: a grasp goes on with the pre-grasp that was taken; then all others."""
         begun = self.platform.begun(arm, location)
         if begun is not None:
             yield begun
         yield from self.platform.resolver.hands(location, arm, self.platform.arm_joints(arm))
 
-    async def _take(self, way: ReachSolution, location: Location) -> None:
+    async def _take(self, way: HandSolution, location: Location) -> None:
         match way.reach.kind:
             case "retreat":
                 await self._straight(way, way.joints)
@@ -145,9 +145,13 @@ class Reaching:
             raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
         await self._follow(arm, trajectory, label)
 
-    async def _straight(self, way: ReachSolution, joints: Array) -> None:
+    async def _straight(self, way: HandSolution, joints: Array) -> None:
         """Along straight lines of the tip to the last poses of a plan."""
-        poses = way.plan.poses[-len(joints) :] if way.reach.kind == "retreat" else way.plan.poses[1 : 1 + len(joints)]
+        poses = (
+            way.plan.poses[-len(joints) :]
+            if way.reach.kind is ReachKind.RETREAT
+            else way.plan.poses[1 : 1 + len(joints)]
+        )
         for pose, q in zip(poses, joints, strict=True):
             try:
                 trajectory = self.platform.straight_path(way.arm, pose, q, way.plan.touches)

@@ -13,7 +13,7 @@ from executive.belief import Belief
 from executive.belief.believed_bodies import Block
 from executive.belief.free_floor import BasePose
 from executive.belief.planning_scene import PlanningScene
-from executive.locations import ReachSolution, Resolver
+from executive.locations import HandSolution, ReachKind, Resolver
 from executive.modules.arm_choice import ArmChoices
 from executive.motion import (
     Grid,
@@ -66,7 +66,7 @@ class Platform:
     rng: np.random.Generator
     choices: ArmChoices = field(default_factory=ArmChoices)
     """Arms that were chosen where the plan left the choice."""
-    begun_grasps: dict[str, tuple[int, BasePose, ReachSolution]] = field(default_factory=dict)
+    begun_grasps: dict[str, tuple[int, BasePose, HandSolution]] = field(default_factory=dict)
     """Arm -> revision, base and grasp whose pre-grasp was taken."""
 
     # Where things are
@@ -199,13 +199,13 @@ class Platform:
         except ObjectUnresolvable:
             return False
 
-    def use(self, arm: ArmModel, way: ReachSolution) -> None:
+    def use(self, arm: ArmModel, way: HandSolution) -> None:
         """Remember which arm was chosen, and the grasp that was begun."""
         self.choices.choose(arm.name)
-        if way.reach.kind == "grasp":
+        if way.reach.kind is ReachKind.GRASP:
             self.begun_grasps[arm.name] = (self.belief.revision, self.base(), way)
 
-    def begun(self, arm: ArmModel, location: Location) -> ReachSolution | None:
+    def begun(self, arm: ArmModel, location: Location) -> HandSolution | None:
         """The grasp whose pre-grasp the arm has taken, if it is the one that the location asks for and still holds."""
         if not any(relation.name == "in_center_of" for relation in location.relations):
             return None

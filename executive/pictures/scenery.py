@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from executive.locations.areas import Facing
-from executive.locations.relations import base_demand, thing_demand
+from executive.locations.demands import base_demand, thing_demand
 from executive.modules.platform import Platform
 from executive.pictures.floor_plan import Outline, Region, Scenery
 from planlang.designators import Location

@@ -9,9 +9,9 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from executive.belief.free_floor import BasePose
-from executive.locations import Reach, ReachSolution
-from executive.locations.reach import HandTerm
-from executive.locations.ways import HandPlan
+from executive.locations import HandSolution, Reach, ReachKind
+from executive.locations.demands import HandTerm
+from executive.locations.grasp_candidates import HandPoses
 from executive.modules.arm_choice import ArmChoices
 from executive.modules.platform import Platform
 from executive.robots.arms import ArmModel
@@ -77,7 +77,7 @@ def restore(platform: Platform, state: Mapping[str, Any], *, world: bool) -> Non
         raise ValueError(f"the state of the robot is damaged: {problem!r}") from None
 
 
-def _way_json(way: ReachSolution) -> list[Any]:
+def _way_json(way: HandSolution) -> list[Any]:
     plan = way.plan
     hand = [plan.label, plan.poses.tolist(), plan.touches, plan.opened]
     return [_listed(astuple(way.reach)), way.arm.name, hand, way.joints.tolist()]
@@ -85,13 +85,15 @@ def _way_json(way: ReachSolution) -> list[Any]:
 
 def _listed(value: Any) -> Any:
     """A value with lists for tuples, as JSON gives it back: a state is compared with one that was read."""
+    if isinstance(value, ReachKind):
+        return value.value
     return [_listed(one) for one in value] if isinstance(value, tuple) else value
 
 
-def _way(state: Any, arms: Mapping[str, ArmModel]) -> ReachSolution:
+def _way(state: Any, arms: Mapping[str, ArmModel]) -> HandSolution:
     reach, arm, (label, poses, touches, opened), joints = state
-    plan = HandPlan(str(label), _array(poses, (-1, 4, 4)), touches, bool(opened))
-    return ReachSolution(_reach(*reach), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
+    plan = HandPoses(str(label), _array(poses, (-1, 4, 4)), touches, bool(opened))
+    return HandSolution(_reach(*reach), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
 
 
 def _reach(
@@ -100,7 +102,7 @@ def _reach(
     low, high = heights
     named = None if some is None else tuple(map(str, some))
     terms = tuple(_term(*term) for term in also)
-    return Reach(kind, body, grasp, named, (float(low), float(high)), inside, terms, before)
+    return Reach(ReachKind(kind), body, grasp, named, (float(low), float(high)), inside, terms, before)
 
 
 def _term(name: str, body: str, within: float | None, beyond: float | None, negated: bool, viewer: Any) -> HandTerm:
@@ -108,7 +110,7 @@ def _term(name: str, body: str, within: float | None, beyond: float | None, nega
     return HandTerm(name, body, within, beyond, negated, seen)
 
 
-def _ways(states: Any, arms: Mapping[str, ArmModel]) -> Iterator[ReachSolution]:
+def _ways(states: Any, arms: Mapping[str, ArmModel]) -> Iterator[HandSolution]:
     for state in states:
         yield _way(state, arms)
 

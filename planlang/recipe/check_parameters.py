@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from planlang.designators import RELATIONS, local_name
+from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import BNode, Literal, Ontology, Term, shorten
 from planlang.ontology.terms import OWL, TYPE, XSD, is_vocabulary
@@ -31,6 +31,7 @@ from planlang.recipe.terms import (
     unread_references,
 )
 from planlang.recipe.units import dimension_of, si_unit, unit, unit_of
+from planlang.relations import RELATIONS
 
 DATA_PROPERTY = OWL + "DatatypeProperty"
 AGENTS = frozenset({"performedBy", "doneBy"})
@@ -95,7 +96,7 @@ def _references(ontology: Ontology, filling: Filling, told: set[Term]) -> Iterat
         for relation, other in references_of_unknown_kind(ontology, filling.term):
             if other not in told:
                 told.add(other)
-                what = f"{RELATIONS[relation]} of the place `{local_name(filling.term)}`"
+                what = f"{RELATIONS[relation].owl} of the place `{local_name(filling.term)}`"
                 yield _of_unknown_kind(ontology, what, other, ontology.span(filling.term) or filling.span)
 
 

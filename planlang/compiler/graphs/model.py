@@ -8,7 +8,7 @@ from enum import Enum
 from itertools import count
 
 from planlang.compiler.graphs.text import LONGEST_LINE, broken, shown
-from planlang.designators import RELATIONS, local_name
+from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.recipe.graph import order_graph, recipe_graph, reduced, shortest_cycle
 from planlang.recipe.model import (
@@ -27,6 +27,7 @@ from planlang.recipe.model import (
     Transition,
 )
 from planlang.recipe.precedence import Precedence
+from planlang.relations import RELATIONS
 
 MOST_IMPLIED = 5000
 """Implied orders of one recipe; of a recipe with more only those that the file states are kept."""
@@ -281,7 +282,7 @@ def _filler(filler: Filler) -> str:
             return filler.name if filler.iri is not None else f"any {filler.name}"
         case Place():
             said = " and ".join(
-                f"{RELATIONS[relation]} {_reference(reference)}" for relation, reference in filler.relations
+                f"{RELATIONS[relation].owl} {_reference(reference)}" for relation, reference in filler.relations
             )
             return f"{filler.name} ({said or 'posture'})"
         case Name():
