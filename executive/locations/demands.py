@@ -246,6 +246,11 @@ def without_unused(location: Location, scene: PlanningScene, viewer: Viewer) -> 
     return replace(location, relations=tuple(relations), device=device, grasp=grasp)
 
 
+def asks_for(location: Location, subject: Subject, sense: Sense) -> bool:
+    """Whether one of the relations of a location has a sense for a subject."""
+    return any(RELATIONS[relation.name].sense(subject) is sense for relation in location.relations)
+
+
 def in_words(name: str, body: str, *, negated: bool) -> str:
     """Return a relation to a body as reasons name it."""
     words = f"{name.strip('_').replace('_', ' ')} {body}"

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from itertools import islice
 
 from executive.locations import HandSolution, ReachKind
+from executive.locations.demands import asks_for
 from executive.modules.platform import Platform
 from executive.motion import MotionError
 from executive.robots.arms import ArmModel
@@ -23,6 +24,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array
 from planlang.protocols import Trajectory
+from planlang.relations import Sense
 
 MOST_WAYS = 6
 """Hand poses for one location that a path is looked for before giving up."""
@@ -129,9 +131,9 @@ class Reaching:
 
     async def _take(self, way: HandSolution, location: Location) -> None:
         match way.reach.kind:
-            case "retreat":
+            case ReachKind.RETREAT:
                 await self._straight(way, way.joints)
-            case "grasp" if any(relation.name == "in_center_of" for relation in location.relations):
+            case ReachKind.GRASP if asks_for(location, "hand", Sense.GRASP_POINT):
                 if not self.platform.is_at(way.arm, way.joints[0]):
                     await self._joint_path(way.arm, way.joints[0], None, way.plan.label)
                 await self._straight(way, way.joints[1:2])

@@ -14,6 +14,7 @@ from executive.belief.believed_bodies import Block
 from executive.belief.free_floor import BasePose
 from executive.belief.planning_scene import PlanningScene
 from executive.locations import HandSolution, ReachKind, Resolver
+from executive.locations.demands import asks_for
 from executive.modules.arm_choice import ArmChoices
 from executive.motion import (
     Grid,
@@ -36,6 +37,7 @@ from planlang.designators import Location, Object
 from planlang.failures import ActionUnresolvable, LookingGoalUnreachable, ObjectUnresolvable
 from planlang.geometry import Array, Pose, matrices
 from planlang.protocols import Motion, Trajectory, World
+from planlang.relations import Sense
 
 STEPS = (1.0, 0.5, 0.25)
 """A path whose every sample is not free is planned anew with checks this much closer to each other."""
@@ -207,7 +209,7 @@ class Platform:
 
     def begun(self, arm: ArmModel, location: Location) -> HandSolution | None:
         """The grasp whose pre-grasp the arm has taken, if it is the one that the location asks for and still holds."""
-        if not any(relation.name == "in_center_of" for relation in location.relations):
+        if not asks_for(location, "hand", Sense.GRASP_POINT):
             return None
         revision, base, way = self.begun_grasps.get(arm.name, (-1, (0.0, 0.0, 0.0), None))
         meant = [self.scene.bodies.bind(r.reference) for r in location.relations if isinstance(r.reference, Object)]

@@ -219,7 +219,7 @@ def test_a_hand_keeps_the_relation_and_then_it_holds(name: str, make_stage: Make
     judge = judge_of(stage)
     judge.assert_possible(way, solution.base, stage)
     arm = stage.platform.robot.arm(way.arm.name)
-    number = {"grasp": 0 if name == "in_front_of" else 1, "place": 1}.get(way.reach.kind, 0)
+    number = {"grasp": 0 if name == "in_front_of" else 1, "place": 1}.get(way.reach.kind.value, 0)
     joints = dict(stage.planning.configuration().joints) | dict(zip(way.arm.joints, way.joints[number], strict=True))
     judge.place(solution.base, joints)
     tip = judge.link(arm.tip)
