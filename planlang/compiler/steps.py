@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from collections.abc import Set as AbstractSet
 
+from planlang.compiler.naming import snake_case
 from planlang.compiler.recoveries import Recoveries
 from planlang.compiler.roles import Roles
 from planlang.compiler.terms import Renaming, Terms
@@ -113,7 +114,7 @@ class Steps:
 
 def _in_words(recovery: Recover) -> str:
     about = f" ({recovery.about.name})" if recovery.about is not None else ""
-    what = f"{recovery.strategy.replace('_', ' ')}{about}"
+    what = f"{snake_case(recovery.strategy.name).replace('_', ' ')}{about}"
     times = "once" if recovery.attempts == 1 else f"up to {recovery.attempts} times"
     tried = f"{what}, {times}" if recovery.attempts else what
     return f"on {recovery.failure}: {tried}" + (f", else {recovery.otherwise}" if recovery.otherwise else "")
