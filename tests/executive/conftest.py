@@ -12,10 +12,10 @@ import pytest
 from executive.belief import Belief, MapObject, SemanticMap
 from executive.belief.planning_scene import BelievedSurroundings
 from executive.locations import ArmModel, Resolver
+from executive.locations.arm_models import arm_models, gaze_of
 from executive.modules.platform import Platform
 from executive.motion import Gaze
 from executive.robots import Robot, bind_robot
-from executive.robots.arms import arm_models, gaze_of
 from executive.runs.robot_executive import RobotExecutive
 from planlang import SimulationHost, Trace, run
 from planlang.designators import an_object
@@ -52,7 +52,7 @@ class Stage:
     @property
     def planning(self) -> PyBulletWorld:
         """The world in which the robot plans."""
-        return self.platform.around.world
+        return self.platform.scene.world
 
     @property
     def belief(self) -> Belief:
@@ -159,7 +159,7 @@ def furnisher(
             world=real,
             robot=robot,
             belief=belief,
-            around=around,
+            scene=around,
             resolver=Resolver(around),
             ancestors=lambda cls: tuple(map(shorten, vocabulary.ancestors(expand(cls)))),
             releasing=RELEASING,

@@ -61,7 +61,7 @@ def test_where_a_place_satisfies_a_location_one_is_found(
 ) -> None:
     stage = room(furnish)
     moved(stage, bodies)
-    assume(not stage.platform.around.contacts(place))
+    assume(not stage.platform.scene.contacts(place))
     location = Location(tuple(dict.fromkeys(about(stage, place, *relation) for relation in relations)))
     nearby = [(place[0] + x, place[1] + y, place[2] + yaw) for x, y, yaw in AROUND]
     assume(all(stage.resolver.satisfies(location, there) for there in nearby))
@@ -97,7 +97,7 @@ def test_what_is_far_away_and_headings_between_others_are_found(location: Locati
     stage = make_stage(*WARD, table)
     for solution in list(islice(stage.resolver.bases(location), 3)):
         assert stage.resolver.satisfies(location, solution.base)
-        assert not stage.platform.around.contacts(solution.base)
+        assert not stage.platform.scene.contacts(solution.base)
 
 
 @pytest.mark.parametrize(
@@ -111,5 +111,5 @@ def test_a_place_in_a_large_room_is_found_with_work_that_does_not_grow_with_it(
     location = Location((Relation("near", THE_BOTTLE, most, least),))
     x, y, _ = next(stage.resolver.bases(location)).base
     assert least - 2e-3 <= math.hypot(x - 1.5, y) - 0.0325 - 0.333 <= most + 2e-3
-    bases, _, _ = all_places(base_demand(location, stage.platform.around, (0.0, 0.0)), stage.platform.around)
+    bases, _, _ = all_places(base_demand(location, stage.platform.scene, (0.0, 0.0)), stage.platform.scene)
     assert 0 < len(bases) <= TURNS * MOST_CELLS

@@ -23,7 +23,7 @@ def stage() -> Iterator[Stage]:
 
 
 def test_no_place_from_which_a_thing_is_seen_is_taken_for_one_from_which_it_surely_is_not(stage: Stage) -> None:
-    around, rng = stage.platform.around, np.random.default_rng(0)
+    around, rng = stage.platform.scene, np.random.default_rng(0)
     block, view = block_of("bottle", around), around.own_view()
     assert view is not None
     away, bearing, yaw = rng.uniform(0.3, 1.5, 120), rng.uniform(-3.1, 3.1, 120), rng.uniform(-3.1, 3.1, 120)
