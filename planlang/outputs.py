@@ -126,7 +126,7 @@ def replace(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a whole text file, or leave the old one as it was; graphs get their mark as a comment in the second line."""
+    """Write a whole text file, or leave the old one as it was; graphs get their mark as a comment."""
     comment = _COMMENTS.get(path.suffix.lower())
     first, newline, rest = text.partition("\n")
     whole = text if comment is None else f"{first}\n{comment.format(MARK)}{newline}{rest}"

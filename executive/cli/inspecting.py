@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from executive.cli.console import Answer, ExitCode, silent
-from executive.locations.arm_models import arm_models
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.locations.reachability_building import keep_maps, reachability_maps
 from executive.robots import Arm, Robot, bind_robot
+from executive.robots.arms import arm_models
 from executive.robots.carrying import with_carrying
 from executive.runs.assembly import mapped
 from planlang.diagnostics import BadInput, error

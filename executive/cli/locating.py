@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from executive.belief import SemanticMap, read_map, scene_of
+from executive.belief.free_floor import BasePose
 from executive.cli.console import Answer, ExitCode, silent
-from executive.locations import TABLE, Base, Rejections
+from executive.locations import TABLE, Rejections
 from executive.locations.idle import without_idle
 from executive.locations.meaningless import LocationMeaningless
 from executive.locations.relations import base_demand, sides, thing_demand
@@ -39,7 +40,7 @@ class LocateOptions:
     ontologies: tuple[Path, ...] = ()
     of: str | None = None
     """A thing that is to be put somewhere; None for the robot's base."""
-    start: Base | None = None
+    start: BasePose | None = None
     count: int = 3
     explain: Path | None = None
     progress: Callable[[str], None] = silent
@@ -108,7 +109,7 @@ def _meant(designators: Iterable[Object], lexicon: Lexicon, platform: Platform) 
     problems = []
     for what in dict.fromkeys(designators):
         try:
-            meant[what] = platform.scene.bind(what)
+            meant[what] = platform.scene.bodies.bind(what)
         except ObjectUnresolvable:
             known = ", ".join(platform.belief.names())
             message = f"the map has no {write_thing(what, lexicon).removeprefix('the ')}"

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.block import Block
-from planlang.protocols import Array
+from executive.belief.believed_bodies import Block
+from planlang.geometry import Array
 
 SIDES: Mapping[str, tuple[float, ...]] = {
     "in_front_of": (0.0,),

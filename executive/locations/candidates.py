@@ -14,11 +14,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.field import Field
+from executive.belief.free_floor import Field
 from executive.locations.inverse_map import SQUARE_BITS, InverseMaps, Rows
-from executive.locations.surroundings import ArmModel
 from executive.locations.ways import CLASSES, Ways
-from planlang.protocols import Array
+from executive.robots.arms import ArmModel
+from planlang.geometry import Array
 
 TIE = 1e-9
 """Of places whose scores differ by less than this the one of the better row comes first."""

@@ -6,14 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from executive.locations import ArmModel, Base, ReachSolution, Resolver
+from executive.belief.free_floor import BasePose
+from executive.locations import ReachSolution, Resolver
 from executive.modules.arm_choice import ArmChoices
 from executive.modules.control import Control
 from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
 from executive.robots import CARRYING
+from executive.robots.arms import ArmModel
 from planlang.designators import Location, Object
 from planlang.failures import ActionUnresolvable
-from planlang.protocols import Array, Pose, Trajectory
+from planlang.geometry import Array, Pose, matrices
+from planlang.protocols import Trajectory
 
 
 class Arms:
@@ -23,7 +26,7 @@ class Arms:
         self._control, self._resolver, self._rng = control, resolver, rng
         self.choices = ArmChoices()
         """Arms that were chosen where the plan left the choice."""
-        self.begun: dict[str, tuple[int, Base, ReachSolution]] = {}
+        self.begun: dict[str, tuple[int, BasePose, ReachSolution]] = {}
         """Arm -> belief revision, base pose and the grasp whose pre-grasp it has taken."""
 
     # Which arm
@@ -36,11 +39,13 @@ class Arms:
     def holding(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
         """Return the arms that hold something for this strand of the plan, the last chosen first."""
         others = self.choices.others()
-        return [arm for arm in self.in_order(arms) if self._control.scene.held(arm.name) and arm.name not in others]
+        return [
+            arm for arm in self.in_order(arms) if self._control.scene.arms.held(arm.name) and arm.name not in others
+        ]
 
     def free(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
         """Return the arms that hold nothing, in the order of :meth:`in_order`."""
-        return [arm for arm in self.in_order(arms) if self._control.scene.held(arm.name) is None]
+        return [arm for arm in self.in_order(arms) if self._control.scene.arms.held(arm.name) is None]
 
     def use(self, arm: ArmModel, solution: ReachSolution) -> None:
         """Remember which arm was chosen, and the grasp that it has begun."""
@@ -53,7 +58,9 @@ class Arms:
         if arm.name not in self.begun or not any(one.name == "in_center_of" for one in location.relations):
             return None
         revision, base, solution = self.begun[arm.name]
-        meant = [self._control.scene.bind(r.reference) for r in location.relations if isinstance(r.reference, Object)]
+        meant = [
+            self._control.scene.bodies.bind(r.reference) for r in location.relations if isinstance(r.reference, Object)
+        ]
         current = revision == self._control.belief.revision and base == self._control.base()
         return solution if current and solution.reach.body in meant else None
 
@@ -80,7 +87,7 @@ class Arms:
 
     def untucked(self) -> list[tuple[ArmModel, Array]]:
         """Return the arms that are not in the carrying posture, each with its joint positions there (d,)."""
-        postures = [(arm, self.posture(arm, CARRYING)) for arm in self._control.scene.arms]
+        postures = [(arm, self.posture(arm, CARRYING)) for arm in self._control.scene.arms.all]
         return [(arm, posture) for arm, posture in postures if not self.is_at(arm, posture)]
 
     # Where it can go
@@ -94,12 +101,12 @@ class Arms:
         control.sync()
         chain, base, start = arm.solver.chain, control.base(), control.arm_joints(arm)
         space = JointSpace.of(arm.lower, arm.upper, continuous=chain.continuous, resolution=arm.resolution)
-        quick = control.scene.quick_check(arm, touches)
+        quick = control.scene.collisions.quick_check(arm, touches)
 
         def touching(q: Array) -> list[tuple[str, str]]:
             # At the start the whole robot is checked; later what stands still cannot touch anything new.
             among = None if np.array_equal(q, start) else quick.doubtful(q)
-            contacts = control.scene.contacts(base, arm, q, touches, among=among)
+            contacts = control.scene.collisions.contacts(base, arm, q, touches, among=among)
             return [(contact.part, contact.body) for contact in contacts]
 
         def moments(path: Array) -> Array:
@@ -116,13 +123,13 @@ class Arms:
         control = self._control
         control.sync()
         start, base = control.arm_joints(arm), control.base()
-        quick = control.scene.quick_check(arm, touches)
+        quick = control.scene.collisions.quick_check(arm, touches)
 
         def is_free(row: Array) -> bool:
-            return not control.scene.contacts(base, arm, row, touches, among=quick.doubtful(row))
+            return not control.scene.collisions.contacts(base, arm, row, touches, among=quick.doubtful(row))
 
         chain = arm.solver.chain
-        beginning, end = chain.fk(start)[0], np.linalg.inv(Pose.planar(*base).matrix()) @ pose
+        beginning, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
         line = cartesian_path(arm.solver, start, beginning, end, is_free)
         if line.waypoints is None:
             raise MotionError(line.reason)

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from executive.belief import Belief
-from executive.belief.planning_scene import BelievedSurroundings
-from executive.locations import ArmModel, Base
+from executive.belief.free_floor import BasePose
+from executive.belief.planning_scene import PlanningScene
 from executive.motion import time_path
 from executive.robots import Robot
+from executive.robots.arms import ArmModel
 from planlang import Fluent, wait_for
-from planlang.protocols import Array, Motion, Trajectory, World
+from planlang.geometry import Array
+from planlang.protocols import Motion, Trajectory, World
 
 
 @dataclass
@@ -24,9 +26,9 @@ class Control:
     """The true one: commanded, and known only by what can be sensed of it."""
     robot: Robot
     belief: Belief
-    scene: BelievedSurroundings
+    scene: PlanningScene
 
-    def base(self) -> Base:
+    def base(self) -> BasePose:
         """Return the pose of the base, by odometry."""
         return self.world.configuration().base
 

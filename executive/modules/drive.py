@@ -6,10 +6,12 @@ import math
 from collections.abc import Sequence
 from itertools import product
 
-from executive.locations import ArmModel, Base
+from executive.belief.free_floor import BasePose
 from executive.modules.control import Control
 from executive.motion import Grid, NoPath, clearance_at, clearance_field, plan_base_path, time_path
-from planlang.protocols import Array, Trajectory
+from executive.robots.arms import ArmModel
+from planlang.geometry import Array
+from planlang.protocols import Trajectory
 
 CHECKS = 0.08
 """Distance of the poses at which a path of the base is checked at first [m]; the timed path is checked again."""
@@ -29,18 +31,18 @@ class Drive:
     def __init__(self, control: Control) -> None:
         self._control = control
 
-    def path(self, goal: Base) -> Trajectory:
+    def path(self, goal: BasePose) -> Trajectory:
         """Return a timed path of the base through the planning scene; raises a MotionError."""
         control = self._control
         control.sync()
         scene, limits, start = control.scene, control.robot.base, control.base()
         x_min, y_min, x_max, y_max = scene.world.scene.bounds
         grid = Grid.over((x_min, y_min), (x_max, y_max))
-        obstacles, silhouette = scene.obstacles(), scene.silhouette()
+        obstacles, silhouette = scene.collisions.obstacles(), scene.collisions.silhouette()
         room = clearance_field(grid, obstacles, silhouette)
 
         def touching(x: float, y: float, yaw: float) -> list[tuple[str, str]]:
-            return [(contact.part, contact.body) for contact in scene.contacts((x, y, yaw))]
+            return [(contact.part, contact.body) for contact in scene.collisions.contacts((x, y, yaw))]
 
         for factor in FINER:
             trajectory = time_path(
@@ -57,15 +59,15 @@ class Drive:
                 return trajectory
         raise NoPath(start, goal, {"finer checks": len(FINER)})
 
-    def room_for(self, postures: Sequence[tuple[ArmModel, Array]]) -> Base | None:
+    def room_for(self, postures: Sequence[tuple[ArmModel, Array]]) -> BasePose | None:
         """Return the nearest base pose, here or behind, where arms can go to postures (d,); None if there is none."""
         x, y, yaw = self._control.base()
         scene = self._control.scene
         for step, turn in [(0.0, 0.0), *product(BACK_OFF, BACKWARDS)]:
             pose = (x + step * math.cos(yaw + turn), y + step * math.sin(yaw + turn), yaw)
-            if step and scene.contacts(pose):
+            if step and scene.collisions.contacts(pose):
                 continue
-            if not any(scene.contacts(pose, arm, posture) for arm, posture in postures):
+            if not any(scene.collisions.contacts(pose, arm, posture) for arm, posture in postures):
                 return pose
         return None
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from executive.locations import ArmModel
 from executive.modules.platform import Platform
+from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Object
 from planlang.failures import DesignatorFailure, GraspMissed, GripperFailure, GripperGoalNotReached, MissingCapability
 from planlang.modules import process_module
@@ -40,7 +40,7 @@ class Grasping:
         """
         scene, arms, hands = self.platform.scene, self.platform.arms, self.platform.hands
         device, what = action.get("device_used"), action.get("object_acted_on")
-        candidates = scene.arms_of(device) if isinstance(device, Device) else scene.arms
+        candidates = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
         found = arms.holding(candidates) or arms.in_order(candidates)
         if isinstance(what, Object) and not hands.hold(what):
             found = arms.free(candidates) or found
@@ -58,7 +58,7 @@ class Grasping:
         return name
 
     async def _open(self, arm: ArmModel) -> str | None:
-        hands, held = self.platform.hands, self.platform.scene.held(arm.name)
+        hands, held = self.platform.hands, self.platform.scene.arms.held(arm.name)
         if held is not None:
             hands.let_go(held.name)
         motion = await hands.move(arm, closed=False)

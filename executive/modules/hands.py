@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from executive.locations import ArmModel
 from executive.modules.control import Control
 from executive.robots import Gripper
+from executive.robots.arms import ArmModel
 from planlang import Fluent, wait_for
 from planlang.designators import Object
 from planlang.failures import ObjectUnresolvable
-from planlang.protocols import Motion, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Motion
 
 
 class Hands:
@@ -26,7 +27,7 @@ class Hands:
     def hold(self, what: Object) -> bool:
         """Return whether the robot holds a thing; False if it is not known which that is."""
         try:
-            return self._control.scene.bind(what) in self._control.belief.held
+            return self._control.scene.bodies.bind(what) in self._control.belief.held
         except ObjectUnresolvable:
             return False
 

@@ -29,5 +29,5 @@ class Head:
         if not isinstance(what, Object):
             raise ActionUnresolvable("looking at something needs object_acted_on", designator=str(action))
         scene = self.platform.scene
-        name = scene.bind(what)
-        await self.platform.sensing.look_at(scene.block(name).centre, name)
+        name = scene.bodies.bind(what)
+        await self.platform.sensing.look_at(scene.bodies.block(name).centre, name)

@@ -16,8 +16,8 @@ from planlang.failures import (
     ObjectNotFound,
     PerceptionFailure,
 )
+from planlang.geometry import Array, Pose
 from planlang.modules import process_module
-from planlang.protocols import Array, Pose
 
 MOST_GAZES = 6
 """Directions that are looked into before an object counts as not found; 0.3 m apart they cover 0.6 m by 0.9 m."""
@@ -44,7 +44,7 @@ class Perception:
         if not isinstance(what, Object):
             raise ActionUnresolvable("perceiving needs object_acted_on", designator=str(action))
         platform = self.platform
-        name = platform.scene.bind(what)
+        name = platform.scene.bodies.bind(what)
         beyond: LookingGoalUnreachable | None = None
         for count, point in enumerate(self._gazes(name)):
             if count == MOST_GAZES:
@@ -61,7 +61,7 @@ class Perception:
 
     def _gazes(self, name: str) -> Iterator[Array]:
         """Yield points (3,) to look at: the believed place, then over its support, nearest to that place first."""
-        block = self.platform.scene.block(name)
+        block = self.platform.scene.bodies.block(name)
         yield block.centre
         support = self.platform.sensing.support_of(name)
         if support is None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 
-from executive.locations import ArmModel, ReachSolution
+from executive.locations import ReachSolution
 from executive.modules.platform import Platform
 from executive.motion import MotionError
+from executive.robots.arms import ArmModel
 from planlang import perform
 from planlang.designators import Action, Device, Location, Object, Relation, action
 from planlang.failures import (
@@ -20,8 +21,9 @@ from planlang.failures import (
     ManipulationPoseUnreachable,
     PerceptionFailure,
 )
+from planlang.geometry import Array
 from planlang.modules import process_module
-from planlang.protocols import Array, Trajectory
+from planlang.protocols import Trajectory
 
 MOST_SOLUTIONS = 6
 """Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
@@ -76,20 +78,20 @@ class Reaching:
         """
         scene, arms = self.platform.scene, self.platform.arms
         device, location = action.get("device_used"), action.get("to_location")
-        named = scene.arms_of(device) if isinstance(device, Device) else scene.arms
+        named = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
         if isinstance(location, Location) and self.platform.resolver.is_grasp(location) and (free := arms.free(named)):
             return free
         if isinstance(device, Device):
             meant = arms.in_order(named)
-            offering = [arm for arm in meant if scene.held(arm.name)] if self._is_for_person(action) else []
+            offering = [arm for arm in meant if scene.arms.held(arm.name)] if self._is_for_person(action) else []
             return offering or meant
-        return arms.holding(scene.arms) or arms.in_order(scene.arms)
+        return arms.holding(scene.arms.all) or arms.in_order(scene.arms.all)
 
     def _is_for_person(self, action: Action) -> bool:
         """Return whether the hand is to go to where a person reaches it."""
         location, scene = action.get("to_location"), self.platform.scene
         return isinstance(location, Location) and any(
-            isinstance(relation.reference, Object) and scene.is_person(scene.bind(relation.reference))
+            isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
             for relation in location.relations
         )
 

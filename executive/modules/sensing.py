@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from executive.locations import Block
+from executive.belief.believed_bodies import Block
 from executive.modules.control import Control
 from planlang import checkpoint
 from planlang.designators import Object
 from planlang.failures import LookingGoalUnreachable
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose, matrices
 
 
 class Sensing:
@@ -20,12 +20,11 @@ class Sensing:
 
     async def look_at(self, point: Array, name: str) -> None:
         """Turn the neck so that a map point (3,) is in the picture; raises LookingGoalUnreachable."""
-        control, camera, gaze = self._control, self._control.robot.camera, self._control.scene.gaze
+        control, camera, gaze = self._control, self._control.robot.camera, self._control.scene.visibility.gaze
         if gaze is None or camera is None:
             await checkpoint()
             return
-        inverse = np.linalg.inv(Pose.planar(*control.base()).matrix())
-        neck, beyond, _ = gaze.at((inverse @ np.append(point, 1.0))[:3])
+        neck, beyond, _ = gaze.at(matrices.moved(Pose.planar(*control.base()).inverse().matrix(), point))
         if beyond > camera.half_angle:
             raise LookingGoalUnreachable(what=name)
         if not gaze.joints:
@@ -50,10 +49,10 @@ class Sensing:
     def must_look(self, what: Object) -> bool:
         """Return whether a thing to grasp, or a person to give to, has not been seen since the base last moved."""
         scene, belief = self._control.scene, self._control.belief
-        name = scene.bind(what)
+        name = scene.bodies.bind(what)
         if name in belief.held or belief.seen_from_here(name):
             return False
-        return scene.is_graspable(name) or scene.is_person(name)
+        return scene.bodies.is_graspable(name) or scene.bodies.is_person(name)
 
     def bump(self, name: str | None) -> None:
         """Learn the pose of a body that the robot ran into: contacts report the true pose of the whole object."""
@@ -65,4 +64,4 @@ class Sensing:
         """Return the shape of the body that something is believed to stand on."""
         world = self._control.scene.world
         support = world.support(name)
-        return self._control.scene.block(support) if support is not None and support in world.names() else None
+        return self._control.scene.bodies.block(support) if support is not None and support in world.names() else None

@@ -11,7 +11,7 @@ import numpy as np
 
 from executive.pictures.shapes import Drawn, Shape
 from planlang.diagnostics import BadInput, Diagnostic, error
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 
 if TYPE_CHECKING:
     import rerun

@@ -10,7 +10,9 @@ import numpy as np
 from executive.motion import Chain, InverseKinematics
 from executive.robots.robot import CARRYING, Arm, Robot
 from planlang.diagnostics import note
-from planlang.protocols import Array, Configuration
+from planlang.geometry import Array
+from planlang.geometry.matrices import product
+from planlang.protocols import Configuration
 from sim import PyBulletWorld, Scene
 
 AHEAD = np.arange(0.25, 0.75, 0.1)
@@ -106,5 +108,5 @@ def _target(arm: Arm, position: tuple[float, float, float], heading: float) -> A
     there = np.column_stack([ahead, across, np.cross(ahead, across)])
     tip = np.column_stack([arm.approach, arm.closing, np.cross(arm.approach, arm.closing)])
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = there @ tip.T, position
+    pose[:3, :3], pose[:3, 3] = product(there, tip.T), position
     return pose

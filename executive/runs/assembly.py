@@ -11,11 +11,12 @@ from itertools import chain, islice
 import numpy as np
 
 from executive.belief import Belief, SemanticMap, default_starts
-from executive.belief.planning_scene import BelievedSurroundings
-from executive.locations import Base, Resolver
-from executive.locations.arm_models import arm_models, gaze_of
+from executive.belief.free_floor import BasePose
+from executive.belief.planning_scene import PlanningScene
+from executive.locations import Resolver
 from executive.modules.platform import Platform
 from executive.robots import Robot
+from executive.robots.arms import arm_models, gaze_of
 from planlang.diagnostics import BadInput, error
 from planlang.ontology import Ontology, expand, shorten
 from sim import PyBulletWorld, Scene, perturb
@@ -31,7 +32,7 @@ def real_scene(scene: Scene, seed: int, robot_in: PyBulletWorld) -> Scene:
     return perturb(scene, seed, radius=radius, height=height)
 
 
-def world_at_start(scene: Scene, robot: Robot, start: Base | None, stack: ExitStack) -> PyBulletWorld:
+def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack) -> PyBulletWorld:
     """Return a world with the robot at its start: where the user says, else at a free pose near the middle.
 
     ``stack`` closes the world. Raises BadInput when there is no free pose, or the user's is not free.
@@ -86,7 +87,7 @@ def platform_of(
     """Return a robot in a true and a believed world; its reachability maps are built by :func:`build_maps`."""
     belief = Belief(semantic_map, believed)
     belief.sync(believed, truth.configuration())
-    planning_scene = BelievedSurroundings(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
+    planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology
 
     @cache
@@ -107,7 +108,7 @@ def platform_of(
 
 def build_maps(platform: Platform, say: Callable[[str], None]) -> None:
     """Build the reachability maps that are not in the cache: later the plan would wait for them."""
-    platform.scene.map_reach(partial(mapped, say))
+    platform.resolver.maps.build(platform.scene.arms.all, partial(mapped, say))
 
 
 def mapped(say: Callable[[str], None], done: int, count: int, what: str) -> None:

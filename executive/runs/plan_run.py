@@ -215,7 +215,7 @@ class Run:
         platform = platform_of(robot, semantic_map, truth, believed, options.seed)
         build_maps(platform, options.progress)
         executive = RobotExecutive(platform, self._modules)
-        platform.scene.prepare()
+        platform.scene.collisions.prepare()
         # What a trace must have in common with another to be equal to it, beside seed and schedule.
         header: dict[str, Any] = {
             "plan_sha256": sha256(self.path),
@@ -366,7 +366,7 @@ class _FilmedWorld:
 def _bind_all(executive: RobotExecutive, bound: Mapping[str, Object]) -> None:
     """Raise ObjectUnresolvable for a parameter that means nothing here, before anything moves."""
     for what in bound.values():
-        executive.platform.scene.bind(what)
+        executive.platform.scene.bodies.bind(what)
 
 
 def _is_own(file: Path) -> bool:

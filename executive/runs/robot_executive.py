@@ -12,17 +12,20 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from executive.locations import ArmModel, Base, Reach, ReachSolution
-from executive.locations.hand import HandTerm
+from executive.belief.free_floor import BasePose
+from executive.locations import Reach, ReachSolution
+from executive.locations.reach import HandTerm
 from executive.locations.ways import HandPlan
 from executive.modules.arm_choice import ArmChoices
 from executive.modules.platform import Platform
 from executive.modules.registry import bundled_modules
 from executive.robots import CARRYING
+from executive.robots.arms import ArmModel
 from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
+from planlang.geometry import Array
 from planlang.kernel.exact import dump, load
 from planlang.language.executive import ProcessModule
-from planlang.protocols import Array, Solution
+from planlang.protocols import Solution
 
 
 @runtime_checkable
@@ -84,7 +87,7 @@ class RobotExecutive:
         """Return whether the belief says so; raises ValueError for a predicate that nothing here decides."""
         match condition:
             case Condition("holding", (Object() as what,)):
-                return self.platform.scene.bind(what) in self.platform.belief.held
+                return self.platform.scene.bodies.bind(what) in self.platform.belief.held
             case Condition("located", (Location() as where,)):
                 self.platform.sync()
                 return self.platform.resolver.holds(where)
@@ -152,7 +155,7 @@ class RobotExecutive:
             platform.belief.restore(left["belief"])
             platform.scene.world.restore_state(left["believed"])
             platform.rng.bit_generator.state = left["rng"]
-            arms = {arm.name: arm for arm in platform.scene.arms}
+            arms = {arm.name: arm for arm in platform.scene.arms.all}
             platform.arms.choices = ArmChoices.restored(left["arms"], arms)
             platform.arms.begun = {
                 arms[arm].name: (int(revision), _base(base), _solution(solution, arms))
@@ -215,6 +218,6 @@ def _array(state: Any, shape: tuple[int, ...]) -> Array:
     return np.array(state, dtype=float).reshape(shape)
 
 
-def _base(state: Any) -> Base:
+def _base(state: Any) -> BasePose:
     x, y, yaw = state
     return float(x), float(y), float(yaw)

@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 
 from executive.belief import Belief, MapObject, SemanticMap
-from executive.belief.planning_scene import BelievedSurroundings
-from executive.locations import ArmModel, Resolver
-from executive.locations.arm_models import arm_models, gaze_of
+from executive.belief.planning_scene import PlanningScene
+from executive.locations import Resolver
 from executive.modules.platform import Platform
 from executive.motion import Gaze
 from executive.robots import Robot, bind_robot
+from executive.robots.arms import ArmModel, arm_models, gaze_of
 from executive.runs.robot_executive import RobotExecutive
 from planlang import SimulationHost, Trace, run
 from planlang.designators import an_object
+from planlang.geometry import Pose
 from planlang.ontology import Ontology, expand, load, shorten
-from planlang.protocols import Configuration, Pose
+from planlang.protocols import Configuration
 from planlang.resources import bundled
 from sim import Body, PyBulletWorld, Scene
 
@@ -154,13 +155,13 @@ def furnisher(
         worlds.extend((real, believed))
         belief = Belief(SemanticMap(None, vocabulary, tuple(map(_thing, bodies)), ()), believed)
         belief.sync(believed, real.configuration())
-        around = BelievedSurroundings(believed, robot, belief, limbs[0], limbs[1])
+        scene = PlanningScene(believed, robot, belief, limbs[0], limbs[1])
         platform = Platform(
             world=real,
             robot=robot,
             belief=belief,
-            scene=around,
-            resolver=Resolver(around),
+            scene=scene,
+            resolver=Resolver(scene),
             ancestors=lambda cls: tuple(map(shorten, vocabulary.ancestors(expand(cls)))),
             releasing=RELEASING,
             rng=np.random.default_rng(0),

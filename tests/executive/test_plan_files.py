@@ -13,6 +13,8 @@ from planlang.diagnostics import BadInput, Diagnostic
 from planlang.ontology import load
 from planlang.resources import bundled
 
+CHOSEN = "the environment visiting_hours is chosen, as hospital_room has no cup2"
+
 SOURCE = """
 from planlang import plan
 
@@ -148,7 +150,11 @@ def test_a_thing_without_a_place_is_not_said_to_be_missing(tmp_path: Path, room:
     [
         ([], "hospital_room", []),
         (["bottle1"], "hospital_room", []),
-        (["cup2", "patient1"], "visiting_hours", ["the environment visiting_hours is chosen, as hospital_room has no cup2"]),
+        (
+            ["cup2", "patient1"],
+            "visiting_hours",
+            ["the environment visiting_hours is chosen, as hospital_room has no cup2"],
+        ),
         (["cup2", "nobody"], "hospital_room", []),
     ],
 )

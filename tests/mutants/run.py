@@ -47,7 +47,7 @@ FIRST = {  # these before them, where one of these files is broken
     "language/budgets.py": f"{LANGUAGE}/test_budget.py",
     "language/machine.py": f"{LANGUAGE}/test_state_machine.py",
     "language/recovery.py": f"{LANGUAGE}/test_recovery.py",
-    "language/restarting.py": f"{LANGUAGE}/test_performing.py",
+    "language/tags.py": f"{LANGUAGE}/test_performing.py",
     "language/goals.py": f"{LANGUAGE}/test_goals_and_strategies.py",
     "kernel/expressions.py": "tests/planlang/kernel/test_fluents.py",
     "kernel/fluent.py": "tests/planlang/kernel/test_fluents.py",
@@ -58,7 +58,6 @@ FIRST = {  # these before them, where one of these files is broken
     "kernel/past.py": f"{LANGUAGE}/test_resumption.py",
     "kernel/exact.py": f"{LANGUAGE}/test_resumption.py",
     "kernel/compared.py": f"{LANGUAGE}/test_replays.py",
-    **{f"kernel/{name}.py": f"{LANGUAGE}/forgotten_await" for name in ("forgotten", "handed", "leftovers", "suspects")},
 }
 SHORT = 4
 CPU_TIME = 300
@@ -98,8 +97,8 @@ MUTANTS = [
     ("a step starts when one predecessor is done", "language/ordering.py", "if not left:\n                    heapq", "if True:\n                    heapq"),
     ("a limit is one too many", "language/ordering.py", "len(live) < limit", "len(live) <= limit"),
     ("success beats failure in pursue", "language/parallel.py", "        if failed:\n            self.failed = failed[0]", "        if failed and len(failed) == len(dead):\n            self.failed = failed[0]"),
-    ("try_in_order goes on after a success", "language/sequence.py", "                    return node.result\n", "                    pass\n"),
-    ("a timeout strikes before the step is at rest", "language/bounds.py", "self.scheduler.deadline(self.owner, self.steps, self.expire)", "self.scheduler.alarm(self.owner, self.steps, self.expire)"),
+    ("try_in_order goes on after a success", "language/branches.py", "                    return node.result\n", "                    pass\n"),
+    ("a timeout strikes before the step is at rest", "language/budgets.py", "self.scheduler.deadline(self.owner, self.steps, self.expire)", "self.scheduler.alarm(self.owner, self.steps, self.expire)"),
     ("resources stay taken", "language/resources.py", "            lock.holder = None", "            pass"),
     ("an equal value is a change", "kernel/fluent.py", "if not same(self._value, value):", "if True:"),
     ("a world fluent is read when it is asked for", "kernel/fluent.py", "self._at[1] != scheduler.now:", "True:"),
@@ -107,7 +106,7 @@ MUTANTS = [
     ("pulses from before the wait are seen", "kernel/expressions.py", 'if self._missed == "never":', "if False:"),
     ("both is either", "kernel/expressions.py", "get(self._operands[0]) and get(self._operands[1])", "get(self._operands[0]) or get(self._operands[1])"),
     ("the bound of a shield is none", "kernel/evaporation.py", "scheduler.deadline(task, steps, self._overrun)", "scheduler.deadline(task, steps, lambda: None)"),
-    ("a cleanup is not shielded", "language/bounds.py", "with shield(within):", "if True:"),
+    ("a cleanup is not shielded", "language/branches.py", "with shield(within):", "if True:"),
     ("a drain ends with the first stuck task", "kernel/endings.py", "stuck = stuck or error", "raise"),
     ("two nodes have one number", "kernel/trace.py", "self._nodes = number = node.number = self._nodes + 1", "number = node.number = self._nodes or 1"),
     ("the rest of a line is lost when the disk is full", "kernel/trace.py", "data = data[self._put(data) :]", "data = data[self._put(data) :] and b''"),
@@ -130,7 +129,7 @@ MUTANTS = [
     ("anything is an outcome", "language/machine.py", "if not isinstance(outcome, (str, Enum)):", "if False:"),
     ("a recovery tries once more", "language/recovery.py", "entry.used < recovery.attempts", "entry.used <= recovery.attempts"),
     ("the last recovery that fits decides", "language/recovery.py", "((n for n, entry in enumerate(entries) if", "((n for n, entry in reversed([*enumerate(entries)]) if"),
-    ("a suspended request goes on", "language/restarting.py", "hooks.append(self._held)", "pass"),
+    ("a suspended request goes on", "language/tags.py", "hooks.append(self._held)", "pass"),
     ("a goal that holds is worked for", "language/goals.py", "        if holds():\n            record", "        if not holds:\n            record"),
     ("steps that were cut short are taken over", "kernel/journal.py", "if task.cancelled:", "if False:"),
     ("steps are taken over in any order", "kernel/journal.py", "while self._turn is not done:", "while False:"),
@@ -141,15 +140,6 @@ MUTANTS = [
     ("what does not survive JSON is skipped", "kernel/past.py", "                break\n            self.last", "                continue\n            self.last"),
     ("a tuple comes back as a list", "kernel/exact.py", 'return {"$tuple": [dump(item, depth + 1) for item in value]}', "return [dump(item, depth + 1) for item in value]"),
     ("a repeated run may do something else", "kernel/compared.py", "            self.differ({", "            self.take() or ({"),
-    ("who could not await what failed is blamed", "kernel/forgotten.py", "if any(call.goes_on for call in here):", "if False:"),
-    ("an exception excuses nobody", "kernel/forgotten.py", "if unwound and not here and", "if False and"),
-    ("a forgotten await is told after the run only", "kernel/forgotten.py", "elif task.overrun is None:", "elif False:"),
-    ("a run is blamed for what was there before it", "kernel/leftovers.py", "self.before = _Noted.all()", "self.before = {}"),
-    ("what outlives a collection is lost sight of", "kernel/leftovers.py", 'if phase == "start":', "if False:"),
-    ("what was handed to another loop is an error", "kernel/leftovers.py", "            return kept, True", "            return kept, False"),
-    ("what is awaited is suspected", "kernel/suspects.py", "isinstance(outer, ast.Await) or", "False or"),
-    ("calls of other constants are suspected", "kernel/handed.py", "if not all(map(self._has, handed.constants)):", "if False:"),
-    ("calls of other arguments are suspected", "kernel/handed.py", "return not self._fits(", "return False and self._fits("),
 ]  # fmt: skip
 
 

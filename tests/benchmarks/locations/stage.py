@@ -14,11 +14,12 @@ from executive.belief import MapObject, SemanticMap
 from executive.locations import ReachSolution
 from executive.modules.platform import Platform
 from executive.robots import Robot, bind_robot
-from executive.runs.assembly import build_maps, platform_of
+from executive.runs.assembly import platform_of
 from planlang.designators import Location, Object, a_location
 from planlang.failures import PlanFailure
+from planlang.geometry import Array, Pose
 from planlang.ontology import Ontology, expand, load
-from planlang.protocols import Array, Configuration, Pose, Solution
+from planlang.protocols import Configuration, Solution
 from planlang.resources import bundled
 from sim import Body, PyBulletWorld
 from tests.benchmarks.locations.oracle import Claim
@@ -62,7 +63,6 @@ class Stage:
         self.world = PyBulletWorld(room.scene(), robot.body())
         things = SemanticMap(None, vocabulary(), tuple(map(_thing, room.bodies)), ())
         self.platform: Platform = platform_of(robot, things, self.world, self.world, 0)
-        build_maps(self.platform, lambda line: None)
 
     def close(self) -> None:
         """End the world."""
@@ -100,8 +100,8 @@ class Stage:
         try:
             self.world.set_configuration(Configuration(solution.base, before.joints))
             self.platform.sync()
-            arm = next(a for a in self.platform.scene.arms if a.name == solution.detail["arm"])
-            person = self.platform.scene.is_person(self.platform.scene.bind(what))
+            arm = next(a for a in self.platform.scene.arms.all if a.name == solution.detail["arm"])
+            person = self.platform.scene.bodies.is_person(self.platform.scene.bodies.bind(what))
             hand = a_location(in_reach_of=what) if person else a_location(in_front_of=what)
             seed = np.array([before.joints[name] for name in arm.joints])
             way = next(self.platform.resolver.hands(hand, arm, seed))

@@ -14,7 +14,8 @@ from executive.locations.relations import base_demand
 from executive.runs import memory
 from planlang.designators import Location, Relation, a_location, a_person, an_object, located
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Configuration, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration
 from sim import Body
 from tests.executive.conftest import (
     BED,
@@ -146,7 +147,7 @@ def test_what_is_in_a_hand_is_put_near_where_it_was_and_not_on_itself(make_stage
     assert all(math.dist(pose.position[:2], BOTTLE.pose.position[:2]) <= 0.1 + 2 * 0.0325 + 2e-3 for pose in poses)
     with pytest.raises(LocationMeaningless, match="means nothing for bottle itself"):
         next(stage.resolver.things(a_location(on=THE_BOTTLE), THE_BOTTLE))
-    (arm,) = (arm for arm in stage.platform.scene.arms if stage.platform.scene.held(arm.name) is not None)
+    (arm,) = (arm for arm in stage.platform.scene.arms.all if stage.platform.scene.arms.held(arm.name) is not None)
     with pytest.raises(LocationUnresolvable, match="nothing rests on itself"):
         next(stage.resolver.hands(a_location(on=THE_BOTTLE), arm, stage.platform.arm_joints(arm)))
 
@@ -221,7 +222,7 @@ def test_an_added_obstacle_makes_no_place_possible(make_stage: MakeStage) -> Non
 def test_what_hides_a_thing_is_named(make_stage: MakeStage) -> None:
     screen = replace(CABINET, name="screen", pose=Pose((0.9, 0.0, 0.9)), size=(0.04, 0.9, 1.8))
     stage = make_stage(CABINET, BOTTLE, screen, start=(0.0, 0.0, 0.0))
-    assert stage.platform.scene.hidden((0.2, 0.0, 0.0), "bottle") == "screen"
+    assert stage.platform.scene.visibility.hidden((0.2, 0.0, 0.0), "bottle") == "screen"
     stage.truth.set_configuration(Configuration((0.2, 0.0, 0.0), stage.truth.configuration().joints))
 
 

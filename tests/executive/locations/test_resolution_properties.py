@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from planlang.designators import Location, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Configuration, Detection, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration, Detection
 from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage, hold_bottle, stand
 
 LOCATIONS = (
@@ -51,7 +52,7 @@ def test_asking_for_hand_poses_changes_nothing_even_with_a_bottle_in_hand(ward: 
     stand(ward, (-1.2, 0.9, 2.6))
     hold_bottle(ward)
     before = snapshot(ward)
-    arm = ward.platform.scene.arms[0]
+    arm = ward.platform.scene.arms.all[0]
     for location in (a_location(above=an_object("Bed-PieceOfFurniture")), a_location(in_front_of=THE_BOTTLE)):
         try:
             list(islice(ward.resolver.hands(location, arm, ward.platform.arm_joints(arm)), 3))

@@ -17,7 +17,8 @@ import pytest
 from executive.locations import TABLE, ReachSolution
 from planlang.designators import Location, Relation, a_device, a_location, a_person, an_object, located
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Array, Configuration, Pose
+from planlang.geometry import Array, Pose
+from planlang.protocols import Configuration
 from sim import Body
 from tests.benchmarks.locations.predicates import OF_A_BASE, OF_A_THING, keeps
 from tests.executive.conftest import (
@@ -154,7 +155,7 @@ def test_a_base_keeps_the_relation_and_then_it_holds(
 
 def reaching(stage: Stage, location: Location, arm: str) -> list[ReachSolution]:
     """The first way of an arm to a place of the hand from where the robot stands, if there is one."""
-    model = next(model for model in stage.platform.scene.arms if model.name == arm)
+    model = next(model for model in stage.platform.scene.arms.all if model.name == arm)
     return first(stage.resolver.hands(location, model, stage.platform.arm_joints(model)), 1)
 
 

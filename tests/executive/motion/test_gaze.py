@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.locations.arm_models import gaze_of
 from executive.motion import Gaze
 from executive.robots import bind_robot
+from executive.robots.arms import gaze_of
 from planlang.protocols import Configuration
 from sim import PyBulletWorld, Scene
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from executive.motion import GoalInCollision, MotionError, StartInCollision, time_curve
-from planlang.protocols import Array, Configuration, Pose, Trajectory
+from planlang.geometry import Array, Pose
+from planlang.protocols import Configuration, Trajectory
 from sim import Body
 from tests.executive.conftest import MakeStage
 
@@ -18,7 +19,7 @@ TABLE = Body("table", Pose((0.75, -0.2, 0.5)), (0.5, 1.0, 1.0))
 
 def test_a_goal_inside_of_something_is_refused_with_both_names(make_stage: MakeStage) -> None:
     platform = make_stage(TABLE).platform
-    arm = platform.scene.arms[0]
+    arm = platform.scene.arms.all[0]
     stretched = np.clip(np.array([0.2, 0.0, 1.2, 0.0, 0.3, 0.0, 0.0, 0.0]), arm.lower, arm.upper)
     with pytest.raises(GoalInCollision, match="table") as refused:
         platform.arms.path(arm, stretched)
@@ -28,11 +29,11 @@ def test_a_goal_inside_of_something_is_refused_with_both_names(make_stage: MakeS
 
 def test_a_goal_inside_of_the_robot_is_refused_with_both_links(make_stage: MakeStage) -> None:
     platform = make_stage().platform
-    arm = platform.scene.arms[0]
+    arm = platform.scene.arms.all[0]
     goal = next(
         q
         for q in arm.solver.chain.sample(np.random.default_rng(0), 500)
-        if platform.scene.contacts(platform.base(), arm, q)
+        if platform.scene.collisions.contacts(platform.base(), arm, q)
     )
     with pytest.raises(GoalInCollision) as refused:
         platform.arms.path(arm, goal)
@@ -61,7 +62,7 @@ def test_a_straight_line_whose_curve_swings_over_a_limit_is_followed_with_stops(
     make_stage: MakeStage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     platform = make_stage().platform
-    arm, chain, base = platform.scene.arms[0], platform.scene.arms[0].solver.chain, platform.base()
+    arm, chain, base = platform.scene.arms.all[0], platform.scene.arms.all[0].solver.chain, platform.base()
     curves: list[Array] = []
 
     def watched(*arguments: Any, **limits: Any) -> Trajectory:
@@ -73,7 +74,7 @@ def test_a_straight_line_whose_curve_swings_over_a_limit_is_followed_with_stops(
     rng = np.random.default_rng(0)
     for start in chain.sample(rng, 60):
         start[3] = chain.upper[3] - 0.001  # the shoulder's roll, at its limit
-        if platform.scene.contacts(base, arm, start):
+        if platform.scene.collisions.contacts(base, arm, start):
             continue
         joints = {**platform.world.configuration().joints, **dict(zip(arm.joints, start.tolist(), strict=True))}
         platform.world.set_configuration(Configuration(base, joints))  # type: ignore[attr-defined]
