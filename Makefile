@@ -2,6 +2,7 @@
 # make test    the test suite          make lint    ruff, mypy --strict, import contracts
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
+# make counts  lines, files, modules of a run, import circles, names that exist twice
 # make fuzz    broken files; FUZZ_SECONDS=1800 for half an hour, FUZZ_SEED=7 for other cases
 # make bench-locations   how places are found, beside samplers and other inverse kinematics, judged by PyBullet;
 #                        PARTS=hard,infeasible for some of it, ROOMS=20 for less; finished parts are kept in .venv
@@ -22,7 +23,7 @@ FUZZ_SECONDS ?= 60
 FUZZ_SEED ?= 0
 PYTEST_ARGS ?=
 
-.PHONY: help demo test lint bench bench-locations coverage mutants seeds fuzz golden clean
+.PHONY: help demo test lint counts bench bench-locations coverage mutants seeds fuzz golden clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -63,6 +64,9 @@ lint: $(VENV)/.dev-stamp
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+counts: $(VENV)/.dev-stamp
+	@$(BIN)/python tests/counts.py
 
 $(VENV)/.bench-stamp: $(VENV)/.dev-stamp
 	@echo "installing what is measured against into $(VENV)"

@@ -1,16 +1,94 @@
 """What is costly to compute and follows from its inputs alone, kept in the user's cache folder between runs.
 
-An entry is named by a digest of everything it depends on, so it never needs to be invalidated. It is written under a
-temporary name and then renamed: other processes see all of it or nothing, and two that make the same entry do no harm.
-Without a writable folder nothing is kept.
+An entry is named by a key that its user makes of everything it depends on, so it never needs to be invalidated, and it
+begins with a digest of its key and content: whatever is damaged, incomplete or another entry's counts as not kept and
+is computed anew. An entry is written under a temporary name and then renamed, so that other processes see all of it or
+nothing. Without a writable folder nothing is kept.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
+import shutil
+import stat
 import tempfile
-from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+
+from planlang.files import open_regular
+
+_DIGEST_BYTES = 64
+"""Length of the digest, in hexadecimal digits, in front of the content; arrays behind it are aligned."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cache:
+    """The kept entries of one kind, in a folder of their own.
+
+    ``most`` is how many entries are kept, the most recent ones; one of more than ``largest`` bytes is not of this kind.
+    """
+
+    kind: str
+    most: int
+    largest: int = 64_000_000
+
+    def load(self, key: str) -> bytes | None:
+        """Return what was kept under a key; None if nothing was, or if it is not exactly that any more."""
+        entry = self._entry(key)
+        if entry is None or not _is_ours_alone(entry.parent):
+            return None
+        try:
+            with open_regular(entry) as file:
+                if os.fstat(file.fileno()).st_size > self.largest + _DIGEST_BYTES:
+                    return None
+                content = file.read(self.largest + _DIGEST_BYTES)
+        except OSError:
+            return None
+        digest, content = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
+        return content if digest == _digest(key, content) else None
+
+    def keep(self, key: str, content: bytes) -> bool:
+        """Keep content under a key, in the place of whatever is there; False if that cannot be done."""
+        entry = self._entry(key)
+        if entry is None or len(content) > self.largest:
+            return False
+        temporary: str | None = None
+        try:
+            entry.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            _close_to_others(entry.parent)
+            if not _is_ours_alone(entry.parent):
+                return False
+            handle, temporary = tempfile.mkstemp(prefix=".", dir=entry.parent)
+            with os.fdopen(handle, "wb") as file:
+                file.write(_digest(key, content))
+                file.write(content)
+            if entry.is_dir() and not entry.is_symlink():
+                shutil.rmtree(entry)
+            os.replace(temporary, entry)
+        except OSError:
+            return False
+        finally:
+            if temporary is not None:
+                with suppress(OSError):
+                    os.unlink(temporary)
+        self._forget_oldest(entry)
+        return True
+
+    def _entry(self, key: str) -> Path | None:
+        folder = cache_folder(self.kind)
+        return None if folder is None else folder / hashlib.sha256(key.encode()).hexdigest()
+
+    def _forget_oldest(self, newest: Path) -> None:
+        found = []
+        for path in newest.parent.iterdir():
+            with suppress(OSError):  # another process forgot it
+                found.append((path.lstat().st_mtime, path))
+        for _, path in sorted(found)[: max(0, len(found) - self.most)]:
+            if path != newest:
+                with suppress(OSError):
+                    path.unlink()
 
 
 def cache_folder(kind: str) -> Path | None:
@@ -24,34 +102,25 @@ def cache_folder(kind: str) -> Path | None:
         return None
 
 
-def keep(entry: Path, write: Callable[[Path], object], *, most: int) -> bool:
-    """Have ``write`` fill a temporary file and rename it to ``entry``; False if that cannot be done.
-
-    At most ``most`` entries with the suffix of this one are kept, the most recent ones.
-    """
-    temporary: str | None = None
+def _is_ours_alone(folder: Path) -> bool:
+    """True for a folder of this user in which nobody else may write: a digest does not help against a planted entry."""
     try:
-        entry.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(prefix=entry.stem + "-", suffix=entry.suffix + ".part", dir=entry.parent)
-        os.close(handle)
-        write(Path(temporary))
-        os.replace(temporary, entry)
+        found = folder.stat()
     except OSError:
         return False
-    finally:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
-    _forget_oldest(entry, most)
-    return True
+    return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
-def _forget_oldest(entry: Path, most: int) -> None:
-    found = []
-    for path in entry.parent.glob(f"*{entry.suffix}"):
-        try:
-            found.append((path.stat().st_mtime, path))
-        except OSError:  # another process forgot it
-            continue
-    for _, path in sorted(found)[: max(0, len(found) - most)]:
-        if path != entry:
-            path.unlink(missing_ok=True)
+def _close_to_others(folder: Path) -> None:
+    """Take back a folder of this user that others may write, as a lax umask made it, without what they could plant."""
+    found = folder.stat()
+    if found.st_uid == os.getuid() and found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        folder.chmod(0o700)
+        for path in folder.iterdir():
+            path.unlink()
+
+
+def _digest(key: str, content: bytes) -> bytes:
+    digest = hashlib.sha256(f"{key}\n".encode())
+    digest.update(content)
+    return digest.hexdigest().encode()

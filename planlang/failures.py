@@ -6,18 +6,9 @@ Process modules raise low-level failures; plans handle them or raise high-level 
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Self
-
-
-class _Dropping(threading.local):
-    depth = 0
-
-
-dropping = _Dropping()
-"""``depth`` > 0: what is being freed in this thread goes with a failure that has passed through the code holding it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,13 +45,6 @@ class PlanFailure(Exception):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self)!r})"
-
-    def __del__(self, dropping: _Dropping = dropping) -> None:
-        """Nobody refers to the failure any more: neither to the calls it has ended, nor to what these were to use."""
-        if self.__traceback__ is not None:
-            dropping.depth += 1
-            self.__traceback__ = None
-            dropping.depth -= 1
 
     def describe(self) -> str:
         """The message built from the fields."""

@@ -7,89 +7,11 @@ Frames: ``map`` is right-handed with z up and the floor at z = 0. Lengths in met
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """A rigid pose: position [m] and unit quaternion (x, y, z, w)."""
-
-    position: tuple[float, float, float]
-    orientation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
-
-    @staticmethod
-    def planar(x: float, y: float, yaw: float = 0.0, z: float = 0.0) -> Pose:
-        """A pose turned about z only."""
-        return Pose((x, y, z), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
-
-    @staticmethod
-    def from_matrix(matrix: Array) -> Pose:
-        """From a homogeneous (4, 4) matrix whose rotation part is orthonormal with determinant 1."""
-        (xx, xy, xz, px), (yx, yy, yz, py), (zx, zy, zz, pz), _ = matrix.tolist()
-        a, b, c = zy - yz, xz - zx, yx - xy
-        d, e, f = xy + yx, xz + zx, yz + zy
-        squares = (xx - yy - zz + 1.0, yy - xx - zz + 1.0, zz - (xx + yy) + 1.0, xx + yy + zz + 1.0)
-        rows = ((squares[0], d, e, a), (d, squares[1], f, b), (e, f, squares[2], c), (a, b, c, squares[3]))
-        row = rows[squares.index(max(squares))]  # 4 times the quaternion's outer product has four such rows
-        largest = np.array(row)
-        norm = math.sqrt(largest.dot(largest)) if row[3] >= 0 else -math.sqrt(largest.dot(largest))
-        return Pose((float(px), float(py), float(pz)), (row[0] / norm, row[1] / norm, row[2] / norm, row[3] / norm))
-
-    def matrix(self) -> Array:
-        """The homogeneous (4, 4) matrix of the pose."""
-        x, y, z, w = self.orientation
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), self.position[0]],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), self.position[1]],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), self.position[2]],
-                [0.0, 0.0, 0.0, 1.0],
-            ]
-        )
-
-    @staticmethod
-    def matrices(poses: Iterable[Pose]) -> Array:
-        """The matrices (n, 4, 4) of poses, to the last bit those that :meth:`matrix` gives one by one."""
-        numbers = np.array([(*pose.position, *pose.orientation) for pose in poses], float).reshape(-1, 7)
-        x, y, z, w = numbers[:, 3:].T
-        found = np.zeros((len(numbers), 4, 4))
-        found[:, 0, 0], found[:, 1, 1] = 1 - 2 * (y * y + z * z), 1 - 2 * (x * x + z * z)
-        found[:, 2, 2], found[:, 3, 3] = 1 - 2 * (x * x + y * y), 1.0
-        found[:, 0, 1], found[:, 1, 0] = 2 * (x * y - z * w), 2 * (x * y + z * w)
-        found[:, 0, 2], found[:, 2, 0] = 2 * (x * z + y * w), 2 * (x * z - y * w)
-        found[:, 1, 2], found[:, 2, 1] = 2 * (y * z - x * w), 2 * (y * z + x * w)
-        found[:, :3, 3] = numbers[:, :3]
-        return found
-
-    def __matmul__(self, other: Pose) -> Pose:
-        """Compose: ``map_T_a @ a_T_b`` is ``map_T_b``."""
-        return Pose.from_matrix(self.matrix() @ other.matrix())
-
-    def inverse(self) -> Pose:
-        """The pose that undoes this one."""
-        m = self.matrix()
-        inverse = np.eye(4)
-        inverse[:3, :3] = m[:3, :3].T
-        inverse[:3, 3] = -m[:3, :3].T @ m[:3, 3]
-        return Pose.from_matrix(inverse)
-
-    @property
-    def yaw(self) -> float:
-        """Heading of the x axis about z, in (-pi, pi]."""
-        x, y, z, w = self.orientation
-        return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-    def distance(self, other: Pose) -> float:
-        """Euclidean distance of the positions [m]."""
-        return math.dist(self.position, other.position)
+from planlang.geometry import Array, Pose
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
+from planlang.geometry.box import half_extents, overlaps
 from sim.engine import bullet
-from sim.geometry import overlaps, rotation
 from sim.scene import Body, Scene
 
 FLOOR = "floor"
@@ -139,7 +139,7 @@ class Bodies:
         x, y, z = piece.part.size
         if piece.part.kind != "box":
             x = y = max(x, y)
-        reach = np.abs(rotation(pose)) @ np.array([x / 2, y / 2, z / 2])
+        reach = half_extents(pose, (x, y, z))
         self.lower[index] = np.asarray(pose.position) - reach
         self.upper[index] = np.asarray(pose.position) + reach
 

@@ -10,10 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.protocols import Array, Detection, Pose
+from planlang.geometry import Array, Pose
+from planlang.geometry.box import corners
+from planlang.geometry.matrices import moved, rotated
+from planlang.geometry.outline import area, outline_of
+from planlang.protocols import Detection
 from sim.bodies import Bodies
 from sim.engine import bullet
-from sim.geometry import area, corners, hull, rotation
 from sim.scene import CameraModel
 from sim.view import FIELD
 
@@ -75,7 +78,7 @@ class Camera:
         for index in self.bodies.of[name]:
             offset = self._outline(index) - eye
             depth = np.maximum(offset @ forward, _CLIP)
-            total += area(hull(np.column_stack([offset @ right / depth, offset @ up / depth]) * focal))
+            total += area(outline_of(np.column_stack([offset @ right / depth, offset @ up / depth]) * focal))
         return total
 
     def _outline(self, index: int) -> Array:
@@ -92,8 +95,7 @@ class Camera:
             rings = [np.add(ring, (0.0, 0.0, height)) for height in (-size[2] / 2, size[2] / 2)]
         else:
             rings = [ring, ring[:, [2, 0, 1]], ring[:, [1, 2, 0]]]
-        points: Array = np.vstack(rings) @ rotation(place).T + np.asarray(place.position)
-        return points
+        return moved(place.matrix(), np.vstack(rings))
 
     def sight(self, name: str, model: CameraModel, pose: Pose, cast: Any) -> tuple[float, dict[str, int]]:
         """Share (0..1) of a body's surface facing the camera that a straight line of sight reaches; what lines hit.
@@ -124,11 +126,10 @@ class Camera:
             piece = self.bodies.pieces[index]
             place = piece.pose
             local, normals, areas = _surface(piece.part.kind, piece.part.size)
-            turn = rotation(place).T
-            turned = local @ turn + np.asarray(place.position)
+            turned = moved(place.matrix(), local)
             towards = eye - turned
             distance = np.linalg.norm(towards, axis=1)
-            cosine = np.sum(normals @ turn * towards, axis=1) / np.maximum(distance, 1e-9)
+            cosine = np.sum(rotated(place.rotation, normals) * towards, axis=1) / np.maximum(distance, 1e-9)
             seen = cosine > 0.05
             points.append(turned[seen])
             weights.append((cosine * areas / np.maximum(distance, 1e-9) ** 2)[seen])
@@ -153,7 +154,7 @@ class Camera:
         if piece.part.outward is None or piece.body in self.bodies.removed:
             return False
         wall = piece.pose
-        normal = rotation(wall) @ np.asarray(piece.part.outward)
+        normal = rotated(wall.rotation, np.asarray(piece.part.outward))
         return float((np.asarray(eye) - np.asarray(wall.position)) @ normal) > 0.0
 
     def _picture(
@@ -181,8 +182,8 @@ class Camera:
 
 def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
     """Position, viewing direction and upward direction of the camera in the map."""
-    turn = rotation(pose)
-    return np.asarray(pose.position), turn @ np.asarray(model.forward), turn @ np.asarray(model.up)
+    turn = pose.rotation
+    return np.asarray(pose.position), rotated(turn, np.asarray(model.forward)), rotated(turn, np.asarray(model.up))
 
 
 def _framed(offset: Array, model: CameraModel, axes: tuple[Array, Array, Array]) -> NDArray[np.bool_]:

@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.protocols import Array, Contact, Pose
+from planlang.geometry import Array, Pose
+from planlang.geometry.box import overlaps
+from planlang.protocols import Contact
 from sim.bodies import Bodies
 from sim.engine import bullet
-from sim.geometry import overlaps
 from sim.robot import TOLERANCE, Robot
 
 SUPPORT_DEPTH = 0.02

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from sim.bodies import Bodies
 from sim.rays import Rays
 from sim.sinking import fall, resting
@@ -20,7 +20,7 @@ class Falling:
         """Where a body would come to rest if it were let go here, and on what (None: there is nothing below)."""
         body = self.bodies.bodies[name]
         with self.rays.without(name):
-            return resting(self.bodies.poses[name], body.size, self.rays.down, round_=body.shape == "cylinder")
+            return resting(self.bodies.poses[name], body.size, self.rays.down, cylinder=body.shape == "cylinder")
 
     def begin(self, name: str) -> None:
         """Let a body go; one with nothing below it stays in the air."""

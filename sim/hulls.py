@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 from sim.engine import bullet
 
 AROUND = 16

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 SUFFIXES = (".obj", ".stl", ".dae")
 """Formats that PyBullet reads."""
@@ -84,22 +84,3 @@ def inertia_box(mass: float, inertia: Array) -> tuple[Array, Array] | None:
     squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
     extents = np.maximum(np.sqrt(np.maximum(squares, 0.0)), THINNEST)
     return (extents, axes) if mass >= LIGHTEST * float(np.prod(extents)) else None
-
-
-def angles_of(rotation: Array) -> tuple[float, float, float]:
-    """URDF's roll, pitch and yaw of a rotation (3, 3)."""
-    pitch = float(np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0])))
-    if abs(abs(pitch) - np.pi / 2) < 1e-9:
-        return 0.0, pitch, float(np.arctan2(-rotation[0, 1], rotation[1, 1]))
-    roll = float(np.arctan2(rotation[2, 1], rotation[2, 2]))
-    return roll, pitch, float(np.arctan2(rotation[1, 0], rotation[0, 0]))
-
-
-def rotation_of(roll: float, pitch: float, yaw: float) -> Array:
-    """Rotation (3, 3) of URDF's angles: about the fixed axes x, then y, then z."""
-    cr, sr, cp, sp, cy, sy = (f(angle) for angle in (roll, pitch, yaw) for f in (np.cos, np.sin))
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
-    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-    rotation: Array = about_z @ about_y @ about_x
-    return rotation

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
+from planlang.geometry.outline import outline_of
 from sim.bodies import Bodies
 from sim.contact import Held
-from sim.geometry import hull
 from sim.robot import Robot
 
 Size = tuple[float, float, float]
@@ -78,7 +78,7 @@ def _shown(robot: Robot, left_out: frozenset[int]) -> Shape:
     numbers = [number for number in range(len(robot.solid)) if number not in left_out]
     lower, upper = (corners[:, 2].round(9).tolist() for corners in robot.boxes_of(numbers))
     radii = [round(robot.spread(number), 9) for number in numbers]
-    polygons = [hull(points[:, :2].round(9)) for points in robot.points(numbers)]
+    polygons = [outline_of(points[:, :2].round(9)) for points in robot.points(numbers)]
     return Shape(tuple(zip(lower, upper, radii, strict=True)), tuple(zip(lower, upper, polygons, strict=True)))
 
 

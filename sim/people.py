@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import moved
 from sim.bodies import Bodies
 from sim.person import TAKING_DISTANCE, TAKING_TIME, Person, Reach, arm_parts, reach_from, taking_point
 
@@ -37,9 +38,7 @@ class People:
 
     def hand(self, name: str, k: int) -> Array:
         """Position of a palm (0 right, 1 left) in the map."""
-        matrix = self.bodies.poses[name].matrix()
-        point: Array = matrix[:3, :3] @ self.persons[name].hands[k] + matrix[:3, 3]
-        return point
+        return moved(self.bodies.poses[name].matrix(), self.persons[name].hands[k])
 
     def holder(self, name: str) -> str | None:
         """The person who has taken a body."""
@@ -72,20 +71,20 @@ class People:
     def _step(self, name: str, person: Person, held: Mapping[str, Pose]) -> None:
         target = self._offer(name, person, held)
         person.reaching = target
-        moved = [False, False]
+        stirred = [False, False]
         if target is None:
             person.close = 0
             for k in (0, 1):
                 if person.free(k):
-                    moved[k] = person.move_hand(k, person.figure.hands[k], self.rate)
+                    stirred[k] = person.move_hand(k, person.figure.hands[k], self.rate)
         else:
             k, thing = target
             size = self.bodies.bodies[thing].size
             goal = taking_point(held[thing], size, self.reach(name).shoulders[k])
             inverse = self.bodies.poses[name].inverse().matrix()
-            moved[k] = person.move_hand(k, inverse[:3, :3] @ goal + inverse[:3, 3], self.rate)
-        if any(moved):
-            self.place_arms(name, [k for k in (0, 1) if moved[k]])
+            stirred[k] = person.move_hand(k, moved(inverse, goal), self.rate)
+        if any(stirred):
+            self.place_arms(name, [k for k in (0, 1) if stirred[k]])
         if target is not None:
             self._take(name, person, target, held)
 

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
+from planlang.geometry.box import half_extents
+from planlang.geometry.matrices import moved, rotated
+from planlang.geometry.pose import facing
 from sim.bodies import Part
-from sim.geometry import facing, rotation
 from sim.scene import Body
 
 HAND_SPEED = 0.4
@@ -121,14 +123,14 @@ def _figure(pelvis: Array, up: Array, scale: float, turn: Pose, legs: list[Part]
     torso = _posed(pelvis + up * 0.29 * scale, front, up, (0.2, 0.34, 0.52), scale, _CLOTHES)
     head = Part("sphere", (0.2 * scale,) * 3, turn @ Pose(_triple(pelvis + up * 0.68 * scale)), _SKIN)
     parts = [Part(p.kind, p.size, turn @ p.offset, p.color) for p in [*legs, torso]]
-    spin = rotation(turn)
+    spin = turn.rotation
     side = np.array([0.0, 0.21 * scale, 0.0])
     shoulder = pelvis + up * 0.48 * scale
     rest = rest * scale
     return Figure(
         (*parts, head),
-        (spin @ (shoulder - side), spin @ (shoulder + side)),
-        (spin @ (pelvis + rest * [1, -1, 1]), spin @ (pelvis + rest)),
+        (rotated(spin, shoulder - side), rotated(spin, shoulder + side)),
+        (rotated(spin, pelvis + rest * [1, -1, 1]), rotated(spin, pelvis + rest)),
         scale,
         turn,
     )
@@ -155,8 +157,8 @@ def reach_of(body: Body, pose: Pose | None = None) -> Reach:
 def reach_from(figure: Figure, pose: Pose) -> Reach:
     """As :func:`reach_of`, for a figure at hand."""
     matrix = pose.matrix()
-    shoulders = [matrix[:3, :3] @ shoulder + matrix[:3, 3] for shoulder in figure.shoulders]
-    ahead = matrix[:3, :3] @ rotation(figure.turn)[:, 0]
+    shoulders = [moved(matrix, shoulder) for shoulder in figure.shoulders]
+    ahead = rotated(matrix[:3, :3], figure.turn.rotation[:, 0])
     ahead[2] = 0.0
     ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
     return Reach((_triple(shoulders[0]), _triple(shoulders[1])), figure.arm_length, _triple(ahead))
@@ -180,7 +182,7 @@ def arm_parts(figure: Figure, k: int, hand: Array) -> list[Part]:
     ahead = offset / max(float(np.linalg.norm(offset)), 1e-9)
     along = (upper**2 - fore**2 + distance**2) / (2 * distance)
     along = min(max(along, -upper), upper)
-    outwards = rotation(figure.turn) @ np.array([-0.3, -0.5 if k == 0 else 0.5, -1.0])
+    outwards = rotated(figure.turn.rotation, np.array([-0.3, -0.5 if k == 0 else 0.5, -1.0]))
     aside = outwards - ahead * float(outwards @ ahead)
     aside /= max(float(np.linalg.norm(aside)), 1e-9)
     elbow = shoulder + ahead * along + aside * math.sqrt(max(upper**2 - along**2, 0.0))
@@ -246,8 +248,8 @@ def taking_point(pose: Pose, size: Sequence[float], shoulder: Sequence[float]) -
     aside[2] = 0.0
     aside /= max(float(np.linalg.norm(aside)), 1e-9)
     half = np.asarray(size, dtype=float) / 2
-    local = rotation(pose).T @ aside
+    local = rotated(pose.rotation.T, aside)
     width = min(float(half[i] / abs(local[i])) for i in range(3) if abs(local[i]) > 1e-6)
-    height = float((np.abs(rotation(pose)) @ half)[2])
+    height = float(half_extents(pose, size)[2])
     point: Array = center + aside * (width + 0.03) + np.array([0.0, 0.0, height * 0.4])
     return point

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from planlang.protocols import Array, Pose
-from sim.geometry import inside, rotation
+from planlang.geometry import Array, Pose
+from planlang.geometry.box import half_extents
+from planlang.geometry.matrices import rotated
+from planlang.geometry.outline import footprint, inside
 from sim.scene import Body, Scene
-from sim.sinking import footprint
 
 OBJECT_DISTANCE = 0.3
 """How far a graspable object may stand from where the map says [m]."""
@@ -59,7 +60,7 @@ def _support(body: Body, bodies: Sequence[Body]) -> str | None:
         if other is body or other.shape in ("room", "marker", "person"):
             continue
         top = other.pose.position[2] + _half_height(other.pose, other)
-        outline = footprint(other.pose, other.size, round_=other.shape == "cylinder")
+        outline = footprint(other.pose, other.size, cylinder=other.shape == "cylinder")
         if not inside(outline, body.pose.position):
             continue
         if abs(top - bottom) <= _SUPPORTED or abs(other.pose.position[2] - body.pose.position[2]) < top / 2 > bottom:
@@ -68,7 +69,7 @@ def _support(body: Body, bodies: Sequence[Body]) -> str | None:
 
 
 def _half_height(pose: Pose, body: Body) -> float:
-    return float((np.abs(rotation(pose)) @ np.asarray(body.size))[2]) / 2
+    return float(half_extents(pose, body.size)[2])
 
 
 def _drawn(generator: np.random.Generator, distance: float, turn: float) -> tuple[float, float, float]:
@@ -122,10 +123,10 @@ def _move_object(
 ) -> None:
     if support is None:
         return
-    surface = footprint(poses[support], bodies[support].size, round_=bodies[support].shape == "cylinder")
+    surface = footprint(poses[support], bodies[support].size, cylinder=bodies[support].shape == "cylinder")
     for _ in range(_TRIES):
         pose = _shifted(poses[body.name], _drawn(generator, OBJECT_DISTANCE, math.pi), poses[body.name])
-        outline = footprint(pose, body.size, round_=body.shape == "cylinder")
+        outline = footprint(pose, body.size, cylinder=body.shape == "cylinder")
         if all(inside(surface, point, _RIM) for point in outline) and _free(
             body, pose, bodies, poses, (body.name, support)
         ):
@@ -167,13 +168,13 @@ def _free(body: Body, pose: Pose, bodies: Mapping[str, Body], poses: Mapping[str
 
 def _overlap(a: Body, a_pose: Pose, b: Body, b_pose: Pose) -> bool:
     if b.shape == "room":
-        local = (footprint(a_pose, a.size) - np.asarray(b_pose.position[:2])) @ rotation(b_pose)[:2, :2]
+        local = rotated(b_pose.rotation[:2, :2].T, footprint(a_pose, a.size) - np.asarray(b_pose.position[:2]))
         return bool((np.abs(local) > np.asarray(b.size[:2]) / 2 - _CLEARANCE).any())
     heights = _half_height(a_pose, a) + _half_height(b_pose, b)
     if abs(a_pose.position[2] - b_pose.position[2]) >= heights - 0.02:  # standing on each other, or far apart
         return False
-    first = footprint(a_pose, a.size, round_=a.shape == "cylinder")
-    second = footprint(b_pose, b.size, round_=b.shape == "cylinder")
+    first = footprint(a_pose, a.size, cylinder=a.shape == "cylinder")
+    second = footprint(b_pose, b.size, cylinder=b.shape == "cylinder")
     return not _separated(first, second) and not _separated(second, first)
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planlang.protocols import Array, Configuration, Contact, Motion, Trajectory
+from planlang.geometry import Array
+from planlang.protocols import Configuration, Contact, Motion, Trajectory
 from sim.contact import Query
 from sim.robot import Robot
 

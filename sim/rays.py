@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planlang.protocols import Array
+from planlang.geometry import Array
 from sim.bodies import Bodies
 from sim.engine import bullet
 from sim.robot import Robot

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.diagnostics import BadInput, Span, error
-from planlang.protocols import Array, Configuration, Pose
+from planlang.geometry import Array, Pose
+from planlang.geometry.box import corners
+from planlang.geometry.matrices import moved, product, rotated, rotations
+from planlang.protocols import Configuration
 from sim.engine import bullet, quiet
-from sim.geometry import corners, rotation, rotations
 from sim.hulls import Hulled, hulls_of
 from sim.scene import RobotBody
 from sim.self_contact import TOLERANCE as TOLERANCE
@@ -229,7 +231,7 @@ class Robot:
         around = [bullet.getAABB(self.uid, index, physicsClientId=self.client) for index in self.solid]
         corners = np.array(around, dtype=float).reshape(-1, 2, 3)
         self._axes = np.swapaxes(axes, 1, 2)
-        self._center = np.einsum("nij,nj->ni", self._axes, corners.mean(axis=1) - frames[:, :3])
+        self._center = rotated(self._axes, corners.mean(axis=1) - frames[:, :3])
         self._half = (corners[:, 1] - corners[:, 0]) / 2
 
     def boxes(self) -> tuple[Array, Array]:
@@ -247,9 +249,13 @@ class Robot:
             last.stale.clear()
         if last.base == self.base:
             return self._corners(last.center, last.spans, slice(None))
-        turn = rotation(Pose.planar(0.0, 0.0, self.base[2] - last.base[2]))
+        turn = Pose.planar(0.0, 0.0, self.base[2] - last.base[2]).rotation
         (x, y, _), (to_x, to_y, _) = last.base, self.base
-        return self._corners((last.center - (x, y, 0.0)) @ turn.T + (to_x, to_y, 0.0), turn @ last.spans, slice(None))
+        return self._corners(
+            rotated(turn, last.center - (x, y, 0.0)) + np.array([to_x, to_y, 0.0]),
+            product(turn, last.spans),
+            slice(None),
+        )
 
     def boxes_of(self, numbers: Sequence[int]) -> tuple[Array, Array]:
         """The same for links of some numbers in ascending order, to the last bit whatever was shown before."""
@@ -258,10 +264,10 @@ class Robot:
     def _spans(self, frames: Array, numbers: Numbers) -> tuple[Array, Array]:
         """Centres (m, 3) of boxes around links of some numbers, and their axes (m, 3, 3), at frames (m, 7)."""
         axes = rotations(frames[:, 3:])
-        return frames[:, :3] + np.einsum("nij,nj->ni", axes, self._center[numbers]), axes @ self._axes[numbers]
+        return frames[:, :3] + rotated(axes, self._center[numbers]), product(axes, self._axes[numbers])
 
     def _corners(self, center: Array, spans: Array, numbers: Numbers) -> tuple[Array, Array]:
-        half = np.einsum("nij,nj->ni", np.abs(spans), self._half[numbers])
+        half = rotated(np.abs(spans), self._half[numbers])
         return center - half, center + half
 
     def boxes_along(self, numbers: Sequence[int], steps: Iterable[Mapping[str, float]]) -> tuple[Array, Array]:
@@ -329,7 +335,7 @@ class Robot:
             if points is None:
                 return float(np.hypot(*self.points([number])[0].T[:2]).max()) + MESH_MARGIN
             centre = place @ Pose(shape[5], shape[6])
-            there = points @ rotation(centre).T + np.asarray(centre.position)
+            there = rotated(centre.rotation, points) + np.asarray(centre.position)
             away = max(away, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
         return away
 
@@ -386,7 +392,7 @@ class Robot:
         """Points (n, 3) in the map that span what solid links surely fill; round shapes have points all around."""
         frames = self.frames()[list(numbers)]
         turns = rotations(frames[:, 3:])
-        return [self._spanning(k) @ turn.T + at[:3] for k, turn, at in zip(numbers, turns, frames, strict=True)]
+        return [rotated(turn, self._spanning(k)) + at[:3] for k, turn, at in zip(numbers, turns, frames, strict=True)]
 
     def _spanning(self, number: int) -> Array:
         """The points of one link in its own frame."""
@@ -394,8 +400,7 @@ class Robot:
             found = []
             for one in self.hulls(number):
                 own = one.points if not one.radius else one.points + one.radius * _BALL
-                matrix = one.pose.matrix()
-                found.append(own @ matrix[:3, :3].T + matrix[:3, 3])
+                found.append(moved(one.pose.matrix(), own))
             self._points[number] = np.concatenate(found).round(9)  # whatever posture they were read in
         return self._points[number]
 
@@ -408,7 +413,7 @@ class Robot:
         lower, upper = self.boxes_of(sorted(self.hand_of(link)))
         points = np.array([np.where(side, lower, upper) for side in np.ndindex(2, 2, 2)]).reshape(-1, 3)
         pose = self.link_pose(link)
-        away = (points - np.asarray(pose.position)) @ rotation(pose)
+        away = rotated(pose.rotation.T, points - np.asarray(pose.position))
         across = away - np.outer(away @ np.asarray(axis), axis)
         return float(np.linalg.norm(across, axis=1).max())
 

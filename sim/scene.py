@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 
 SHAPES = ("box", "cylinder", "person", "marker", "room")
 

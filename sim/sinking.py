@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from planlang.protocols import Array, Pose
-from sim.geometry import corners, hull, inside, rotation
+from planlang.geometry import Array, Pose
+from planlang.geometry.box import half_extents
+from planlang.geometry.outline import footprint, inside, outline_of
 
 GRAVITY = 9.81
 """[m/s^2]"""
@@ -23,7 +24,7 @@ Rays = Callable[[Array, Array], tuple[Sequence[str | None], Array]]
 
 def upright(pose: Pose) -> Pose:
     """The pose turned so that its axis nearest to the vertical is vertical."""
-    axes = rotation(pose)
+    axes = pose.rotation
     k = int(np.argmax(np.abs(axes[2])))
     axis, goal = axes[:, k], np.array([0.0, 0.0, math.copysign(1.0, axes[2, k])])
     cross = np.cross(axis, goal)
@@ -37,26 +38,16 @@ def upright(pose: Pose) -> Pose:
     return Pose(pose.position, turned.orientation)
 
 
-def footprint(pose: Pose, size: Sequence[float], *, round_: bool = False) -> Array:
-    """(n, 2) convex outline of a body seen from above; a standing cylinder (``round_``) gives 16 points of a circle."""
-    if round_ and abs(rotation(pose)[2, 2]) > 0.99:
-        angles = np.arange(16) * (2 * np.pi / 16)
-        radius = max(size[0], size[1]) / 2
-        circle = np.stack([np.cos(angles), np.sin(angles)], axis=1) * radius
-        return hull(circle + np.asarray(pose.position[:2]))
-    return hull(corners(pose, size)[:, :2])
-
-
-def resting(pose: Pose, size: Sequence[float], rays: Rays, *, round_: bool = False) -> tuple[Pose, str | None]:
+def resting(pose: Pose, size: Sequence[float], rays: Rays, *, cylinder: bool = False) -> tuple[Pose, str | None]:
     """Where the body comes to rest below ``pose`` and on what (None: there is nothing below).
 
     A surface bears the body when its centre lies in the hull of the points of the footprint that are on the surface.
     One that does not is left behind: the body slips off, away from that surface's points, just far enough.
     """
     pose = upright(pose)
-    half = float((np.abs(rotation(pose)) @ np.asarray(size, dtype=float))[2]) / 2
+    half = float(half_extents(pose, size)[2])
     for _ in range(50):
-        outline = footprint(pose, size, round_=round_)
+        outline = footprint(pose, size, cylinder=cylinder)
         center = np.asarray(pose.position[:2])
         points = np.vstack([center] + [center + (outline - center) * share for share in (0.33, 0.66, 0.98)])
         top = np.column_stack([points, np.full(len(points), pose.position[2] - half + _UP)])
@@ -66,7 +57,7 @@ def resting(pose: Pose, size: Sequence[float], rays: Rays, *, round_: bool = Fal
             return pose, None
         level = float(heights[hits].max())
         bearing = points[hits & (heights > level - _LEVEL)]
-        if inside(hull(bearing), center):
+        if inside(outline_of(bearing), center):
             best = int(np.argmax(np.where(hits, heights, -np.inf)))
             return Pose((pose.position[0], pose.position[1], level + half), pose.orientation), names[best]
         away = center - bearing.mean(axis=0)

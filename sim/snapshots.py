@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from planlang.protocols import Configuration, Pose, Trajectory
+from planlang.geometry import Pose
+from planlang.protocols import Configuration, Trajectory
 from sim.bodies import Bodies
 from sim.contact import Held
 from sim.falling import Falling

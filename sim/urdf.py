@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.protocols import Array
-from sim.meshes import THINNEST, angles_of, find_mesh, inertia_box, rotation_of
+from planlang.geometry import Array
+from planlang.geometry.matrices import angles_of, product, rotation_of
+from sim.meshes import THINNEST, find_mesh, inertia_box
 from sim.urdf_checks import check, extents_of, numbers
 from sim.xml_tree import BadXml, Element, read_content, tree_of
 
@@ -170,7 +171,7 @@ def _box_of(link: ElementTree.Element) -> list[ElementTree.Element]:
     extents, axes = box
     position, turned = _origin(inertial.find("origin"))
     collision = ElementTree.Element("collision")
-    ElementTree.SubElement(collision, "origin", xyz=_text(position), rpy=_text(angles_of(turned @ axes)))
+    ElementTree.SubElement(collision, "origin", xyz=_text(position), rpy=_text(angles_of(product(turned, axes))))
     ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), "box", size=_text(extents))
     return [collision]
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from planlang.protocols import Pose
+from planlang.geometry import Pose
+from planlang.geometry.box import corners
 from sim.bodies import FLOOR, Bodies
-from sim.geometry import corners
 
 FIELD = math.radians(45)
 """Vertical opening angle of pictures [rad]."""

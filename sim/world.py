@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from planlang.protocols import Array, Configuration, Contact, Detection, Motion, Pose, Trajectory
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import rotations
+from planlang.protocols import Configuration, Contact, Detection, Motion, Trajectory
 from sim import picture, snapshots
 from sim.bodies import Bodies, Part
 from sim.camera import Camera, Picture
 from sim.contact import PARTED, Contacts, Held, Ignored, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
-from sim.geometry import rotations
 from sim.outline import Band, Outline, Shape, Solid, held_bands, shape_of, solids
 from sim.people import People
 from sim.person import Reach, parts_of

@@ -6,6 +6,8 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from xml.parsers import expat
 
+from planlang.files import open_regular
+
 LARGEST = 16_000_000
 """Bytes; robot descriptions have up to 0.3 MB."""
 DEEPEST = 100
@@ -39,12 +41,12 @@ def tree_of(content: bytes) -> Element:
 
 
 def read_content(path: Path) -> bytes:
-    """What stands in a file that can be looked at; raises :class:`BadXml`."""
+    """Return the content of a regular file. Raises BadXml."""
     try:
-        if not path.is_file():
-            raise BadXml("there is no such file" if not path.exists() else "this is not a file")
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             content = file.read(LARGEST + 1)
+    except FileNotFoundError:
+        raise BadXml("there is no such file") from None
     except OSError as problem:
         raise BadXml(f"it cannot be read: {problem.strerror}") from None
     if len(content) > LARGEST:

@@ -10,9 +10,10 @@ from typing import Any
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object, local_name
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
+from planlang.geometry import Pose
 from planlang.kernel.exact import dump, load
 from planlang.ontology import expand
-from planlang.protocols import Configuration, Detection, Pose
+from planlang.protocols import Configuration, Detection
 from sim import PyBulletWorld
 
 MOVED = 0.002

@@ -21,8 +21,10 @@ from executive.motion.link_shapes import links_of
 from executive.motion.solids import Solids
 from executive.robots import Robot
 from planlang.designators import Device, Object
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import moved, rotated
 from planlang.ontology import expand
-from planlang.protocols import Array, Configuration, Contact, Pose
+from planlang.protocols import Configuration, Contact
 from sim import PyBulletWorld
 from sim.bodies import FLOOR
 
@@ -175,7 +177,7 @@ class BelievedSurroundings:
         """What tells without PyBullet how an arm may move here; ``touches`` as in :meth:`contacts`."""
         bodies = self._bodies_of(arm, opened=False)
         base = self.world.link_pose(self.robot.base_link).matrix()
-        middle = base[:3, :3] @ bodies.centre + base[:3, 3]
+        middle = moved(base, bodies.centre)
         return bodies.against(base, self._room().near(middle, bodies.reach), (arm.hand_links, touches))
 
     def arm_check(
@@ -470,8 +472,8 @@ class BelievedSurroundings:
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         centre = self.block(name).centre
-        neck, beyond, camera = self.gaze.at(turn.T @ (centre - np.array([x, y, 0.0])))
-        away = float(np.linalg.norm(centre - (turn @ camera + np.array([x, y, 0.0]))))
+        neck, beyond, camera = self.gaze.at(rotated(turn.T, centre - np.array([x, y, 0.0])))
+        away = float(np.linalg.norm(centre - (rotated(turn, camera) + np.array([x, y, 0.0]))))
         if beyond > self.robot.camera.half_angle or not self.robot.camera.near <= away <= self.robot.camera.far:
             return ""
         joints = {**self.world.configuration().joints, **dict(zip(self.gaze.joints, map(float, neck), strict=True))}

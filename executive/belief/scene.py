@@ -9,10 +9,10 @@ import numpy as np
 from executive.belief.semantic_map import MapObject, SemanticMap
 from executive.belief.support import PENETRATION, footprint, holds, support_of
 from planlang.diagnostics import Diagnostic, note, warning
+from planlang.geometry import Pose
+from planlang.geometry.box import corners
 from planlang.ontology import expand, shorten
-from planlang.protocols import Pose
 from sim import Body, Scene
-from sim.geometry import corners
 from sim.scene import GRASPABLE_WIDTH
 
 ROUND = ("DrinkingVessel", "Bottle", "Vase", "Can", "Jar-Container", "DrinkingCan", "CookingVessel")

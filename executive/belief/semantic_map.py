@@ -13,8 +13,9 @@ from executive.belief.sizes import EXTENTS, TRIPLES, Size, read_size
 from executive.belief.transforms import read_transform
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import product
 from planlang.ontology import Literal, Ontology, expand
-from planlang.protocols import Array, Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +187,7 @@ class _Poses:
         matrix = read_transform(self.ontology, place, self.found)
         for parent in _individuals(self.ontology, place, "relativeTo"):
             frame = self._frame(parent, place)
-            matrix = None if frame is None or matrix is None else frame @ matrix
+            matrix = None if frame is None or matrix is None else product(frame, matrix)
         self.open.pop()
         self.known[place] = matrix
         return matrix

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.support import footprint
-from planlang.protocols import Array
+from planlang.geometry import Array
+from planlang.geometry.box import corners
 from sim import Scene
-from sim.geometry import corners
 
 GRIDS = ((10.0, 0.05), (50.0, 0.25), (1000.0, 5.0))
 """How far from the centre places are looked for, and how far apart they are [m]; coarser only when there is none."""

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
+from planlang.geometry.box import corners
+from planlang.geometry.outline import inside, outline_of
 from sim import Body, Scene
-from sim.geometry import corners, hull, inside
 
 PENETRATION = 0.02
 """How far a thing may sink into what it stands on [m]."""
@@ -22,7 +23,7 @@ FLOOR = "floor"
 
 def footprint(body: Body, pose: Pose | None = None) -> Array:
     """Convex outline of the body seen from above, counter-clockwise, (n, 2) [m]."""
-    return hull(corners(pose or body.pose, body.size)[:, :2])
+    return outline_of(corners(pose or body.pose, body.size)[:, :2])
 
 
 def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None) -> str | None:

@@ -7,8 +7,9 @@ import numpy as np
 from executive.belief.numbers import length, lengths, stated
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, note, warning
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import product
 from planlang.ontology import Ontology
-from planlang.protocols import Array, Pose
 
 TOLERANCE = 1e-3
 """Entries of a rotation may differ by this from an orthonormal matrix before that is worth a note."""
@@ -85,9 +86,9 @@ def rigid(rotation: Array, name: str, span: Span | None, found: list[Diagnostic]
     if scale[2] < 0.05 * max(float(scale[0]), 1e-9):
         found.append(warning("M004", f"the matrix {name} has no three directions; taken as not turned", span))
         return np.eye(3)
-    if np.abs(rotation.T @ rotation - np.eye(3)).max() > TOLERANCE:
+    if np.abs(product(rotation.T, rotation) - np.eye(3)).max() > TOLERANCE:
         found.append(note("M001", f"the matrix {name} is not orthonormal; the nearest rotation is used", span))
-    orthonormal: Array = left @ right
+    orthonormal = product(left, right)
     if np.linalg.det(orthonormal) < 0:
         found.append(note("M001", f"the matrix {name} is a reflection; its y axis is turned around", span))
         orthonormal[:, 1] *= -1.0

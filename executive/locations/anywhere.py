@@ -17,7 +17,7 @@ from executive.locations.areas import FACING, HAIR, Facing
 from executive.locations.field import CELL, Floor
 from executive.locations.relations import BaseDemand, block_of
 from executive.locations.surroundings import Surroundings
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 MOST_CELLS = 4096
 """Cells that are looked at in one go."""

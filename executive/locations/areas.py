@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.block import Block
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 SIDES: Mapping[str, tuple[float, ...]] = {
     "in_front_of": (0.0,),

@@ -14,7 +14,7 @@ import numpy as np
 from executive.locations.candidates import Candidates
 from executive.locations.field import CELL, HAIR, Floor
 from executive.locations.reachability import YAWS
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 FINER = 2
 """Places on the side of a cell, and headings for each of a map: what is moved by less than the distance of a map's

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 
 class Blind:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from executive.locations.field import Field
 from executive.locations.inverse_map import SQUARE_BITS, InverseMaps, Rows
 from executive.locations.surroundings import ArmModel
 from executive.locations.ways import CLASSES, Ways
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 TIE = 1e-9
 """Of places whose scores differ by less than this the one of the better row comes first."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from executive.locations.block import Block
 from executive.locations.surroundings import Door
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from executive.motion import Boxes, clearance_at
 from executive.motion.clearance import Band, clearances_at
 from executive.motion.footprint import TOUCHING, Outline, cores, stands_in_none
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 CELL = 0.05
 """Side of a cell of the grid [m]."""

@@ -13,7 +13,7 @@ from executive.locations.doors import Clear
 from executive.locations.field import CELL
 from executive.locations.relations import BaseDemand, block_of
 from executive.locations.surroundings import Surroundings
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 TURNS = (0.0, 0.5, -0.5)
 """Headings relative to facing what a place is about [rad]."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from executive.locations.resting import thing_holds
 from executive.locations.surroundings import ArmModel, Surroundings
 from executive.locations.ways import APPROACH, CLASSES, LIFTS, classified
 from planlang.designators import Location
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 AT_CENTRE = 0.01
 """How far from the centre a grip point may be [m]."""

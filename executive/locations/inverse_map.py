@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.locations.reachability_sampling import exact_places, is_bound
 from executive.locations.surroundings import ArmModel, Surroundings
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 SPREAD = 0.1
 """Of places of one way in a square of this side the best comes first [m]."""

@@ -29,7 +29,8 @@ from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.motion import QuickCheck
 from planlang.designators import Location
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Array, Solution
+from planlang.geometry import Array
+from planlang.protocols import Solution
 
 PLACES = 6
 """Decimals of places [m, rad]: so few that two machines tell the same, so many that nothing depends on the origin."""

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from executive.locations.block import Block
 from executive.motion import Gaze
 from executive.motion.solids import Solids
-from planlang.protocols import Array, Configuration
+from planlang.geometry import Array
+from planlang.protocols import Configuration
 from sim import PyBulletWorld
 
 CELL = 0.01

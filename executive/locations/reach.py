@@ -18,7 +18,7 @@ from executive.locations.solving import base_matrices, solve
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.locations.ways import CLASSES, HandPlan, Ways
 from executive.motion import QuickCheck, cartesian_path
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 CHUNK = 48
 """Ways whose inverse kinematics is solved in one call."""

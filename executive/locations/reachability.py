@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from executive.locations.hand import HandFrame
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 CELL = 0.05
 """Side of a cell of the lattice [m]."""

@@ -33,8 +33,8 @@ from executive.locations.reachability import (
 from executive.locations.reachability_sampling import cells_of, is_bound, sampled
 from executive.locations.surroundings import ArmModel
 from executive.motion import Chain, InverseKinematics
-from planlang.cache import cache_folder, keep
-from planlang.protocols import Array
+from planlang.cache import Cache
+from planlang.geometry import Array
 
 VERSION = 2
 """Raised whenever maps come out otherwise for the same arm."""
@@ -52,8 +52,7 @@ SPARE = 0.125
 """Distance to the nearest joint limit, as a share of the joint's range, that counts as full."""
 CHUNK = 5_000
 """Configurations that are scored at once."""
-MOST_ENTRIES = 60
-"""Maps that are kept."""
+_CACHE = Cache("reachability", most=60)
 
 Progress = Callable[[int, int, str], None]
 """Told what is done, of how many, and what it was."""
@@ -153,29 +152,15 @@ def _entry_name(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> str:
 
 
 def _fetch(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> ReachabilityMap | None:
-    folder = cache_folder("reachability")
-    if folder is None:
+    content = _CACHE.load(_entry_name(arm, lift, grasp))
+    row = row_type(_width(arm, lift))
+    if content is None or len(content) % row.itemsize:
         return None
-    entry = folder / f"{_entry_name(arm, lift, grasp)}.npy"
-    try:
-        rows = np.load(entry, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError):
-        return None
-    if rows.ndim != 1 or rows.dtype != row_type(_width(arm, lift)):
-        return None
-    return _map(arm, lift, grasp, rows)
+    return _map(arm, lift, grasp, np.frombuffer(content, row))
 
 
 def _kept(arm: ArmModel, lift: Lift | None, grasp: GraspClass, rows: Rows) -> ReachabilityMap:
-    folder = cache_folder("reachability")
-    if folder is not None:
-        entry = folder / f"{_entry_name(arm, lift, grasp)}.npy"
-
-        def write(path: os.PathLike[str]) -> None:
-            with open(path, "wb") as file:
-                np.lib.format.write_array(file, rows, allow_pickle=False)
-
-        keep(entry, write, most=MOST_ENTRIES)
+    _CACHE.keep(_entry_name(arm, lift, grasp), rows.tobytes())
     return _map(arm, lift, grasp, rows)
 
 

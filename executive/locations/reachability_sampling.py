@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from executive.locations.hand import HandFrame
 from executive.locations.reachability import CELL, YAWS, GraspClass
 from executive.motion import Chain
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 POSTURES = 60_000
 """Random postures of each roll."""

@@ -27,7 +27,8 @@ from executive.locations.solving import OFF_LATTICE, ON_LATTICE, arms_have_room,
 from executive.locations.surroundings import ArmModel, Base
 from executive.locations.ways import CLASSES, Ways
 from executive.motion import QuickCheck
-from planlang.protocols import Array, Solution
+from planlang.geometry import Array
+from planlang.protocols import Solution
 
 ALIKE = 0.06
 """A candidate this near to one that failed exactly, with the hand from the same side, is judged last [m]."""

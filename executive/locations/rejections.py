@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 from executive.locations.surroundings import Base
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Array, Contact
+from planlang.geometry import Array
+from planlang.protocols import Contact
 
 MOST_PLACES = 5000
 """Places that are remembered, for a picture."""

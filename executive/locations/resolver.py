@@ -29,7 +29,8 @@ from executive.locations.standing import standing_places
 from executive.locations.surroundings import ArmModel, Base, Surroundings
 from planlang.designators import Device, Location, Object
 from planlang.failures import DesignatorFailure, MissingCapability
-from planlang.protocols import Array, Pose, Solution
+from planlang.geometry import Array, Pose
+from planlang.protocols import Solution
 
 APART = 0.05
 """Solutions are farther apart than this [m]; to four decimals, as maps have places just so far apart."""

@@ -13,7 +13,7 @@ from executive.locations.rejections import Rejections
 from executive.locations.relations import ThingDemand, block_of
 from executive.locations.surroundings import Surroundings
 from executive.motion import clearance_at
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 SPACING = 0.04
 """Distance of neighbouring places on a surface [m]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from executive.locations.block import Block
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 BEST, WIDTH = 1.2, 0.8
 """Distance from which things are seen best, and over which that fades [m]."""

@@ -12,7 +12,7 @@ from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Rea
 from executive.locations.surroundings import ArmModel
 from executive.locations.ways import Ways
 from executive.motion import QuickCheck
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 FARTHEST = 1.2
 """Largest move of a joint between neighbouring poses of a way [rad, m]."""

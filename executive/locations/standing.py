@@ -17,7 +17,8 @@ from executive.locations.reaching import TRAVEL
 from executive.locations.rejections import Rejections
 from executive.locations.relations import BaseDemand, block_of
 from executive.locations.sight import sight_score
-from planlang.protocols import Array, Solution
+from planlang.geometry import Array
+from planlang.protocols import Solution
 
 AT_ONCE = 60
 """Places that are looked at before, and between, judging what is surely not seen."""

@@ -16,7 +16,8 @@ from executive.locations.reachability import GraspClass, Lift, ReachabilityMap
 from executive.motion import Boxes, InverseKinematics, QuickCheck
 from executive.motion.solids import Solids
 from planlang.designators import Device, Object
-from planlang.protocols import Array, Contact, Pose
+from planlang.geometry import Array, Pose
+from planlang.protocols import Contact
 
 Base = tuple[float, float, float]
 """Base pose (x [m], y [m], yaw [rad]) in the map."""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from executive.locations.block import Block
 from executive.locations.hand import ComfortZone, HandFrame, Held
 from executive.locations.reachability import GraspClass
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 APPROACH = 0.08
 """How far back along the approach direction the pre-grasp is [m] (rules of `in_front_of`)."""

@@ -20,7 +20,8 @@ from planlang.failures import (
     ManipulationPoseUnreachable,
     PerceptionFailure,
 )
-from planlang.protocols import Array, Trajectory
+from planlang.geometry import Array
+from planlang.protocols import Trajectory
 
 MOST_WAYS = 6
 """Hand poses for one location that a path is looked for before giving up."""

@@ -16,7 +16,7 @@ from planlang.failures import (
     ObjectNotFound,
     PerceptionFailure,
 )
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 MOST_GAZES = 6
 """Directions that are looked into before an object counts as not found."""

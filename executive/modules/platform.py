@@ -31,7 +31,8 @@ from executive.robots import Gripper, Robot
 from planlang import Fluent, checkpoint, wait_for
 from planlang.designators import Location, Object
 from planlang.failures import ActionUnresolvable, LookingGoalUnreachable, ObjectUnresolvable
-from planlang.protocols import Array, Motion, Pose, Trajectory, World
+from planlang.geometry import Array, Pose, matrices
+from planlang.protocols import Motion, Trajectory, World
 
 STEPS = (1.0, 0.5, 0.25)
 """A path whose every sample is not free is planned anew with checks this much closer to each other."""
@@ -149,7 +150,7 @@ class Platform:
             return not self.around.contacts(base, arm, row, touches, among=quick.doubtful(row))
 
         chain = arm.solver.chain
-        beginning, end = chain.fk(start)[0], np.linalg.inv(Pose.planar(*base).matrix()) @ pose
+        beginning, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
         line = cartesian_path(arm.solver, start, beginning, end, is_free)
         if line.waypoints is None:
             raise MotionError(line.reason)
@@ -295,8 +296,7 @@ class Platform:
         if self.around.gaze is None or camera is None:
             await checkpoint()
             return
-        inverse = np.linalg.inv(Pose.planar(*self.base()).matrix())
-        neck, beyond, _ = self.around.gaze.at((inverse @ np.append(point, 1.0))[:3])
+        neck, beyond, _ = self.around.gaze.at(matrices.moved(Pose.planar(*self.base()).inverse().matrix(), point))
         if beyond > camera.half_angle:
             raise LookingGoalUnreachable(what=name)
         if not self.around.gaze.joints:

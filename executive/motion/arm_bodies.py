@@ -20,7 +20,8 @@ from executive.motion.facets import Facets, sizes_of
 from executive.motion.kinematics import Chain
 from executive.motion.link_shapes import Shaped, thing_in
 from executive.motion.solids import Solids
-from planlang.protocols import Array, Configuration, Pose
+from planlang.geometry import Array, Pose
+from planlang.protocols import Configuration
 from sim import PyBulletWorld, Solid
 from sim.contact import SUPPORT_DEPTH
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from executive.motion.collision import bisection
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from executive.motion.joint_space import JointSpace
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 Touching = Callable[[Array], Sequence[tuple[str, str]]]
 """The exact check: which two bodies touch each other, wrongly, at a configuration (d,); slow."""

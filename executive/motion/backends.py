@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.urdf import Joint, Variable
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 if TYPE_CHECKING:
     from executive.motion.body_arrays import Bodies

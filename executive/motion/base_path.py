@@ -16,7 +16,7 @@ import numpy as np
 
 from executive.motion.clearance import Grid
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 Planar = tuple[float, float, float]
 """x, y [m] and yaw [rad] in the map."""

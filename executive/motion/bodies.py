@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from executive.motion.facets import Facets, sizes_of
 from executive.motion.solids import Solids
 from executive.motion.spheres import Faceted
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

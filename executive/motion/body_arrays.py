@@ -12,7 +12,7 @@ from executive.motion.bodies import Movers, Obstacles, Watched
 from executive.motion.facets import Facets, sizes_of
 from executive.motion.kinematics import Chain
 from executive.motion.solids import Solids
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 TOUCHING = 0.001
 """How deep spheres are inside of what counts as hit [m]: what exact queries take for touching, and rounding."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 Band = tuple[float, float, float]
 """A slice of a robot's silhouette: from z_low to z_high [m] above the floor it stays within a radius [m]."""

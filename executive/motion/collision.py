@@ -24,7 +24,7 @@ from executive.motion.bodies import Movers, Obstacles, Watched
 from executive.motion.body_arrays import TOUCHING, arrays_of
 from executive.motion.facets import sizes_of
 from executive.motion.kinematics import Chain
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 SPHERES = 64
 """Most spheres of a mover; ``SPHERES`` of collision.c."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from executive.motion.native import library
 from executive.motion.targets import IMPROPER, no_pose
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 if TYPE_CHECKING:  # backends chooses between this and the virtual machine
     from executive.motion.backends import ChainFacts

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.spheres import Faceted
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 Spans = NDArray[np.int32]
 """Whose rows are which: number i has those from [i] to [i + 1] - 1, (n + 1,)."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.clearance import Band, Boxes
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 TOUCHING = 0.002
 """How deep an outline is in a box to count [m]: less is left to exact queries."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from executive.motion.kinematics import Chain
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 STEPS = 61
 """Postures per neck joint in the table; about 3 degrees apart for a neck that turns half around."""

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 FLAT = 1e-7
 """Points nearer to a face than this are on it [m]."""

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from executive.motion.backends import Backend, ChainFacts, Solver, backend
 from executive.motion.errors import NoSuchChain
 from executive.motion.urdf import KINDS, Joint, Variable, joints_between, read_joints
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 POSITION_TOLERANCE = 1e-4
 """How far a solution's tip may be from its target [m]."""

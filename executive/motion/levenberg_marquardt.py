@@ -12,7 +12,7 @@ from typing import Any
 import casadi
 
 from executive.motion.symbolic import SymbolicChain
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 ROTATION_WEIGHT = 0.5
 """Metres per radian in the error."""

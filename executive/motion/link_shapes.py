@@ -11,7 +11,7 @@ import numpy as np
 from executive.motion.hulls import Hull
 from executive.motion.solids import Solids
 from executive.motion.spheres import Faceted, Spheres, kept_spheres
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 from sim import Hulled, PyBulletWorld, Solid, hull_of
 
 _PLAIN = ("box", "cylinder", "sphere")

@@ -22,14 +22,13 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from planlang.cache import cache_folder, keep
+from planlang.cache import Cache
 
 FLAGS = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared", "-w")
 """-fno-math-errno only lets sqrt be an instruction; its value is the same."""
 SYMBOLIC = () if sys.platform == "darwin" else ("-Wl,-Bsymbolic",)
 """A library's calls of its own functions stay in it, whatever else in the process has their names."""
-MOST_ENTRIES = 200
-"""Libraries that are kept."""
+_CACHE = Cache("native", most=200)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,16 +61,15 @@ def library(facts: object, source: Callable[[], str]) -> ctypes.CDLL | None:
     if chosen is None:
         return None
     key = repr((facts, _generator(), chosen, FLAGS, SYMBOLIC, platform.machine(), sys.platform))
-    name = f"{hashlib.sha256(key.encode()).hexdigest()}.so"
-    folder = cache_folder("native")
-    if folder is not None and (kept := _load(folder / name)) is not None:
-        return kept
     with tempfile.TemporaryDirectory(prefix="planlang-") as place:
-        made = Path(place) / name
-        if not _compiled(chosen, source(), made):
+        made = Path(place) / f"{hashlib.sha256(key.encode()).hexdigest()}.so"
+        content = _CACHE.load(key)
+        if content is not None:
+            made.write_bytes(content)
+        elif _compiled(chosen, source(), made):
+            _CACHE.keep(key, made.read_bytes())
+        else:
             return None
-        if folder is not None and keep(folder / name, lambda path: shutil.copyfile(made, path), most=MOST_ENTRIES):
-            return _load(folder / name) or _load(made)
         return _load(made)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 from sim import Solid
 
 ANY = 1e3

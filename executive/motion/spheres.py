@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from executive.motion.hulls import Hull
-from planlang.cache import cache_folder, keep
-from planlang.protocols import Array
+from planlang.cache import Cache
+from planlang.geometry import Array
 
 MOST = 24
 """Spheres in one shape."""
@@ -25,8 +25,7 @@ CENTRES, POINTS = 250, 300
 """About how many places for spheres are looked at, and by how many points of the surface they are judged."""
 CELLS = 16_000
 """Into about how many cells the box around a shape is divided to measure its slack."""
-MOST_ENTRIES = 1000
-"""Shapes whose spheres are kept in the user's cache."""
+_CACHE = Cache("spheres", most=1000)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,19 +136,14 @@ def _distances(points: Array, centres: Array) -> Array:
 def _kept(points: bytes, radius: float, beyond: float) -> Spheres:
     hull = Hull(np.frombuffer(points).reshape(-1, 3), radius, beyond)
     key = repr((points, radius, beyond, MOST, OUT, CENTRES, POINTS, CELLS, _method()))
-    folder = cache_folder("spheres")
-    entry = None if folder is None else folder / f"{hashlib.sha256(key.encode()).hexdigest()}.npy"
-    if len(hull.points) == 1 or entry is None:
+    if len(hull.points) == 1:
         return spheres_in(hull)
-    try:
-        rows = np.load(entry, allow_pickle=False)
-        if rows.ndim == 2 and rows.shape[1] == 4 and np.isfinite(rows).all():
-            balls, corners = int(rows[0, 1]), int(rows[0, 2])
-            if min(balls, corners) > 0 and 1 + balls + corners < len(rows):
-                spheres, ends, planes = np.split(rows[1:], [balls, balls + corners])
-                return Spheres(spheres[:, :3], spheres[:, 3], float(rows[0, 0]), Faceted(ends[:, :3], planes, beyond))
-    except (OSError, ValueError, EOFError, IndexError):
-        pass
+    content = _CACHE.load(key)
+    if content is not None:
+        rows = np.frombuffer(content).reshape(-1, 4)
+        balls, corners = int(rows[0, 1]), int(rows[0, 2])
+        spheres, ends, planes = np.split(rows[1:], [balls, balls + corners])
+        return Spheres(spheres[:, :3], spheres[:, 3], float(rows[0, 0]), Faceted(ends[:, :3], planes, beyond))
     found = spheres_in(hull)
     polyhedron = found.faces
     assert polyhedron is not None
@@ -161,12 +155,7 @@ def _kept(points: bytes, radius: float, beyond: float) -> Spheres:
             polyhedron.planes,
         ]
     )
-
-    def write(path: Path) -> None:
-        with path.open("wb") as file:
-            np.save(file, table)
-
-    keep(entry, write, most=MOST_ENTRIES)
+    _CACHE.keep(key, table.tobytes())
     return found
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import casadi
 import numpy as np
 
-from executive.motion.urdf import Joint, Variable, cross_matrix, displacement
-from planlang.protocols import Array
+from executive.motion.urdf import Joint, Variable, displacement
+from planlang.geometry import Array
+from planlang.geometry.matrices import cross_matrix
 
 
 @dataclass(frozen=True, slots=True)

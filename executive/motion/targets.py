@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 IMPROPER = 0.01
 """How far elements of R R^T may be from those of 1 for a matrix R to be meant as a rotation: the nearest one.

@@ -18,7 +18,8 @@ import numpy as np
 import ruckig
 from numpy.typing import ArrayLike
 
-from planlang.protocols import Array, Trajectory
+from planlang.geometry import Array
+from planlang.protocols import Trajectory
 
 STRAIGHT = 1e-6
 """Segments whose directions differ by no more than this, in shares of the velocity limits, are one."""

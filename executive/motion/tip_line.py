@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from executive.motion.kinematics import InverseKinematics
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 UNTURNED = 1e-12
 """Of poses that are turned against each other by no more than half of this the rotation is the same [rad]."""

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from executive.motion.errors import BadRobotDescription, NoSuchChain
-from planlang.protocols import Array
+from planlang.geometry import Array
+from planlang.geometry.matrices import cross_matrix, product, rotation_of
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 """Joint types that a chain may contain; "floating" and "planar" are read and refused there."""
@@ -61,14 +62,8 @@ def displacement(joint: Joint, value: float) -> Array:
         moved[:3, 3] = joint.axis * value
     elif joint.kind != "fixed":
         cross = cross_matrix(joint.axis)
-        moved[:3, :3] += cross * np.sin(value) + cross @ cross * (1 - np.cos(value))
+        moved[:3, :3] += cross * np.sin(value) + product(cross, cross) * (1 - np.cos(value))
     return moved
-
-
-def cross_matrix(axis: Array) -> Array:
-    """The matrix (3, 3) that takes the cross product with a vector from the left."""
-    x, y, z = axis
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def read_joints(path: Path) -> tuple[Joint, ...]:
@@ -105,18 +100,6 @@ def joints_between(joints: Iterable[Joint], base_link: str, tip_link: str) -> tu
     return tuple(reversed(found))
 
 
-def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
-    """Rotation (3, 3) of URDF's fixed-axis angles: about x, then y, then z."""
-    cr, sr, cp, sp, cy, sy = (f(angle) for angle in (roll, pitch, yaw) for f in (math.cos, math.sin))
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-
-
 def _joint(path: Path, element: ElementTree.Element) -> Joint:
     name, kind = element.get("name", ""), element.get("type", "")
 
@@ -142,7 +125,7 @@ def _joint(path: Path, element: ElementTree.Element) -> Joint:
         return found
 
     origin = np.eye(4)
-    origin[:3, :3] = rotation_from_rpy(*numbers("origin", "rpy", "0 0 0"))
+    origin[:3, :3] = rotation_of(*numbers("origin", "rpy", "0 0 0"))
     origin[:3, 3] = numbers("origin", "xyz", "0 0 0")
     axis = np.array(numbers("axis", "xyz", "1 0 0"))
     length = float(np.linalg.norm(axis))

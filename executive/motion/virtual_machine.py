@@ -13,7 +13,7 @@ from executive.motion.backends import MAP, SURE, UNSURE, ChainFacts
 from executive.motion.levenberg_marquardt import ROTATION_WEIGHT, step_function
 from executive.motion.symbolic import frames_function, pose_function, position_function, symbolic_chain
 from executive.motion.targets import check_targets
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 if TYPE_CHECKING:
     from executive.motion.body_arrays import Bodies

@@ -11,7 +11,7 @@ import numpy as np
 from executive.locations.rejections import Judged
 from executive.locations.surroundings import Base
 from executive.pictures.drawing import FAINT, FINE, INK, PAPER, Colour, Sheet, blended, font
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 Bounds = tuple[float, float, float, float]
 """x_min, y_min, x_max, y_max [m]."""

@@ -11,7 +11,7 @@ import numpy as np
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.locations.surroundings import ArmModel
 from executive.pictures.drawing import FAINT, FINE, INK, Colour, Sheet, blended
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 

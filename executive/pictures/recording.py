@@ -13,7 +13,7 @@ from executive.cli.outputs import replace
 from executive.cli.progress import line_of
 from executive.pictures.shapes import Drawn, Shape
 from planlang.diagnostics import BadInput, Diagnostic, error
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 
 if TYPE_CHECKING:
     import rerun

@@ -13,8 +13,9 @@ from executive.modules.platform import Platform
 from executive.pictures.floor_plan import Outline, Region, Scenery
 from planlang.designators import Location
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Array
-from sim.geometry import corners, hull
+from planlang.geometry import Array
+from planlang.geometry.box import corners
+from planlang.geometry.outline import outline_of
 
 
 def scenery_of(
@@ -34,7 +35,7 @@ def scenery_of(
             circle = np.column_stack([block.half_x * np.cos(turns), block.half_y * np.sin(turns)])
             points = block.to_map(circle)
         else:
-            points = hull(corners(world.pose(name), body.size)[:, :2])
+            points = outline_of(corners(world.pose(name), body.size)[:, :2])
         kind = "meant" if name in meant else body.shape if body.shape in ("person", "marker") else "solid"
         facing = platform.around.front(name) if body.shape == "person" else None
         bodies.append(Outline(name, points, kind, facing))

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 
 if TYPE_CHECKING:
     from sim import PyBulletWorld

@@ -11,7 +11,9 @@ from executive.locations.reachability_building import lift_of
 from executive.motion import Chain, Gaze, InverseKinematics
 from executive.motion.urdf import Joint, displacement, joints_between, read_joints
 from executive.robots import Arm, Robot
-from planlang.protocols import Array, Configuration
+from planlang.geometry import Array
+from planlang.geometry.matrices import product
+from planlang.protocols import Configuration
 from sim import PyBulletWorld
 
 SAMPLES = 400
@@ -42,9 +44,9 @@ def _pose(joints: Sequence[Joint], positions: Mapping[str, float]) -> Array:
     """Pose (4, 4) of the last joint's child in the first joint's parent."""
     pose = np.eye(4)
     for joint in joints:
-        pose = pose @ joint.origin
+        pose = product(pose, joint.origin)
         if joint.name in positions:
-            pose = pose @ displacement(joint, positions[joint.name])
+            pose = product(pose, displacement(joint, positions[joint.name]))
     return pose
 
 

@@ -23,6 +23,7 @@ from executive.robots.robot_file import (
 from executive.robots.self_model import SelfModel, read_self_model
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
+from planlang.geometry.matrices import inverse, product
 from planlang.ontology import Ontology, load
 from planlang.resources import bundled
 from sim import CameraModel
@@ -135,7 +136,7 @@ def _same_arm(one: Mechanism, other: Mechanism, tip: str) -> bool:
     if not movers or movers != other.movers(tip):
         return False
     mine, others = (
-        [np.linalg.inv(robot.frame(tip)) @ robot.frame(robot.joints[mover].child) for mover in movers]
+        [product(inverse(robot.frame(tip)), robot.frame(robot.joints[mover].child)) for mover in movers]
         for robot in (one, other)
     )
     return bool(np.allclose(mine, others, atol=0.002))

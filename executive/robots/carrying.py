@@ -11,7 +11,9 @@ from executive.modules.platform import CARRYING
 from executive.motion import Chain, InverseKinematics
 from executive.robots import Arm, Robot
 from planlang.diagnostics import note
-from planlang.protocols import Array, Configuration
+from planlang.geometry import Array
+from planlang.geometry.matrices import product
+from planlang.protocols import Configuration
 from sim import PyBulletWorld, Scene
 
 AHEAD = np.arange(0.25, 0.75, 0.1)
@@ -107,5 +109,5 @@ def _target(arm: Arm, position: tuple[float, float, float], heading: float) -> A
     there = np.column_stack([ahead, across, np.cross(ahead, across)])
     tip = np.column_stack([arm.approach, arm.closing, np.cross(arm.approach, arm.closing)])
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = there @ tip.T, position
+    pose[:3, :3], pose[:3, 3] = product(there, tip.T), position
     return pose

@@ -15,7 +15,8 @@ from executive.robots.robot_file import ArmNumbers, GripperNumbers, RobotFile
 from executive.robots.self_model import Composition, SelfModel
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, note, warning
-from planlang.protocols import Array
+from planlang.geometry import Array
+from planlang.geometry.matrices import inverse, moved, product, rotated
 
 FINGER = 0.05
 """Length of a finger that does not end at the tip frame [m]."""
@@ -208,13 +209,12 @@ class Limbs:
         for name in joints:
             joint = self.mechanism.joints[name]
             link = joint.child
-            reach = np.array([0.0, 0.0, 0.0, 1.0])
             finger = self.mechanism.frame(link)
             length = max(float(line[:3, 0] @ (line[:3, 3] - finger[:3, 3])), FINGER)
-            reach[:3] = length * _ahead(finger, line)
+            reach = length * _ahead(finger, line)
             sides = []
             for value in (joint.lower, joint.upper):
-                point = np.linalg.inv(line) @ self.mechanism.frame(link, value, of=name) @ reach
+                point = moved(product(inverse(line), self.mechanism.frame(link, value, of=name)), reach)
                 sides.append(float(np.hypot(point[1], point[2])))
             widest = int(sides[1] >= sides[0])
             limits = (joint.lower, joint.upper)
@@ -230,8 +230,7 @@ class Limbs:
 
 def _ahead(finger: Array, tip: Array) -> Array:
     """Direction of the approach (x of the tip) in a finger's frame, (3,)."""
-    direction: Array = finger[:3, :3].T @ tip[:3, 0]
-    return direction
+    return rotated(finger[:3, :3].T, tip[:3, 0])
 
 
 def with_camera_neck(mechanism: Mechanism, link: str, arms: Sequence[Arm], torso: str | None) -> tuple[str, ...]:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from executive.motion.urdf import Joint, displacement, read_joints
-from planlang.protocols import Array
+from planlang.geometry import Array
+from planlang.geometry.matrices import product
 from sim.urdf import read_description
 
 
@@ -74,7 +75,7 @@ class Mechanism:
         """Pose (4, 4) of a link in the root frame with the joint ``of`` at a position and all others at zero."""
         matrix = np.eye(4)
         for joint in self.chain(link):
-            matrix = matrix @ joint.origin
+            matrix = product(matrix, joint.origin)
             if joint.name == of:
-                matrix = matrix @ displacement(joint, position)
+                matrix = product(matrix, displacement(joint, position))
         return matrix

@@ -1,6 +1,6 @@
 """Where a robot's URDF comes from: a file, a file of an installed package, maybe put on a base of a primitive shape.
 
-What is not a plain file is written into the user's cache folder, its meshes named by their full paths.
+What is not a plain file is composed once, kept in the user's cache, and written to a folder of each process.
 """
 
 from __future__ import annotations
@@ -15,14 +15,13 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from planlang.cache import cache_folder, keep
+from planlang.cache import Cache
 from sim.meshes import places_of
-from sim.xml_tree import BadXml, Element, read_tree
+from sim.xml_tree import BadXml, Element, read_content, read_tree
 
 VERSION = 1
 """Raised whenever the same source is written otherwise."""
-MOST_ENTRIES = 50
-"""Files that are kept."""
+_CACHE = Cache("urdf", most=50)
 BASE, MOUNT = "mobile_base", "mobile_base_mount"
 """Link and joint of a base that is added."""
 
@@ -60,24 +59,21 @@ def composed(urdf: Path, mount: Mount | None) -> Path:
     A URDF that cannot be read is returned as it is, so that its reader tells what is wrong with it.
     """
     try:
-        facts = repr((VERSION, str(urdf), hashlib.sha256(urdf.read_bytes()).hexdigest(), mount))
-        name = f"{urdf.stem}-{hashlib.sha256(facts.encode()).hexdigest()[:32]}.urdf"
-        folder = cache_folder("urdf")
-        if folder is not None and (folder / name).is_file():
-            return folder / name
-        text = _text(urdf, mount)
-    except (OSError, BadXml):
+        facts = repr((VERSION, str(urdf), hashlib.sha256(read_content(urdf)).hexdigest(), mount))
+        content = _CACHE.load(facts)
+        if content is None:
+            content = _text(urdf, mount).encode()
+            _CACHE.keep(facts, content)
+    except BadXml:
         return urdf
-    if folder is not None and keep(folder / name, lambda path: path.write_text(text, "utf-8"), most=MOST_ENTRIES):
-        return folder / name
-    path = _own_folder() / name
-    path.write_text(text, "utf-8")
+    path = _own_folder() / f"{urdf.stem}-{hashlib.sha256(facts.encode()).hexdigest()[:32]}.urdf"
+    path.write_bytes(content)
     return path
 
 
 @cache
 def _own_folder() -> Path:
-    """For this process alone, where nothing can be kept."""
+    """A folder of this process alone: what PyBullet reads there is what was written there."""
     folder = tempfile.mkdtemp(prefix="planlang-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)

@@ -14,8 +14,8 @@ from executive.locations.ways import HandPlan
 from executive.modules.arm_choice import ArmChoices
 from executive.modules.platform import Platform
 from planlang.designators import Location
+from planlang.geometry import Array
 from planlang.kernel.exact import dump, load
-from planlang.protocols import Array
 
 
 @runtime_checkable

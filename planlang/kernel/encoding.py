@@ -54,7 +54,7 @@ def _encode_object(value: object, depth: int) -> Any:
     module = type(value).__module__
     if module == "planlang.designators":
         return str(value)
-    if module == "planlang.protocols" and is_dataclass(value):
+    if module in ("planlang.geometry.pose", "planlang.protocols") and is_dataclass(value):
         return {field.name: encode(getattr(value, field.name), depth + 1) for field in fields(value)}
     if module == "numpy":
         if getattr(value, "size", LONGEST + 1) <= LONGEST:

@@ -1,9 +1,9 @@
 """Values that survive JSON: what is written can be read back as the same value of the same types, or is refused.
 
 JSON's own types stand for themselves. Tuples, numbers that are not finite, members of an Enum and the value types of
-:mod:`planlang.designators` and :mod:`planlang.protocols` are objects with a key that begins with ``$``. Nothing else
-survives. Reading makes no object of any other class and imports nothing: a member of an Enum is looked up among the
-classes that the program has defined already.
+:mod:`planlang.designators`, :mod:`planlang.geometry.pose` and :mod:`planlang.protocols` are objects with a key that
+begins with ``$``. Nothing else survives. Reading makes no object of any other class and imports nothing: a member of an
+Enum is looked up among the classes that the program has defined already.
 """
 
 from __future__ import annotations
@@ -154,13 +154,14 @@ def _floats(value: object, number: int) -> bool:
 
 
 _DESIGNATORS = (Object, Person, Device, Relation, Location, Posture, Action, Situation, Condition)
-_MODULES = ("planlang.designators", "planlang.protocols")
+_MODULES = ("planlang.designators", "planlang.geometry.pose", "planlang.protocols")
 
 
 @cache
 def _checks() -> dict[type[Any], Callable[[Any], bool]]:
     """Value types -> whether the fields are of the types that they should be."""
-    from planlang.protocols import Configuration, Pose, Solution  # which need NumPy, as most plans do not
+    from planlang.geometry import Pose
+    from planlang.protocols import Configuration, Solution  # which need NumPy, as most plans do not
 
     return {
         Pose: lambda one: _floats(one.position, 3) and _floats(one.orientation, 4),

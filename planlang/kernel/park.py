@@ -13,7 +13,6 @@ from planlang.misuse import contrast
 if TYPE_CHECKING:
     from planlang.kernel.scheduler import Scheduler
     from planlang.kernel.task import Task
-    from planlang.kernel.threads import Call
 
 PARKED = object()
 """Yielded by a task that waits. Anything else that reaches the scheduler is a foreign awaitable's."""
@@ -24,8 +23,6 @@ MAX_DELIVERIES = 100
 
 class _Running(threading.local):
     scheduler: Scheduler | None = None
-    call: Call | None = None
-    """The call that this thread was made for."""
 
 
 running = _Running()

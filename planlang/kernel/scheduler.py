@@ -18,7 +18,7 @@ from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planlang.kernel import closing, endings, evaporation, leftovers, rounds
+from planlang.kernel import closing, endings, evaporation, rounds
 from planlang.kernel.choices import Schedule, source_of
 from planlang.kernel.environment import quiet_collector, signals
 from planlang.kernel.errors import Evaporated, PlanStructureError
@@ -26,10 +26,11 @@ from planlang.kernel.hosts import WATCHDOG
 from planlang.kernel.inbox import Inbox
 from planlang.kernel.park import running
 from planlang.kernel.realtime import LiveHost
-from planlang.kernel.task import FAILED, SUCCEEDED, Status, Task
+from planlang.kernel.task import SUCCEEDED, Status, Task
 from planlang.kernel.threads import Calls
 from planlang.kernel.timers import Timer, TimerQueue
 from planlang.kernel.tree import name_of
+from planlang.kernel.unawaited import unawaited_are_errors
 from planlang.kernel.watchdog import Overdue, Watch, watchdog
 from planlang.misuse import Usage, amount
 
@@ -91,8 +92,6 @@ class Scheduler:
         """Turns and decisions in this world step."""
         self.spoilt: BaseException | None = None
         """What went wrong in no task, as in writing the trace; raised when the tasks of the step have come to rest."""
-        self.coroutines: leftovers.Found
-        """What is known of coroutines that nobody has awaited."""
         self.fatal: BaseException | None = None
         """What has to end the run, once the task in which it arose is dead."""
         self.heeded = 0
@@ -193,9 +192,6 @@ class Scheduler:
         task.coroutine = None
         task.wait = None
         group = task.group
-        if group is None and outcome is SUCCEEDED and (crash := leftovers.last_look(self, task)) is not None:
-            task.crash = crash
-            outcome = task.outcome = FAILED
         if self.trace is not None:
             error = None if outcome is SUCCEEDED else task.crash or task.failure or task.cleanup_failure
             self.trace.ended(self.timers.now, task, outcome, task.result, error)
@@ -222,7 +218,7 @@ class Scheduler:
         if running.scheduler is not None:
             raise PlanStructureError("a plan is running already; await the inner plan instead of running it")
         root = Task(None, None, name_of(branch), branch, 0)
-        with leftovers.watching(self, root):
+        with unawaited_are_errors():
             return self._run(root)
 
     def _run(self, root: Task) -> Any:

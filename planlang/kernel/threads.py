@@ -13,12 +13,11 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planlang.kernel.park import deliver, here, park, running
+from planlang.kernel.park import deliver, here, park
 from planlang.kernel.tree import name_of
 from planlang.misuse import Usage, WrongType, contrast, written
 
 if TYPE_CHECKING:
-    from planlang.kernel.errors import PlanStructureError
     from planlang.kernel.scheduler import Scheduler
     from planlang.kernel.task import Task
 
@@ -45,8 +44,6 @@ class Call:
         self._context = contextvars.copy_context()
         self._value: Any = None
         self._error: BaseException | None = None
-        self.forgotten: PlanStructureError | None = None
-        """That the function has made a coroutine, which nothing in a thread can await."""
 
     def start(self) -> None:
         """Begin, on a thread that does not keep the process alive."""
@@ -54,13 +51,10 @@ class Call:
         threading.Thread(target=self._work, name=f"planlang {self.name}", daemon=True).start()
 
     def _work(self) -> None:
-        running.call = self
         try:
             self._value = self._context.run(self._function)
         except BaseException as error:
             self._error = error
-        if self.forgotten is not None:
-            self._value, self._error = None, self.forgotten
         self._scheduler.inbox.put(self._arrive)
 
     def _arrive(self) -> None:

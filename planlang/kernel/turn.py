@@ -9,7 +9,6 @@ from types import CoroutineType
 from typing import TYPE_CHECKING, Any
 
 from planlang.failures import PlanFailure
-from planlang.kernel import forgotten
 from planlang.kernel.calling import refuse_arguments, refuse_result
 from planlang.kernel.closing import close_first, unfinished
 from planlang.kernel.errors import Evaporated, PlanStructureError, StuckTask
@@ -90,10 +89,18 @@ def _returned(scheduler: Scheduler, task: Task, value: Any) -> None:
     elif task.thrown:
         scheduler.finish(task, EVAPORATED)
     elif value.__class__ is CoroutineType:
-        _raised(scheduler, task, forgotten.returned(task, value))
+        _raised(scheduler, task, _returned_coroutine(task, value))
     else:
         task.result = value
         scheduler.finish(task, SUCCEEDED)
+
+
+def _returned_coroutine(task: Task, coroutine: CoroutineType[Any, Any, Any]) -> PlanStructureError:
+    """The error of a branch that returned a coroutine instead of its result."""
+    name = coroutine.__name__
+    coroutine.close()
+    message = f"branch {task.path} returned a call of {name}() that was not awaited, so nothing was done"
+    return PlanStructureError(contrast(message, f"return {name}(...)", f"return await {name}(...)"))
 
 
 def _raised(scheduler: Scheduler, task: Task, error: BaseException) -> None:
@@ -120,7 +127,8 @@ def _raised(scheduler: Scheduler, task: Task, error: BaseException) -> None:
             explain_recursion(error, task.path)
         if not isinstance(error, Exception):
             scheduler.fatal = error
-        forgotten.explain(error)
+        if isinstance(error, RuntimeError) and str(error) == "no running event loop":
+            error.add_note(contrast("asyncio does not work in a plan", "await asyncio.sleep(1)", "await sleep(1)"))
     scheduler.finish(task, EVAPORATED if task.thrown else FAILED)
 
 

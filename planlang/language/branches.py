@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from functools import cache
 from typing import Any
 
+from planlang.kernel.park import here
 from planlang.kernel.tree import name_of
 from planlang.misuse import Usage, WrongType, contrast, discard
 
@@ -32,6 +33,16 @@ def named_branches(
         raise Usage(f"await {construct}", {"branch": "reach"}, {"name": '"both"'}).empty("name")
     _usage(construct).branch("branch", *branches, *named.values())
     return [(name_of(branch), branch) for branch in branches] + list(named.items())
+
+
+def evaporating() -> bool:
+    """Return True while evaporation reaches the running task: then no recovery, alternative or attempt may begin.
+
+    A failing cleanup replaces ``Evaporated`` on its way out, as exceptions in ``finally`` do. A construct that handles
+    failures would take it for a failure of its body and start over, in a task that is being stopped. Under a shield
+    this is False, so that cleanups may use all constructs.
+    """
+    return here()[1].doomed
 
 
 @cache

@@ -11,7 +11,7 @@ from planlang.kernel import checkpoint
 from planlang.kernel.calling import called
 from planlang.kernel.journal import taken_over
 from planlang.kernel.primitives import inside, record
-from planlang.language.branches import Branch
+from planlang.language.branches import Branch, evaporating
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, written
 
 Outcome = str | Enum
@@ -81,6 +81,8 @@ async def state_machine(
                     with inside("state", state) as visit:
                         outcome = visit.result = await called(states[state])
             except PlanFailure as failure:
+                if evaporating():
+                    raise
                 target = _after_failure(cases[state], failure)
                 if target is None:
                     raise

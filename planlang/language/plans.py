@@ -74,7 +74,7 @@ class Plan(Generic[P, R]):
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Coroutine[Any, Any, R]:
         """The plan as a coroutine; to run it side by side with others pass the plan itself, not a call."""
         coroutine = self._execute(args, kwargs)
-        coroutine.__name__ = self.name  # type: ignore[attr-defined]  # which every coroutine of Python has
+        coroutine.__qualname__ = coroutine.__name__ = self.name  # type: ignore[attr-defined]  # which every coroutine of Python has
         return coroutine
 
     async def _execute(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> R:

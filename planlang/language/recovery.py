@@ -12,6 +12,7 @@ from planlang.kernel.calling import called, given
 from planlang.kernel.journal import taken_over
 from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
+from planlang.language.branches import evaporating
 from planlang.language.budgets import take_attempt
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_iterable, written
 
@@ -188,6 +189,9 @@ async def _attempts(body: Callable[..., Awaitable[V]], entries: list[_Entry]) ->
             return await called(body, **keywords)
         except PlanFailure as raised:
             failure = raised
+        if evaporating():
+            record("recovery", decision="evaporated", failure=failure)
+            raise failure
         decided = await _recover(failure, entries, keywords)
         if isinstance(decided, Return):
             return decided.value
@@ -224,6 +228,8 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
         raise WrongType(contrast(f"{message}RETRY, PROPAGATE or Return(value)", "async def do(failure): ...", _DECIDES))
     record("recovery", recovery=number, decision="retry", used=entry.used, failure=failure)
     await take_attempt("with_failure_handling")
+    if evaporating():  # ``do`` has swallowed its evaporation
+        raise failure
     keywords.update(values)
     return None
 

@@ -12,7 +12,7 @@ from planlang.kernel.calling import called
 from planlang.kernel.journal import taken_over
 from planlang.kernel.primitives import inside
 from planlang.kernel.tree import name_of
-from planlang.language.branches import Branch, named_branches
+from planlang.language.branches import Branch, evaporating, named_branches
 from planlang.misuse import Usage
 
 A = TypeVar("A")
@@ -75,6 +75,8 @@ async def _first(kind: str, name: str | None, branches: Iterable[tuple[str, Bran
                     construct.result = node.result = await called(branch)
                     return node.result
             except PlanFailure as failure:
+                if evaporating():
+                    raise
                 failures.append(failure)
                 names.append(node.name)
         if not failures:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.ontology import cache as kept
+from planlang.cache import Cache
+from planlang.diagnostics import BadInput, Diagnostic, warning
+from planlang.files import read_file
 from planlang.ontology.canonical import use_canonical_names
 from planlang.ontology.imports import ImportMap
 from planlang.ontology.repairs import repair
@@ -25,6 +26,10 @@ MOST_DOCUMENTS = 200
 
 VOCABULARY = ("knowrob", "srdl", "roboearth", "dul", "primitives", "recovery")
 """Bundled files that every ontology has, then objects/."""
+
+
+_CACHE = Cache("ontology", most=100)
+"""The triples of bundled files, by the digests of the file and of the reader's source."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,35 +51,35 @@ class Reading:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The content of a file, bounded in size. Raises BadInput."""
-    file = str(path)
-    try:
-        if not path.is_file():
-            reason = "is a folder" if path.is_dir() else "is no file" if path.exists() else "does not exist"
-            raise BadInput([error("O001", f"{path.name or file} {reason}", Span(file))])
-        with path.open("rb") as stream:
-            return stream.read(LARGEST_FILE + 1)
-    except (OSError, ValueError) as problem:
-        reason = getattr(problem, "strerror", None) or str(problem)
-        raise BadInput(
-            [error("O001", f"{path.name[:80] or 'the file'} cannot be read: {reason}", Span(file))]
-        ) from None
+    """Return the content of an ontology's file. Raises BadInput."""
+    return read_file(path, "O001", largest=LARGEST_FILE, code_if_large="O003")
 
 
 def _read(path: Path, content: bytes) -> Reading:
     file = str(path)
     digest = hashlib.sha256(content).hexdigest()
     base, label = f"file:///{path.name}", f"{digest[:8]}-"
-    ours = _is_ours(path)
-    diagnostics: list[Diagnostic] = []
-    triples = kept.fetch(content, file) if ours else None
-    if triples is None:
-        parsed = read_syntax(content, file, base=base, label=label)
-        triples = parsed.triples
-        diagnostics += (*parsed.diagnostics, *use_canonical_names(triples), *repair(triples), *malformed(triples))
-        if ours and not diagnostics:
-            kept.keep(content, triples)
-    return Reading(Document(path, _own_iri(triples), digest), triples, tuple(diagnostics))
+    key = f"{digest} {_reader_digest()}" if _is_ours(path) else None
+    kept = _CACHE.load(key) if key is not None else None
+    if kept is not None:
+        triples = Triples.unpacked(kept, file)
+        return Reading(Document(path, _own_iri(triples), digest), triples, ())
+    parsed = read_syntax(content, file, base=base, label=label)
+    triples = parsed.triples
+    diagnostics = (*parsed.diagnostics, *use_canonical_names(triples), *repair(triples), *malformed(triples))
+    if key is not None and not diagnostics:
+        _CACHE.keep(key, triples.packed())
+    return Reading(Document(path, _own_iri(triples), digest), triples, diagnostics)
+
+
+@cache
+def _reader_digest() -> str:
+    """Digest of the source of everything that shapes the triples."""
+    here = Path(__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted([*here.glob("*.py"), *here.glob("*.lark")]):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def _is_ours(path: Path) -> bool:

@@ -8,6 +8,7 @@ term the first row in which it stands, for each row the next one with the same t
 
 from __future__ import annotations
 
+import json
 import sys
 from array import array
 from bisect import bisect_right
@@ -16,7 +17,7 @@ from functools import cached_property
 from typing import overload
 
 from planlang.diagnostics import Span
-from planlang.ontology.terms import INTERSECTION_OF, BNode, Term, Triple
+from planlang.ontology.terms import INTERSECTION_OF, BNode, Literal, Term, Triple
 
 
 class Triples(Sequence[Triple]):
@@ -185,6 +186,31 @@ class Triples(Sequence[Triple]):
 
     __hash__ = None  # type: ignore[assignment]
 
+    # bytes
+
+    def packed(self) -> bytes:
+        """Return the triples of one file as bytes, from which :meth:`unpacked` makes them again."""
+        columns = (*self._terms_of_rows(), self.lines, self.columns)
+        return json.dumps(
+            [self.label, list(map(_packed_term, self.terms)), *(column.tolist() for column in columns)],
+            ensure_ascii=False,
+            separators=(",", ":"),
+        ).encode()
+
+    @classmethod
+    def unpacked(cls, packed: bytes, file: str) -> Triples:
+        """Return the triples that were packed, with their positions in ``file``."""
+        label, terms, *columns = json.loads(packed)
+        found = cls(file, label)
+        found.terms = [
+            term if term is None or isinstance(term, str) else BNode(*term) if len(term) == 1 else Literal(*term)
+            for term in terms
+        ]
+        found.numbers = {term: number for number, term in enumerate(found.terms) if term is not None}
+        for column, numbers in zip((*found._terms_of_rows(), found.lines, found.columns), columns, strict=True):
+            column.extend(numbers)
+        return found
+
     # several files
 
     @property
@@ -291,3 +317,13 @@ class Triples(Sequence[Triple]):
         for row, number in enumerate(self.predicates):
             add[number](row)
         return found
+
+
+def _packed_term(term: Term | None) -> str | list[str | None] | None:
+    match term:
+        case BNode(label):
+            return [label]
+        case Literal(value, datatype, language):
+            return [value, datatype, language]
+        case _:
+            return term

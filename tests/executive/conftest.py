@@ -19,8 +19,9 @@ from executive.robots.arms import arm_models, gaze_of
 from executive.runs.robot_executive import RobotExecutive
 from planlang import SimulationHost, Trace, run
 from planlang.designators import an_object
+from planlang.geometry import Pose
 from planlang.ontology import Ontology, expand, load, shorten
-from planlang.protocols import Configuration, Pose
+from planlang.protocols import Configuration
 from planlang.resources import bundled
 from sim import Body, PyBulletWorld, Scene
 

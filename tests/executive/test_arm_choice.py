@@ -8,7 +8,8 @@ from executive.modules.arm_choice import ArmChoices
 from executive.modules.gripper import GripperModule
 from planlang import VirtualHost, checkpoint, par, perform, run, seq
 from planlang.designators import a_device, a_location, action, an_object
-from planlang.protocols import Pose, Solution
+from planlang.geometry import Pose
+from planlang.protocols import Solution
 from sim import Body
 from tests.executive.conftest import CABINET, PLACE, MakeStage
 

@@ -10,7 +10,7 @@ import pytest
 from executive.robots import bind_robot
 from executive.runs.assembly import world_at_start
 from planlang.diagnostics import BadInput
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from sim import Body, Scene
 
 ROBOT = """

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from executive.runs.running import RunOptions, RunResult, run_plan_file
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from planlang.resources import bundled
 from sim import Body, Scene
 

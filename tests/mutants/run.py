@@ -58,7 +58,6 @@ FIRST = {  # these before them, where one of these files is broken
     "kernel/past.py": f"{LANGUAGE}/test_resumption.py",
     "kernel/exact.py": f"{LANGUAGE}/test_resumption.py",
     "kernel/compared.py": f"{LANGUAGE}/test_replays.py",
-    **{f"kernel/{name}.py": f"{LANGUAGE}/forgotten_await" for name in ("forgotten", "handed", "leftovers", "suspects")},
 }
 SHORT = 4
 CPU_TIME = 300
@@ -141,15 +140,6 @@ MUTANTS = [
     ("what does not survive JSON is skipped", "kernel/past.py", "                break\n            self.last", "                continue\n            self.last"),
     ("a tuple comes back as a list", "kernel/exact.py", 'return {"$tuple": [dump(item, depth + 1) for item in value]}', "return [dump(item, depth + 1) for item in value]"),
     ("a repeated run may do something else", "kernel/compared.py", "            self.differ({", "            self.take() or ({"),
-    ("who could not await what failed is blamed", "kernel/forgotten.py", "if any(call.goes_on for call in here):", "if False:"),
-    ("an exception excuses nobody", "kernel/forgotten.py", "if unwound and not here and", "if False and"),
-    ("a forgotten await is told after the run only", "kernel/forgotten.py", "elif task.overrun is None:", "elif False:"),
-    ("a run is blamed for what was there before it", "kernel/leftovers.py", "self.before = _Noted.all()", "self.before = {}"),
-    ("what outlives a collection is lost sight of", "kernel/leftovers.py", 'if phase == "start":', "if False:"),
-    ("what was handed to another loop is an error", "kernel/leftovers.py", "            return kept, True", "            return kept, False"),
-    ("what is awaited is suspected", "kernel/suspects.py", "isinstance(outer, ast.Await) or", "False or"),
-    ("calls of other constants are suspected", "kernel/handed.py", "if not all(map(self._has, handed.constants)):", "if False:"),
-    ("calls of other arguments are suspected", "kernel/handed.py", "return not self._fits(", "return False and self._fits("),
 ]  # fmt: skip
 
 

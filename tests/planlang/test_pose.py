@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 
 component = st.floats(-1.0, 1.0)
 poses = st.builds(Pose, st.tuples(component, component, component), st.tuples(*[component] * 4))

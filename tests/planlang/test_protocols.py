@@ -18,8 +18,9 @@ from executive.modules.perception import Perception
 from executive.runs.robot_executive import RobotExecutive
 from planlang import language
 from planlang.failures import LowLevelFailure, PlanFailure
+from planlang.geometry import Pose
 from planlang.language import Executive, ProcessModule
-from planlang.protocols import Configuration, Contact, Detection, Motion, Pose, World
+from planlang.protocols import Configuration, Contact, Detection, Motion, World
 from sim import PyBulletWorld
 
 length = st.floats(-10.0, 10.0)

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planlang.protocols import Configuration, Pose, Trajectory
+from planlang.geometry import Pose
+from planlang.protocols import Configuration, Trajectory
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
 
 URDF = Path(__file__).resolve().parents[2] / "ontologies" / "robots" / "amigo.urdf"

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planlang.protocols import Configuration, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration
 from sim import Body, CameraModel, PyBulletWorld
 from sim.picture import png
 from tests.sim.conftest import AMIGO, MakeWorld

@@ -1,6 +1,7 @@
 """Facts about contacts: what counts, what is left out, and that asking changes nothing."""
 
-from planlang.protocols import Configuration, Contact, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration, Contact
 from sim import Body, PyBulletWorld
 from tests.sim.conftest import GRASPING, MakeWorld, grasp
 

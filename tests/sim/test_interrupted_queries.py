@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from planlang.protocols import Configuration, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration
 from planlang.resources import bundled
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
 from tests.benchmarks.locations.queries import Interrupter, physics

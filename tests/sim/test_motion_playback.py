@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from planlang.protocols import Configuration, Motion, Pose, Trajectory
+from planlang.geometry import Pose
+from planlang.protocols import Configuration, Motion, Trajectory
 from sim import PyBulletWorld
 from tests.sim.conftest import CLOSED, GRASPING, grasp, play, straight
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from planlang.protocols import Configuration, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration
 from sim import PyBulletWorld
 from tests.sim.conftest import grasp
 

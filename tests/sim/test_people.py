@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from planlang.protocols import Configuration, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration
 from sim import Body, PyBulletWorld, oracle, reach_of
 from sim.person import arm_parts, figure_of
 from tests.sim.conftest import MakeWorld, grasp, play

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from sim import Body, PyBulletWorld, Scene, oracle, perturb
 from tests.sim.conftest import AMIGO, ROOM
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from sim import Body, PyBulletWorld, oracle
 from sim.sinking import upright
 from tests.sim.conftest import MakeWorld

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from planlang.protocols import Configuration, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration
 from sim import PyBulletWorld
 from tests.sim.conftest import CLOSED, MakeWorld, grasp, play
 

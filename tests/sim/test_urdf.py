@@ -13,9 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planlang.diagnostics import BadInput
+from planlang.geometry.matrices import angles_of, rotation_of
 from planlang.protocols import Configuration
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
-from sim.meshes import angles_of, find_mesh, inertia_box, rotation_of
+from sim.meshes import find_mesh, inertia_box
 from sim.urdf import Description, read_description
 
 INERTIAL = """<inertial><origin xyz="0.1 0 0" rpy="0 0 0.5"/><mass value="1200"/>

@@ -298,7 +298,8 @@ class InOrder(Node):
     def run(self) -> Outcome | None:
         while True:
             outcome = self.child.run()
-            if outcome is None or outcome[0] != self.goes_on:
+            stopped = self.goes_on == "failure" and self.strand.doomed  # no alternative in what is being evaporated
+            if outcome is None or outcome[0] != self.goes_on or stopped:
                 return outcome
             self.results.append(outcome[1])
             if len(self.results) == len(self.tree.children):
@@ -324,7 +325,7 @@ class Retry(Node):
                     return self.strand.delivered() if self.strand.doomed else None
                 self.child = self.below()
             outcome = self.child.run()
-            if outcome is None or outcome[0] != "failure" or not self.left:
+            if outcome is None or outcome[0] != "failure" or not self.left or self.strand.doomed:
                 return outcome
             self.left -= 1
             self.asking = True

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.protocols import Array
+from planlang.geometry import Array
 from tests.benchmarks.locations.oracle import PRESSED, Base, Claim, Oracle, on_the_way, straight
 from tests.benchmarks.locations.sampler import Chains, grasp_poses
 

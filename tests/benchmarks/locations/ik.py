@@ -12,7 +12,7 @@ import pybullet
 
 from executive.motion import Chain, InverseKinematics
 from executive.robots import Robot
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 from sim.engine import quiet
 from tests.benchmarks.locations.oracle import angle
 

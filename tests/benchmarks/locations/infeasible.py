@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 
 from planlang.designators import Location, a_location
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from sim import Body
 from tests.benchmarks.locations.rooms import PLACE, THE_BOTTLE, Furnisher, Room, box
 

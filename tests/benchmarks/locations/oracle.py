@@ -17,7 +17,7 @@ import numpy as np
 import pybullet
 
 from executive.robots import Robot
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 from sim import Body
 from sim.engine import quiet
 from sim.person import parts_of

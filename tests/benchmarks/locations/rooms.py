@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planlang.designators import Location, Object, a_location, a_person, an_object
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from sim import Body, Scene
 
 BOUNDS = (-3.0, -2.5, 3.0, 2.5)

@@ -16,7 +16,7 @@ import pybullet
 
 from executive.motion import Chain, InverseKinematics
 from executive.robots import Arm, Robot
-from planlang.protocols import Array
+from planlang.geometry import Array
 from tests.benchmarks.locations.oracle import Claim, Oracle, angle, on_the_way
 
 CELL, CELLS = 0.04, 100
@@ -179,7 +179,7 @@ def _inverse(base: tuple[float, float, float]) -> Array:
 
 
 def _quaternion(pose: Array) -> list[float]:
-    from planlang.protocols import Pose
+    from planlang.geometry import Pose
 
     return list(Pose.from_matrix(pose).orientation)
 

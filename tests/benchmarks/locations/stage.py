@@ -17,8 +17,9 @@ from executive.robots import Robot, bind_robot
 from executive.runs.assembly import platform_of
 from planlang.designators import Location, Object, a_location
 from planlang.failures import PlanFailure
+from planlang.geometry import Array, Pose
 from planlang.ontology import Ontology, expand, load
-from planlang.protocols import Array, Configuration, Pose, Solution
+from planlang.protocols import Configuration, Solution
 from planlang.resources import bundled
 from sim import Body, PyBulletWorld
 from tests.benchmarks.locations.oracle import Claim

@@ -26,7 +26,8 @@ from executive.modules.platform import Platform
 from executive.motion import MotionError
 from executive.robots import Robot
 from planlang.diagnostics import BadInput
-from planlang.protocols import Array, Configuration
+from planlang.geometry import Array
+from planlang.protocols import Configuration
 from tests.benchmarks.locations.oracle import Oracle
 from tests.benchmarks.locations.rooms import Room, rooms
 from tests.benchmarks.locations.stage import Stage, robot_of, vocabulary

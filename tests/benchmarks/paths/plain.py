@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 REACH = 10
 """Length of a new branch in units of the resolution."""

@@ -10,7 +10,8 @@ from executive.belief import Belief, SemanticMap, scene_of
 from executive.robots import Robot, bind_robot
 from planlang.designators import an_object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
-from planlang.protocols import Configuration, Detection, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration, Detection
 from sim import PyBulletWorld
 
 HERE = (0.0, 0.0, 0.0)

@@ -9,8 +9,8 @@ import pytest
 
 from executive.belief import SemanticMap, default_starts, read_map, scene_of
 from executive.belief.sizes import EXTENTS
+from planlang.geometry import Pose
 from planlang.ontology import load
-from planlang.protocols import Pose
 from sim import PyBulletWorld
 
 MAPS = (

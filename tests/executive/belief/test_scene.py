@@ -9,8 +9,8 @@ import pytest
 from executive.belief import SemanticMap, default_starts, read_map, scene_of, support_of
 from executive.belief.support import footprint
 from planlang.diagnostics import Diagnostic
+from planlang.geometry import Pose
 from planlang.ontology import load
-from planlang.protocols import Pose
 from planlang.resources import bundled
 from sim import Body, Scene, reach_of
 

@@ -11,7 +11,7 @@ import pytest
 
 from executive.locations import ReachSolution
 from executive.robots import Robot
-from planlang.protocols import Array
+from planlang.geometry import Array
 from sim import PyBulletWorld
 from tests.benchmarks.locations.oracle import followers, led
 from tests.executive.conftest import Stage

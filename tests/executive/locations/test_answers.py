@@ -11,7 +11,8 @@ from executive.locations import Rejections
 from executive.locations.answers import MOST, Answers
 from planlang.designators import Location, a_location, an_object
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Configuration, Detection, Pose, Solution
+from planlang.geometry import Pose
+from planlang.protocols import Configuration, Detection, Solution
 from tests.executive.conftest import BOTTLE, THE_BOTTLE, Stage, hold_bottle
 
 TO_REACH, TO_SEE = a_location(in_reach_of=THE_BOTTLE), a_location(visible_from=THE_BOTTLE)

@@ -12,7 +12,7 @@ import pytest
 from executive.locations.areas import SIDES, area_of
 from executive.locations.block import Block
 from planlang.designators import a_location, an_object, located
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from tests.executive.conftest import BED, BOTTLE, THE_BOTTLE, MakeStage, stand
 
 THE_BED = an_object("Bed-PieceOfFurniture")

@@ -13,7 +13,8 @@ from executive.locations.resolver import APART
 from planlang import at_location
 from planlang.designators import a_location
 from planlang.failures import LocationUnresolvable, ManipulationPoseUnreachable, ObjectUnreachable
-from planlang.protocols import Pose, Solution
+from planlang.geometry import Pose
+from planlang.protocols import Solution
 from sim import Body
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage
 

@@ -12,7 +12,8 @@ import pytest
 
 from planlang.designators import Location, a_device, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Array, Pose, Solution
+from planlang.geometry import Array, Pose
+from planlang.protocols import Solution
 from sim import Body
 from tests.executive.conftest import (
     BED,

@@ -13,7 +13,7 @@ from executive.locations.field import CELL, Floor
 from executive.locations.reachability import YAWS
 from executive.motion.clearance import Boxes
 from executive.motion.footprint import outlines
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 from tests.benchmarks.locations.oracle import Oracle
 from tests.benchmarks.locations.reach import judged
 from tests.benchmarks.locations.rooms import asked, room_of

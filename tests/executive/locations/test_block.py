@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from executive.locations import Block, ComfortZone, HandFrame, Held
 from executive.locations.ways import CLASSES, above_ways, grasp_ways, offer_ways, place_ways
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 angle, length, size = st.floats(-math.pi, math.pi), st.floats(-3.0, 3.0), st.floats(0.02, 2.0)
 blocks = st.builds(

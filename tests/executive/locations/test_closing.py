@@ -10,7 +10,8 @@ import pytest
 from executive.locations import ReachSolution
 from planlang.designators import a_device, a_location
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Configuration, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration
 from sim import Body
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage
 

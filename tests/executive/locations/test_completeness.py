@@ -15,7 +15,8 @@ from executive.locations import Base
 from executive.locations.anywhere import MOST_CELLS, TURNS, all_places
 from executive.locations.relations import base_demand
 from planlang.designators import Location, Relation, a_location, a_person, an_object
-from planlang.protocols import Detection, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Detection
 from sim import Body
 from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, WARD, MakeStage, Stage, stand
 

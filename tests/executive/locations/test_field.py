@@ -9,7 +9,7 @@ from executive.locations.candidates import Candidates
 from executive.locations.field import DOUBTFUL, Floor
 from executive.motion.clearance import Boxes
 from executive.motion.footprint import outlines
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 HALF = 0.3
 SQUARE = HALF * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

@@ -9,7 +9,7 @@ import pytest
 from planlang import at_location, perform
 from planlang.designators import Location, a_device, a_location, a_person, action, an_object
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from sim import Body
 from tests.executive.conftest import CABINET, PLACE, WARD, MakeStage, Stage, hold_bottle, stand
 from tests.executive.locations.conftest import MakeJudge

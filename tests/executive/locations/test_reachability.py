@@ -16,7 +16,7 @@ from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
 from executive.locations.reachability_building import lift_of, reachability_maps
 from executive.locations.reachability_sampling import sampled
 from executive.motion import Chain, InverseKinematics
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 JOINTS = [
     ("lift", "prismatic", "0 0 1", "0.1 0 0.5", "0.1", "0.4"),

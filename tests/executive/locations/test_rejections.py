@@ -11,7 +11,7 @@ import pytest
 from executive.locations.effort import EFFORTS
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from sim import Body
 from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, THE_BOTTLE, MakeStage, Stage
 

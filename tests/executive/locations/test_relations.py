@@ -14,7 +14,8 @@ from executive.locations.relations import base_demand
 from executive.runs import memory
 from planlang.designators import Location, Relation, a_location, a_person, an_object, located
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Configuration, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration
 from sim import Body
 from tests.executive.conftest import (
     BED,

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from planlang.designators import Location, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Configuration, Detection, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration, Detection
 from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage, hold_bottle, stand
 
 LOCATIONS = (

@@ -17,7 +17,8 @@ import pytest
 from executive.locations import TABLE, ReachSolution
 from planlang.designators import Location, Relation, a_device, a_location, a_person, an_object, located
 from planlang.failures import LocationUnresolvable
-from planlang.protocols import Array, Configuration, Pose
+from planlang.geometry import Array, Pose
+from planlang.protocols import Configuration
 from sim import Body
 from tests.benchmarks.locations.predicates import OF_A_BASE, OF_A_THING, keeps
 from tests.executive.conftest import (

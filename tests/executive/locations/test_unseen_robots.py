@@ -13,8 +13,8 @@ from executive.robots import Robot, bind_robot
 from executive.robots.arms import arm_models, gaze_of
 from executive.robots.carrying import with_carrying
 from planlang.designators import a_device, a_location
+from planlang.geometry import Pose
 from planlang.ontology import Ontology
-from planlang.protocols import Pose
 from sim import PyBulletWorld, Scene
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, Stage, furnisher, stand
 from tests.executive.locations.conftest import Judge

@@ -18,7 +18,8 @@ from planlang.failures import (
     ObjectNotFound,
     Timeout,
 )
-from planlang.protocols import Detection, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Detection
 from sim import Body
 from sim.oracle import at_rest_on, held_by
 from tests.executive.conftest import BED, BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage, hold_bottle, stand

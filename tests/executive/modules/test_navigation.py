@@ -19,7 +19,7 @@ from planlang.failures import (
     NavigationGoalNotReached,
     NavigationPoseUnreachable,
 )
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from sim import Body
 from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage, hold_bottle
 

@@ -9,7 +9,7 @@ import pytest
 from planlang import Recovery, look_from_another_place, perform, with_failure_handling
 from planlang.designators import Object, action, an_object
 from planlang.failures import ActionUnresolvable, ObjectNotFound, ObjectNowhereToBeFound, ObjectUnresolvable
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from sim import Body
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, WARD, MakeStage, Stage
 

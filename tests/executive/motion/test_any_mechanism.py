@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.motion import Chain, InverseKinematics
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 from tests.executive.motion.conftest import chain_computed_by
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")

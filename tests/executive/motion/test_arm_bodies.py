@@ -16,7 +16,8 @@ from executive.motion.collision import QuickCheck
 from executive.motion.link_shapes import links_of
 from executive.motion.solids import Solids
 from executive.robots import bind_robot
-from planlang.protocols import Array, Configuration, Pose
+from planlang.geometry import Array, Pose
+from planlang.protocols import Configuration
 from sim import Body, PyBulletWorld, Scene
 
 ROOM = (

@@ -11,7 +11,7 @@ from executive.motion.arm_path import plan_path
 from executive.motion.collision import bisection
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from executive.motion.joint_space import JointSpace
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 LOW, HIGH = np.zeros(2), np.ones(2) * 4
 SQUARE = JointSpace.of(LOW, HIGH, resolution=0.02)

@@ -10,7 +10,7 @@ import pytest
 from executive.motion.base_path import Touching, plan_base_path
 from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 GRID = Grid.over((0.0, 0.0), (6.0, 6.0))
 RADIUS = 0.35

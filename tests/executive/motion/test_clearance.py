@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field, clearances_at
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 
 ROBOT = [(0.0, 0.4, 0.35), (0.4, 1.5, 0.2)]
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from executive.motion.facets import Facets
 from executive.motion.spheres import Faceted
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 
 def some(rng: np.random.Generator) -> list[Faceted | None]:

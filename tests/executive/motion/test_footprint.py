@@ -7,7 +7,7 @@ import pytest
 
 from executive.motion.clearance import Boxes, clearance_at
 from executive.motion.footprint import TOUCHING, Outline, cores, outlines, stands_in_none
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 
 SQUARE = np.array([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]])
 WALL = Boxes.around([Pose.planar(1.0, 0.0, 0.0, 0.5)], [(0.2, 4.0, 1.0)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from executive.motion.kinematics import ANGLE_TOLERANCE, POSITION_TOLERANCE, Chain, InverseKinematics
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 ROBOTS = ["amigo", "pr2", "panda"]
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "xyz": (3**-0.5, 3**-0.5, 3**-0.5)}

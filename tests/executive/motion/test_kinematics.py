@@ -9,7 +9,7 @@ import pytest
 
 from executive.motion.errors import BadRobotDescription, NoSuchChain
 from executive.motion.kinematics import Chain
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 
 ROBOTS = ["amigo", "pr2", "panda"]
 SMALL = """<robot name="small">

@@ -43,7 +43,6 @@ def test_a_library_is_compiled_once_and_then_loaded(folder: Path) -> None:
     assert again is not None
     assert again.add(4, 5) == 9
     assert len(kept(folder)) == 1
-    assert kept(folder)[0].endswith(".so")
 
 
 def test_other_facts_another_compiler_and_other_flags_are_other_libraries(
@@ -133,7 +132,7 @@ def test_processes_that_need_the_same_chain_at_once_agree(
     said = {process.communicate()[0] for process in running}
     assert len(said) == 1
     assert said.pop().startswith("CompiledChain ")
-    assert all(name.endswith(".so") for name in kept(folder)), "no temporary file is left"
+    assert not any(name.startswith(".") for name in kept(folder)), "no temporary file is left"
 
 
 @pytest.mark.parametrize("content", [b"", b"\x7fELF", b"not a library at all" * 100])

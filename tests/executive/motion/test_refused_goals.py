@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from executive.motion import GoalInCollision, MotionError, StartInCollision, time_curve
-from planlang.protocols import Array, Configuration, Pose, Trajectory
+from planlang.geometry import Array, Pose
+from planlang.protocols import Configuration, Trajectory
 from sim import Body
 from tests.executive.conftest import MakeStage
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from executive.motion.hulls import Hull
 from executive.motion.spheres import MOST, kept_spheres, spheres_in
-from planlang.protocols import Array, Pose
+from planlang.geometry import Array, Pose
 from sim import hull_of
 
 HERE = Pose((0.0, 0.0, 0.0))

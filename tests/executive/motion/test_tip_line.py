@@ -8,7 +8,7 @@ import pytest
 
 from executive.motion.kinematics import Chain, InverseKinematics
 from executive.motion.tip_line import LARGEST_STRAY, cartesian_path, keeps_line
-from planlang.protocols import Array
+from planlang.geometry import Array
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from executive.pictures import recording
 from executive.pictures.recording import Recording
 from executive.pictures.shapes import drawn_in, link_shapes
 from planlang.diagnostics import BadInput
-from planlang.protocols import Pose
+from planlang.geometry import Pose
 from planlang.resources import bundled
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
 

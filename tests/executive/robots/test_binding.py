@@ -14,7 +14,8 @@ from executive.motion import Chain
 from executive.robots import Robot, bind_robot, robots
 from planlang.designators import Device
 from planlang.diagnostics import BadInput
-from planlang.protocols import Configuration, Pose
+from planlang.geometry import Pose
+from planlang.protocols import Configuration
 from sim import Body, PyBulletWorld, Scene
 
 ARM = ("shoulder_yaw", "shoulder_pitch", "shoulder_roll", "elbow_pitch", "elbow_roll", "wrist_pitch", "wrist_yaw")

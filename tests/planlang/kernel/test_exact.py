@@ -24,8 +24,9 @@ from planlang.designators import (
     holding,
 )
 from planlang.failures import CompositeFailure, GraspMissed, LocationUnresolvable, ObjectNotFound, PlanFailure, Where
+from planlang.geometry import Pose
 from planlang.kernel.exact import Lost, dump, dump_failure, load, load_failure
-from planlang.protocols import Configuration, Pose, Solution
+from planlang.protocols import Configuration, Solution
 
 
 class Colour(enum.Enum):

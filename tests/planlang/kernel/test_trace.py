@@ -17,11 +17,12 @@ import pytest
 
 from planlang import TaskTree, Trace, VirtualHost, an_object, par, plan, run, seq, sleep, unwind_protect, using
 from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, ObjectUnfetchable, PlanFailure
+from planlang.geometry import Pose
 from planlang.kernel import with_paths
 from planlang.kernel.encoding import encode
 from planlang.kernel.past import Past
 from planlang.kernel.recorded import RecordedRun
-from planlang.protocols import Configuration, Pose
+from planlang.protocols import Configuration
 
 
 def test_every_line_is_a_json_object_that_begins_with_step_and_event() -> None:

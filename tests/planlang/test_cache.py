@@ -1,0 +1,175 @@
+"""Facts about what is kept between runs: it is used when it is right, made anew when it is not, and never required."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planlang.cache import Cache
+from planlang.ontology.manchester import read_manchester
+from planlang.ontology.triples import Triples
+from planlang.resources import bundled
+
+CACHE = Cache("kind", most=3, largest=10_000)
+CONTENT = bytes(range(256)) * 8
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where entries are kept."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    return tmp_path / "home" / "planlang" / "kind"
+
+
+def only(folder: Path) -> Path:
+    (entry,) = folder.iterdir()
+    return entry
+
+
+def _flip(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    for place in range(0, len(content), 70):
+        content[place] ^= 16
+    path.write_bytes(content)
+
+
+def _in_place_of(path: Path, make: Callable[[Path], object]) -> None:
+    path.unlink()
+    make(path)
+
+
+def _socket(path: Path) -> None:
+    here = os.getcwd()
+    os.chdir(path.parent)  # a socket's address may have 107 bytes
+    with socket.socket(socket.AF_UNIX) as made:
+        made.bind(path.name)
+    os.chdir(here)
+
+
+def _sparse(path: Path) -> None:
+    with path.open("r+b") as file:
+        file.truncate(62 << 30)
+
+
+def _header(path: Path) -> None:
+    header = (
+        np.lib.format.MAGIC_PREFIX + b"\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (8349416423,)}"
+    )
+    path.write_bytes(header.ljust(2000))
+
+
+def _full_folder(path: Path) -> None:
+    path.mkdir()
+    (path / "file").write_text("")
+
+
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "empty": lambda path: path.write_bytes(b""),
+    "cut off in the digest": lambda path: os.truncate(path, 40),
+    "only the digest": lambda path: os.truncate(path, 64),
+    "cut off in the content": lambda path: os.truncate(path, 1000),
+    "one byte short": lambda path: os.truncate(path, path.stat().st_size - 1),
+    "something appended": lambda path: path.write_bytes(path.read_bytes() + b"\n"),
+    "flipped bits": _flip,
+    "zeros": lambda path: path.write_bytes(bytes(path.stat().st_size)),
+    "a header that asks for 62 GiB": _header,
+    "a size of 62 GiB": _sparse,
+    "a folder": lambda path: _in_place_of(path, Path.mkdir),
+    "a folder that is not empty": lambda path: _in_place_of(path, _full_folder),
+    "a FIFO": lambda path: _in_place_of(path, os.mkfifo),
+    "a socket": lambda path: _in_place_of(path, _socket),
+    "a link to itself": lambda path: _in_place_of(path, lambda there: there.symlink_to(there)),
+    "a link to nothing": lambda path: _in_place_of(path, lambda there: there.symlink_to("nothing")),
+    "a link to a device": lambda path: _in_place_of(path, lambda there: there.symlink_to("/dev/zero")),
+    "no permission": lambda path: path.chmod(0),
+    "gone": Path.unlink,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_entry_counts_as_not_kept_and_is_replaced(damage: str, folder: Path) -> None:
+    CACHE.keep("key", CONTENT)
+    assert CACHE.load("key") == CONTENT
+    DAMAGES[damage](only(folder))
+    is_readable = damage == "no permission" and os.geteuid() == 0
+    assert CACHE.load("key") == (CONTENT if is_readable else None)
+    assert CACHE.keep("key", CONTENT)
+    assert CACHE.load("key") == CONTENT
+    assert only(folder).is_file()
+
+
+def test_every_cut_is_noticed(folder: Path) -> None:
+    CACHE.keep("key", CONTENT)
+    whole = only(folder).read_bytes()
+    for length in range(0, len(whole), 97):
+        only(folder).write_bytes(whole[:length])
+        assert CACHE.load("key") is None
+
+
+def test_another_entry_under_this_name_is_not_taken_for_it(folder: Path) -> None:
+    CACHE.keep("other", CONTENT)
+    other = only(folder).read_bytes()
+    only(folder).unlink()
+    CACHE.keep("key", b"")
+    only(folder).write_bytes(other)
+    assert CACHE.load("key") is None
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o757])
+def test_nothing_is_loaded_from_a_folder_that_others_may_write(mode: int, folder: Path) -> None:
+    CACHE.keep("key", CONTENT)
+    folder.chmod(mode)
+    assert CACHE.load("key") is None
+    assert CACHE.keep("new", CONTENT)  # takes the folder back, without what was in it
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert (CACHE.load("key"), CACHE.load("new")) == (None, CONTENT)
+
+
+@pytest.mark.parametrize("above", ["a file", "a link to itself", "a FIFO"])
+def test_without_a_usable_folder_nothing_is_kept_and_nothing_fails(
+    above: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "place"
+    {"a file": Path.touch, "a FIFO": os.mkfifo, "a link to itself": lambda path: path.symlink_to(path)}[above](place)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(place))
+    assert not CACHE.keep("key", CONTENT)
+    assert CACHE.load("key") is None
+
+
+def test_an_entry_that_cannot_be_written_leaves_no_temporary_file(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*arguments: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "replace", fail)
+    assert not CACHE.keep("key", CONTENT)
+    assert list(folder.iterdir()) == []
+
+
+def test_the_oldest_entries_beyond_so_many_are_forgotten(folder: Path) -> None:
+    for number in range(6):
+        CACHE.keep(str(number), CONTENT)
+        for entry in folder.iterdir():
+            os.utime(entry, (entry.stat().st_mtime - 10,) * 2)
+    assert [CACHE.load(str(number)) is not None for number in range(6)] == [False] * 3 + [True] * 3
+
+
+def test_what_is_too_large_is_not_kept() -> None:
+    assert not CACHE.keep("key", bytes(10_001))
+
+
+def test_every_bundled_ontology_comes_back_from_its_bytes_as_it_was_read() -> None:
+    for path in sorted(bundled("ontologies").rglob("*.omn")):
+        parsed = read_manchester(path.read_bytes(), path.name, base="http://x.org/").triples
+        again = Triples.unpacked(parsed.packed(), "elsewhere.omn")
+        assert [(t.subject, t.predicate, t.object) for t in again] == [
+            (t.subject, t.predicate, t.object) for t in parsed
+        ]
+        assert {triple.span.file for triple in again} == {"elsewhere.omn"}
+        assert [triple.span[1:] for triple in again] == [triple.span[1:] for triple in parsed]
