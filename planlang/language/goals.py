@@ -9,14 +9,17 @@ from planlang.designators import Condition, Location, Object, located
 from planlang.failures import GoalNotAchieved
 from planlang.kernel import Fluent, Signal, checkpoint, wait_for
 from planlang.kernel.calling import called
+from planlang.kernel.fluent import SIGNAL
 from planlang.kernel.journal import taken_over
-from planlang.kernel.park import here
+from planlang.kernel.park import deliver, here, park
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.tree import name_of
-from planlang.language.context import executive_for
+from planlang.language.executive import executive_for
+from planlang.language.recovery import Return
 from planlang.misuse import Usage
 
 V = TypeVar("V")
+
 _ACHIEVE = Usage("await achieve", {"goal": "holding(cup)", "body": "grasp"}, {"within": "0.5"})
 _HOLDS = Usage("holds", {"what": "a_location(near=table)"}, {"of": "cup"})
 Goal = Condition | Callable[[], bool] | Signal[Any]
@@ -75,3 +78,33 @@ def _reader(goal: Goal) -> tuple[str, Callable[[], bool]]:
         return bool(told)
 
     return name, answer if answers is None else lambda: bool(answers.ask(f"{name} holds", answer))
+
+
+_WHENEVER = Usage("await whenever", {"signal": "bell_rings", "body": "answer"})
+
+
+async def whenever(signal: Signal[Any], body: Callable[[], Awaitable[Any]]) -> Any:
+    """Run the body each time the fluent is true, at most once per world step; ``Return(v)`` from it leaves with v."""
+    _WHENEVER.branch("body", body)
+    _WHENEVER.instance("signal", signal, Signal, SIGNAL)
+    if (before := taken_over("whenever", "whenever")) is not None:
+        return await before
+    with inside("whenever", "whenever", signal=str(signal)) as node:
+        while True:
+            await wait_for(signal)
+            result = await called(body)
+            if isinstance(result, Return):
+                node.result = result.value
+                return result.value
+            await _next_step()
+
+
+async def _next_step() -> None:
+    scheduler, task = here()
+    if task.doomed:
+        await deliver(task)
+    timer = scheduler.alarm(task, 1, lambda: scheduler.wake(task))
+    try:
+        await park(timer)
+    finally:
+        timer.drop()

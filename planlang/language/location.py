@@ -26,9 +26,8 @@ from planlang.kernel.primitives import inside, record
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.language.budgets import take_attempt
-from planlang.language.context import executive_for
-from planlang.language.performing import perform
-from planlang.language.place import Place, place
+from planlang.language.executive import executive_for
+from planlang.language.performing import Place, perform, place
 from planlang.language.resources import Lease, using
 from planlang.misuse import Usage
 

@@ -7,9 +7,8 @@ import functools
 import inspect
 import itertools
 from collections.abc import Awaitable, Callable, Coroutine
-from contextvars import ContextVar
 from types import FunctionType, MethodType
-from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 from planlang.kernel.calling import called
 from planlang.kernel.journal import taken_over
@@ -17,38 +16,13 @@ from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
 from planlang.kernel.task import Task
 from planlang.kernel.tree import name_of
+from planlang.language.tags import Frame, frame
 from planlang.misuse import Usage, WrongType, contrast
-
-if TYPE_CHECKING:
-    from planlang.language.tags import Handle
 
 P = ParamSpec("P")
 Q = ParamSpec("Q")
 R = TypeVar("R")
 _PLAN = Usage("plan", {"function": "serve"}, {"iri": '"http://example.org/recipe#Serve"'})
-
-
-class Frame:
-    """One entry of a plan function: the tags in it, and what plans inside it have asked for and nobody knew yet."""
-
-    __slots__ = ("asked", "outer", "tags")
-
-    def __init__(self, outer: Frame | None) -> None:
-        self.outer = outer
-        self.tags: dict[str, Handle] = {}
-        self.asked: dict[str, dict[Handle, None]] = {}
-
-    def leave(self) -> None:
-        """The plan function has ended: nothing it has asked for has to be found any more."""
-        around = self.outer
-        while around is not None:
-            for name, handle in self.tags.items():
-                if name in around.asked:
-                    around.asked[name].pop(handle, None)
-            around = around.outer
-
-
-frame: ContextVar[Frame | None] = ContextVar("frame", default=None)
 
 
 class Plan(Generic[P, R]):

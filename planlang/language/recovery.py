@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from planlang.failures import PlanFailure, matches
+from planlang.designators import Object, a_location, action
+from planlang.failures import (
+    CompositeFailure,
+    ObjectNotFound,
+    ObjectNowhereToBeFound,
+    ObjectUndeliverable,
+    ObjectUnreachable,
+    PlanFailure,
+    matches,
+)
 from planlang.kernel.calling import called, given
 from planlang.kernel.journal import taken_over
 from planlang.kernel.park import here
 from planlang.kernel.primitives import inside, record
 from planlang.language.branches import evaporating
 from planlang.language.budgets import take_attempt
+from planlang.language.location import at_location
+from planlang.language.performing import perform
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_iterable, written
 
 if TYPE_CHECKING:
@@ -32,6 +45,7 @@ _RECOVERY = Usage(
         "otherwise": "ObjectUnfetchable",
     },
 )
+_EXPLAIN = Usage("explain", {"failure": "failure"})
 _WITH_FAILURE_HANDLING = Usage("await with_failure_handling", {"body": "grasp", "recovery": "Recovery(GraspMissed)"})
 _ALTERNATIVES = "a mapping from keywords of the body to functions that make the values"
 _OTHERWISE = "None, a failure class, a function that makes a failure from one, or Return(value)"
@@ -256,3 +270,75 @@ def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]
         wrong = _RECOVERY.shown("otherwise", "lambda failure: None")
         raise WrongType(contrast(message, wrong, _RECOVERY.shown("otherwise"))) from failure
     raise raised from failure
+
+
+repeat = retry
+"""Run the body again, nothing else."""
+
+
+def look_from_another_place(what: Object) -> Do:
+    """Go where the object should be visible from and look for it there, then run the body again.
+
+    Not finding it there either is no failure yet: the body will tell. Raises ObjectNowhereToBeFound when there is no
+    other place to look from.
+    """
+
+    Usage("look_from_another_place", {"what": "bottle"}).instance("what", what, Object, "an object")
+
+    async def look(failure: PlanFailure) -> Decision:
+        try:
+            with suppress(ObjectNotFound):
+                await at_location(a_location(visible_from=what), partial(_look_for, what))
+        except (ObjectUnreachable, ObjectUndeliverable) as nowhere:
+            raise ObjectNowhereToBeFound(what=str(what)) from nowhere
+        return RETRY
+
+    return look
+
+
+def look_and_repeat(what: Object) -> Do:
+    """Look for the object from here, which may correct where it is believed to be, then run the body again."""
+
+    Usage("look_and_repeat", {"what": "bottle"}).instance("what", what, Object, "an object")
+
+    async def look(failure: PlanFailure) -> Decision:
+        await _look_for(what)
+        return RETRY
+
+    return look
+
+
+async def ignore(failure: PlanFailure) -> Decision:
+    """Go on as if the body had succeeded, with None."""
+    return Return(None)
+
+
+async def _look_for(what: Object) -> None:
+    await perform(action("LookingForSomething", object_acted_on=what))
+
+
+def explain(failure: BaseException) -> str:
+    """Several lines: the failure, where in the plan, what it was raised from, what else failed with it."""
+    _EXPLAIN.instance("failure", failure, BaseException, "a failure, or another exception")
+    lines: list[str] = []
+    links = list(failure.chain()) if isinstance(failure, PlanFailure) else [failure]
+    for number, link in enumerate(links):
+        lead = "" if number == 0 else "because of "
+        lines.extend(_explain_one(link, lead, "  " * number))
+    return "\n".join(lines)
+
+
+def _explain_one(link: BaseException, lead: str, indent: str) -> Iterator[str]:
+    message = str(link)
+    yield f"{indent}{lead}{type(link).__name__}: {message}" if message else f"{indent}{lead}{type(link).__name__}"
+    if not isinstance(link, PlanFailure):
+        return
+    if link.where is not None:
+        yield f"{indent}  in {link.where}"
+    if isinstance(link, CompositeFailure):
+        for name, member in zip(link.names, link.failures, strict=True):
+            yield f"{indent}  branch {name}: {type(member).__name__}: {member}"
+    for name, sibling in link.siblings:
+        yield f"{indent}  at the same time, {name}: {type(sibling).__name__}: {sibling}"
+    for cleanup in link.cleanup_failures:
+        yield f"{indent}  during cleanup: {type(cleanup).__name__}: {cleanup}"

@@ -12,10 +12,10 @@ from planlang.kernel.choices import Schedule, described
 from planlang.kernel.past import Past
 from planlang.kernel.realtime import LiveHost
 from planlang.kernel.tree import Node, name_of
-from planlang.language import context
 from planlang.language.answering import NotedExecutive
-from planlang.language.plans import Frame, frame
+from planlang.language.executive import current
 from planlang.language.resuming import check_repeated, prepare, refuse_other
+from planlang.language.tags import Frame, frame
 from planlang.misuse import Usage, WrongValue, whole_number
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: S
 
 def inside_of(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive: Executive | None) -> Any:
     """Run a plan with what surrounds it; for a context of its own."""
-    context.current.set(executive)
+    current.set(executive)
     frame.set(Frame(None))
     if executive is not None:
         scheduler.revision = executive.revision

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from contextvars import ContextVar
 from typing import Any, TypeVar
 
 from planlang.failures import BranchEvaporated, PlanFailure
@@ -11,15 +12,39 @@ from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, 
 from planlang.kernel.expressions import Expression, Signal
 from planlang.kernel.park import here, serving
 from planlang.kernel.suspension import Recheck
+from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
-from planlang.language.plans import Frame, frame
 from planlang.misuse import Usage
 
 V = TypeVar("V")
+
 _TAG = Usage("await tag", {"name": '"reach"', "body": "reach"})
 _HANDLE = Usage("Handle", {"name": '"reach"'})
 _TASK = Usage("task", {"name": '"reach"'})
 _ON_SUSPENSION = Usage("async with on_suspension", {"function": "stop"})
+
+
+class Frame:
+    """One entry of a plan function: the tags in it, and what plans inside it have asked for and nobody knew yet."""
+
+    __slots__ = ("asked", "outer", "tags")
+
+    def __init__(self, outer: Frame | None) -> None:
+        self.outer = outer
+        self.tags: dict[str, Handle] = {}
+        self.asked: dict[str, dict[Handle, None]] = {}
+
+    def leave(self) -> None:
+        """The plan function has ended: nothing it has asked for has to be found any more."""
+        around = self.outer
+        while around is not None:
+            for name, handle in self.tags.items():
+                if name in around.asked:
+                    around.asked[name].pop(handle, None)
+            around = around.outer
+
+
+frame: ContextVar[Frame | None] = ContextVar("frame", default=None)
 
 
 class Handle:
@@ -265,3 +290,55 @@ def _frame() -> Frame:
     found = frame.get()
     assert found is not None  # run() has set it
     return found
+
+
+_RETRY_AFTER_SUSPENSION = Usage("await retry_after_suspension", {"body": "reach"})
+
+
+class Restarting(All):
+    """One branch, evaporated with its cleanup when the owner is held, and started anew when it is woken up."""
+
+    interrupted = False
+
+    def __init__(self, kind: str, name: str, body: Branch, body_name: str) -> None:
+        super().__init__(kind, name)
+        self.body = body
+        self.body_name = body_name
+        self.result: Any = None
+
+    def begin(self) -> None:
+        hooks = self.owner.hooks
+        if hooks is None:
+            hooks = self.owner.hooks = []
+        hooks.append(self._held)
+        self.start(self.body, self.body_name, 0)
+
+    def _held(self) -> None:
+        for task in tuple(self.live):
+            self.interrupted = self.scheduler.evaporate(task) or self.interrupted
+
+    def decide(self, dead: list[Task]) -> None:
+        if self.interrupted and dead[0].outcome is Status.EVAPORATED:
+            self.interrupted = False
+            self.start(self.body, self.body_name, 0)  # held as long as the owner is
+            return
+        super().decide(dead)
+        self.result = dead[0].result
+
+    def finish(self) -> Any:
+        self.raise_failure()
+        return self.result
+
+    async def execute(self) -> Any:
+        try:
+            return await super().execute()
+        finally:
+            if self.owner.hooks is not None and self._held in self.owner.hooks:
+                self.owner.hooks.remove(self._held)
+
+
+async def retry_after_suspension(body: Callable[[], Awaitable[V]]) -> V:
+    """Run a body; when it is suspended it is evaporated with its cleanup, and runs from the start when woken up."""
+    _RETRY_AFTER_SUSPENSION.branch("body", body)
+    result: V = await Restarting("retry_after_suspension", "retry_after_suspension", body, name_of(body)).execute()
+    return result

@@ -13,6 +13,9 @@ from executive.motion.clearance import Band, clearances_at
 from executive.motion.footprint import TOUCHING, Outline, cores, stands_in_none
 from planlang.geometry import Array
 
+BasePose = tuple[float, float, float]
+"""Where the base is (x [m], y [m], yaw [rad]) in the map."""
+
 CELL = 0.05
 """Side of a cell of the grid [m]."""
 HAIR = 1e-6

@@ -1,7 +1,7 @@
-"""What the README says is what the program says: outputs, diagnostic codes, folders.
+"""The documentation shows what the program does: outputs of commands, diagnostic codes, folders, links.
 
-``python tests/repository/test_readme.py`` writes the outputs and the table of codes into the README anew. A line
-``...`` in an output stands for any number of lines. Numbers are compared only when the README is written.
+``python tests/repository/test_documentation.py`` writes the outputs and the table of codes anew. A line ``...`` in an
+output stands for any number of lines. Numbers are compared only when the pages are written.
 """
 
 from __future__ import annotations
@@ -19,8 +19,11 @@ import pytest
 from planlang.diagnostics import CODES
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-FILE = CHECKOUT / "README.md"
-README = FILE.read_text(encoding="utf-8")
+README = CHECKOUT / "README.md"
+CODES_PAGE = CHECKOUT / "docs" / "codes.md"
+PAGES = {page.name: page.read_text(encoding="utf-8") for page in (README, *sorted(CHECKOUT.glob("docs/*.md")))}
+OF_THEIR_OWN = ("locations.md",)
+"""Pages whose outputs another test compares."""
 PACKAGES = ("planlang", "executive", "sim")
 
 BLOCK = re.compile(r"```console\n\$ planlang (.+)\n((?:(?!```).*\n)*)```")
@@ -44,7 +47,7 @@ def output(command: str, folder: Path) -> str:
 
 
 def agrees(shown: str, real: str) -> bool:
-    """Whether an output is as the README shows it, ``...`` standing for any lines."""
+    """Whether an output is as a page shows it, ``...`` standing for any lines."""
     parts = [re.escape(part) for part in shown.split(ELISION)]
     return re.fullmatch(r"(?:.*\n)*?".join(parts), real) is not None
 
@@ -92,18 +95,28 @@ def prepare(command: str, folder: Path, corpus: Path) -> bool:
 
 
 def code_table() -> str:
-    """The rows of the README's table of codes."""
+    """The rows of the table of codes."""
     return "\n".join(f"| `{code}` | {meaning} |" for code, meaning in sorted(CODES.items()))
 
 
-@pytest.mark.parametrize(("command", "shown"), BLOCK.findall(README), ids=[c for c, _ in BLOCK.findall(README)])
-def test_an_output_in_the_readme_is_what_its_command_prints(
-    command: str, shown: str, tmp_path: Path, request: pytest.FixtureRequest
+def shown_outputs() -> dict[str, list[str]]:
+    """Command -> its output as the pages show it; a command stands on several pages, and runs once."""
+    commands: dict[str, list[str]] = {}
+    for name, page in PAGES.items():
+        for command, shown in BLOCK.findall(page) if name not in OF_THEIR_OWN else ():
+            commands.setdefault(command, []).append(shown)
+    return commands
+
+
+@pytest.mark.parametrize("command", shown_outputs())
+def test_an_output_in_the_documentation_is_what_its_command_prints(
+    command: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     corpus = request.getfixturevalue("corpus") if "@" in command else tmp_path
-    assert prepare(command, tmp_path, corpus), "the corpus lacks a file of the README"
+    assert prepare(command, tmp_path, corpus), "the corpus lacks a file that the documentation uses"
     real = output(command, tmp_path)
-    assert agrees(shape(shown), shape(real)), f"planlang {command} prints:\n{real}"
+    for shown in shown_outputs()[command]:
+        assert agrees(shape(shown), shape(real)), f"planlang {command} prints:\n{real}"
 
 
 def test_a_new_output_keeps_what_was_shown_of_the_old_one() -> None:
@@ -116,17 +129,18 @@ def test_a_new_output_keeps_what_was_shown_of_the_old_one() -> None:
         fitted("...\nx 1\n...\n", new)
 
 
-def test_the_recipe_in_the_readme_is_the_bundled_one() -> None:
-    recipe = (CHECKOUT / "recipes" / "serve_a_drink.omn").read_text(encoding="utf-8")
-    blocks = re.findall(r"```manchester\n(.+?)```", README, flags=re.DOTALL)
+def test_the_recipes_in_the_documentation_are_bundled_ones() -> None:
+    files = (CHECKOUT / "recipes" / "serve_a_drink.omn", CHECKOUT / "ontologies" / "environments" / "hospital_room.omn")
+    bundled = "".join(path.read_text(encoding="utf-8") for path in files)
+    blocks = re.findall(r"```manchester\n(.+?)```", "".join(PAGES.values()), flags=re.DOTALL)
     assert blocks
     for block in blocks:
         for part in block.split("...\n"):
-            assert part in recipe
+            assert part in bundled
 
 
 def test_the_plan_tests_in_the_readme_pass(tmp_path: Path) -> None:
-    blocks = re.findall(r"```python\n(.+?)```", README, flags=re.DOTALL)
+    blocks = re.findall(r"```python\n(.+?)```", PAGES["README.md"], flags=re.DOTALL)
     tests = [block for block in blocks if "def test_" in block]
     assert tests
     for number, block in enumerate(tests):
@@ -139,7 +153,7 @@ def test_the_plan_tests_in_the_readme_pass(tmp_path: Path) -> None:
 
 
 def test_the_table_of_codes_is_the_programs() -> None:
-    assert ROW.findall(README) == sorted(CODES.items()), f"the README's table of codes should be:\n{code_table()}"
+    assert ROW.findall(PAGES["codes.md"]) == sorted(CODES.items()), f"docs/codes.md should say:\n{code_table()}"
 
 
 def test_every_code_that_the_program_says_is_explained_and_every_explained_code_is_said() -> None:
@@ -153,14 +167,18 @@ def test_every_code_that_the_program_says_is_explained_and_every_explained_code_
     assert sorted(set(CODES) - said) == [], "explained, never said"
 
 
-def test_every_folder_that_the_readme_lists_is_there() -> None:
-    listed = re.findall(r"^([a-z_]+/[a-z_/]*) {2,}", README, flags=re.MULTILINE)
+def test_every_file_and_folder_that_a_page_names_is_there() -> None:
+    for page in (README, CHECKOUT / "CONTRIBUTING.md", CHECKOUT / "SECURITY.md", *CHECKOUT.glob("docs/*.md")):
+        text = page.read_text(encoding="utf-8")
+        links = {link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in link}
+        assert [link for link in sorted(links) if link and not (page.parent / link).exists()] == [], page.name
+    listed = re.findall(r"^([a-z_]+/[a-z_/]*) {2,}", PAGES["architecture.md"], flags=re.MULTILINE)
     assert listed
     assert [folder for folder in listed if not (CHECKOUT / folder).is_dir()] == []
 
 
 def rewrite() -> None:
-    """Write outputs that no longer agree, and the table of codes, into the README."""
+    """Write outputs that no longer agree, and the table of codes, into the pages."""
     import tempfile
 
     corpus = CHECKOUT.parent / "shared" / "corpus"
@@ -173,10 +191,11 @@ def rewrite() -> None:
             real = output(command, Path(folder))
         return block.group() if agrees(shown, real) else f"```console\n$ planlang {command}\n{fitted(shown, real)}```"
 
-    text = BLOCK.sub(renewed, README)
-    head, _, rest = text.partition("| code | meaning |\n|---|---|\n")
-    text = f"{head}| code | meaning |\n|---|---|\n{code_table()}\n{rest[rest.index(chr(10) + chr(10)) + 1 :]}"
-    FILE.write_text(text, encoding="utf-8")
+    for page in (README, *CHECKOUT.glob("docs/*.md")):
+        if page.name not in OF_THEIR_OWN:
+            page.write_text(BLOCK.sub(renewed, PAGES[page.name]), encoding="utf-8")
+    head, _, _ = PAGES["codes.md"].partition("| code | meaning |\n|---|---|\n")
+    CODES_PAGE.write_text(f"{head}| code | meaning |\n|---|---|\n{code_table()}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

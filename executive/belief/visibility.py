@@ -1,20 +1,27 @@
-"""From where the robot's own body, neck or camera keep it from seeing a thing: told without casting a ray."""
+"""What the robot's camera sees of the believed world from where: exactly, and ruled out without casting a ray."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.block import Block
+from executive.belief.belief import Belief
+from executive.belief.believed_bodies import BelievedBodies, Block
+from executive.belief.free_floor import BasePose
 from executive.motion import Gaze
 from executive.motion.solids import Solids
+from executive.robots import Robot
 from planlang.geometry import Array
+from planlang.geometry.matrices import rotated
 from planlang.protocols import Configuration
 from sim import PyBulletWorld
 
+SEEN_SHARE = 0.3
+"""Share of an object that must be visible for a base pose to count as one from where it is seen."""
 CELL = 0.01
 """Places of a thing, as the robot has it before it, that are told apart [m]."""
 SPOTS = (-0.8, 0.0, 0.8)
@@ -127,3 +134,55 @@ def _surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tu
     """A primitive, kind and size [m], that is surely filled: of a mesh the core of the box around it."""
     x, y, z = size
     return ("box", (CORE * x, CORE * y, CORE * z)) if kind == "mesh" else (kind, size)
+
+
+class Visibility:
+    """What can be seen in the planning world, by the robot's camera on its neck."""
+
+    def __init__(
+        self, world: PyBulletWorld, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None
+    ) -> None:
+        self._world, self._robot, self._belief, self._bodies, self.gaze = world, robot, belief, bodies, gaze
+
+    def sighted(self) -> bool:
+        """Whether the robot has a camera."""
+        return self.gaze is not None
+
+    def camera_range(self) -> tuple[float, float]:
+        """Distances between which the camera recognises things [m]."""
+        camera = self._robot.camera
+        return (0.0, 0.0) if camera is None else (camera.near, camera.far)
+
+    def looked_in_vain(self, name: str) -> Sequence[BasePose]:
+        """Places from where the body was looked for and not seen."""
+        return self._belief.looked_in_vain(name)
+
+    def own_view(self) -> OwnView | None:
+        """What the robot's own body, neck and camera, in its present posture, leave to be seen; None without camera."""
+        camera = self._robot.camera
+        if self.gaze is None or camera is None:
+            return None
+        return OwnView(still_pieces(self._world, self.gaze.joints), self.gaze, camera.half_angle, self.camera_range())
+
+    def hidden(self, base: BasePose, name: str) -> str | None:
+        """None if the neck can turn the camera to a body from a base and nothing is in between.
+
+        Else what hides most of it, "" if it is beyond the limits of neck or camera.
+        """
+        if self.gaze is None or self._robot.camera is None:
+            return ""
+        x, y, yaw = base
+        c, s = math.cos(yaw), math.sin(yaw)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        centre = self._bodies.block(name).centre
+        neck, beyond, camera = self.gaze.at(rotated(turn.T, centre - np.array([x, y, 0.0])))
+        away = float(np.linalg.norm(centre - (rotated(turn, camera) + np.array([x, y, 0.0]))))
+        if beyond > self._robot.camera.half_angle or not self._robot.camera.near <= away <= self._robot.camera.far:
+            return ""
+        joints = {**self._world.configuration().joints, **dict(zip(self.gaze.joints, map(float, neck), strict=True))}
+        configuration = Configuration(base, joints)
+        share, lines = self._world.sight(name, configuration)
+        if share >= SEEN_SHARE:
+            return None
+        hits = {hit: number for hit, number in lines.items() if hit != name}
+        return max(hits, key=lambda hit: hits[hit]) if hits else ""
