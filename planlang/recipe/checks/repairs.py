@@ -9,12 +9,14 @@ from itertools import combinations
 from planlang.diagnostics import Diagnostic, note
 from planlang.ontology import Ontology, expand
 from planlang.ontology.terms import RANGE
+from planlang.recipe.checks import check
+from planlang.recipe.fillers import is_of_unknown_kind
 from planlang.recipe.model import Kind, Parameter, Place, Recipe, RecipeSet, Thing
-from planlang.recipe.terms import is_of_unknown_kind
 
 
+@check("R030", "R034", unless=("R022", "R023"))
 def repaired(ontology: Ontology, recipes: RecipeSet) -> tuple[RecipeSet, list[Diagnostic]]:
-    """The recipes with all repairs made, and a note for each."""
+    """Return the recipes with all repairs made, and a note for each."""
     notes: dict[Diagnostic, None] = {}
     mended: dict[str, Recipe] = {}
     for iri, recipe in recipes.recipes.items():

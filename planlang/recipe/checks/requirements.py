@@ -9,8 +9,9 @@ from difflib import get_close_matches
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, warning
 from planlang.ontology import BNode, Ontology, Restriction, expand
-from planlang.recipe.guesses import guess
-from planlang.recipe.model import Recipe, RecipeSet, Step
+from planlang.recipe.checks import CheckedFile, check
+from planlang.recipe.checks.misspellings import guess
+from planlang.recipe.model import Recipe, Step
 from planlang.recipe.statements import is_word
 
 _WORDS = ("dependsOnCapability", "dependsOnComponent", "hasCapabilityDependency")
@@ -23,8 +24,10 @@ _LAST_PART = re.compile(r"(?<=.)[A-Z][a-z]+$")
 _DISJOINT = "http://www.w3.org/2002/07/owl#disjointWith"
 
 
-def check_requirements(ontology: Ontology, recipes: RecipeSet) -> Iterator[Diagnostic]:
-    """Judge what tasks and their steps depend on, with what that depends on in its turn."""
+@check("R046")
+def requirements(checked: CheckedFile) -> Iterator[Diagnostic]:
+    """Report what tasks and their steps depend on, directly or not, if it is undefined, impossible or circular."""
+    ontology, recipes = checked.ontology, checked.recipes
     classes: dict[str, None] = {}
     for recipe in recipes.recipes.values():
         owners: tuple[Recipe | Step, ...] = (recipe, *recipe.steps)

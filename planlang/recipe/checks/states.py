@@ -8,78 +8,80 @@ import networkx as nx
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, warning
+from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions
-from planlang.recipe.guesses import guess
-from planlang.recipe.model import Ending, Recipe, StateMachine, Transition
+from planlang.recipe.checks import CheckedRecipe, check
+from planlang.recipe.checks.misspellings import guess
+from planlang.recipe.model import Ending, Transition
 from planlang.recipe.statements import Statements
 
 MOST_NAMES = 5
 """States that one message names; of more it says how many there are."""
 
 
-def check_states(actions: Actions, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
-    """Judge what the file states about the states of a recipe; nothing if it is none of states."""
-    if not statements.is_finite_state:
-        return
-    yield from _dangling(actions, statements, recipe)
-    yield from _unlisted(actions, statements, recipe)
-    yield from _ends(statements, recipe)
-    if statements.orderings:
-        message = f"`{recipe.name}` has states and ordering constraints: only the transitions count"
-        yield warning("R057", message, statements.orderings[0].span, "remove the constraints, or write transitions")
-    machine = recipe.machine
-    if machine is not None:
-        yield from _ambiguous(machine, recipe)
-        if machine.ends:
-            yield from _unreachable(machine, recipe)
-            yield from _uncovered(actions, machine, recipe)
-            yield from _failures(machine, recipe)
-
-
-def _dangling(actions: Actions, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
-    """Names of states that nothing defines."""
-    known = [name for name in statements.names if actions.ontology.defined(name)]
+@check("R050")
+def undefined_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report names of states that nothing defines."""
+    ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
+    known = [name for name in statements.names if ontology.defined(name)]
     for name in statements.mentioned():
-        if name not in statements.names and not actions.ontology.defined(name):
+        if name not in statements.names and not ontology.defined(name):
             meant = guess(name, known)
             advice = f"did you mean {meant}?" if meant else f"define it, and add `subAction some {local_name(name)}`"
             message = f"the state `{local_name(name)}` of `{recipe.name}` is not defined"
-            yield error("R050", message, _where(actions, statements, name) or recipe.span, advice, meant)
+            yield error("R050", message, _where(ontology, statements, name) or recipe.span, advice, meant)
 
 
-def _unlisted(actions: Actions, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
-    """States that are no sub-actions though others are: they are taken as such."""
-    for name, where in unlisted_states(actions, statements):
+@check("R051")
+def unlisted_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report states that are no sub-actions though others are: they are taken as such."""
+    recipe = checked.recipe
+    for name, where in unlisted_states(checked.ontology, checked.statements):
         message = f"`{local_name(name)}` is a state of `{recipe.name}`, but not a sub-action: it is taken as one"
         advice = f"add `subAction some {local_name(name)}` to `{recipe.name}`"
         yield warning("R051", message, where or recipe.span, advice)
 
 
-def unlisted_states(actions: Actions, statements: Statements) -> Iterator[tuple[str, Span | None]]:
-    """The states (IRIs) of a recipe of states that are defined but no sub-actions, and where they are mentioned."""
-    for name in statements.mentioned() if statements.is_finite_state else ():
-        if name not in statements.names and actions.ontology.defined(name):
-            yield name, _where(actions, statements, name)
+def unlisted_states(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, Span | None]]:
+    """Yield the states (IRIs) of a finite-state recipe that are defined but no sub-actions, and their first mention."""
+    for name in statements.mentioned() if statements.states is not None else ():
+        if name not in statements.names and ontology.defined(name):
+            yield name, _where(ontology, statements, name)
 
 
-def _ends(statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
-    """Where the recipe begins and is done: one start, and an end."""
-    if not statements.starts:
+@check("R052")
+def starts_and_ends(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report a recipe that does not begin in exactly one state, or has no end."""
+    states, recipe = checked.statements.states, checked.recipe
+    if states is None:
+        return
+    if not states.starts:
         advice = "add `taskStartState value S` with the state in which it begins"
         yield error("R052", f"`{recipe.name}` does not say in which state it begins", recipe.span, advice)
-    elif len(statements.starts) > 1:
-        names = ", ".join(f"`{local_name(name)}`" for name in statements.starts)
+    elif len(states.starts) > 1:
+        names = ", ".join(f"`{local_name(name)}`" for name in states.starts)
         advice = "leave one; what may begin side by side is a recipe of its own"
         yield error("R052", f"`{recipe.name}` begins in several states: {names}", recipe.span, advice)
-    if not statements.ends:
+    if not states.ends:
         advice = "add `taskEndState value S` with the state after which it is done"
         yield error("R052", f"`{recipe.name}` does not say in which state it is done", recipe.span, advice)
 
 
-def _ambiguous(machine: StateMachine, recipe: Recipe) -> Iterator[Diagnostic]:
-    """Transitions that leave a state in the same case for different ones."""
+@check("R057")
+def orders_of_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report ordering constraints of a finite-state recipe, where only transitions count."""
+    orderings = checked.statements.orderings
+    if checked.statements.states is not None and orderings:
+        message = f"`{checked.recipe.name}` has states and ordering constraints: only the transitions count"
+        yield warning("R057", message, orderings[0].span, "remove the constraints, or write transitions")
+
+
+@check("R053")
+def ambiguous_transitions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report transitions that leave a state in the same case for different ones."""
+    machine, recipe = checked.recipe.machine, checked.recipe
     first: dict[tuple[str, str | Ending], Transition] = {}
-    for one in machine.transitions:
+    for one in machine.transitions if machine is not None else ():
         earlier = first.setdefault((one.source, _case(one)), one)
         if earlier.target != one.target:
             message = (
@@ -90,8 +92,12 @@ def _ambiguous(machine: StateMachine, recipe: Recipe) -> Iterator[Diagnostic]:
             yield error("R053", message, _later(earlier, one) or recipe.span, advice)
 
 
-def _unreachable(machine: StateMachine, recipe: Recipe) -> Iterator[Diagnostic]:
-    """States to which no transitions lead from the start."""
+@check("R054", unless=("R052",))
+def unreachable_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report states to which no transitions lead from the start."""
+    machine, recipe = checked.recipe.machine, checked.recipe
+    if machine is None:
+        return
     graph = nx.DiGraph((one.source, one.target) for one in machine.transitions)
     graph.add_node(machine.start)
     reached = {machine.start, *nx.descendants(graph, machine.start)}
@@ -108,9 +114,12 @@ def _unreachable(machine: StateMachine, recipe: Recipe) -> Iterator[Diagnostic]:
         yield error("R054", message, recipe.span, "add the transitions that are missing on the way")
 
 
-def _uncovered(actions: Actions, machine: StateMachine, recipe: Recipe) -> Iterator[Diagnostic]:
-    """Ways in which a state may end that no transition takes up; and transitions out of ends, which are never taken."""
-    for step in recipe.steps:
+@check("R055", unless=("R052",))
+def uncovered_endings(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report endings of states that no transition covers, and transitions that are never taken, such as out of ends."""
+    machine, recipe, actions = checked.recipe.machine, checked.recipe, checked.actions
+    for step in recipe.steps if machine is not None else ():
+        assert machine is not None
         own = [one for one in machine.transitions if one.source == step.iri]
         endings = {one.ending for one in own}
         if step.iri in machine.ends:
@@ -155,9 +164,11 @@ def _unsaid(actions: Actions, state: str, own: list[Transition], *, checked: boo
             yield warning("R055", message, one.span, advice)
 
 
-def _failures(machine: StateMachine, recipe: Recipe) -> Iterator[Diagnostic]:
-    """No state has a transition for its failure: whatever fails ends the recipe, and what loops may loop for ever."""
-    if any(one.ending is Ending.FAILED for one in machine.transitions):
+@check("R056", unless=("R052",))
+def unhandled_failures(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report a recipe without a transition for any failure: a failure ends it, and a loop may go on for ever."""
+    machine, recipe = checked.recipe.machine, checked.recipe
+    if machine is None or any(one.ending is Ending.FAILED for one in machine.transitions):
         return
     graph = nx.DiGraph((one.source, one.target) for one in machine.transitions)
     looping = sorted({state for part in nx.strongly_connected_components(graph) if len(part) > 1 for state in part})
@@ -184,8 +195,10 @@ def _later(first: Transition, second: Transition) -> Span | None:
     return max(spans, default=None)
 
 
-def _where(actions: Actions, statements: Statements, name: str) -> Span | None:
+def _where(ontology: Ontology, statements: Statements, name: str) -> Span | None:
     """Where a state is mentioned first: in a transition, else as start or end."""
-    events = {one.iri for one in statements.machine.transitions} if statements.machine is not None else set()
-    spans = [t.span for t in actions.ontology.triples(o=name) if str(t.subject) in events]
-    return min(spans, default=None) or min((t.span for t in actions.ontology.triples(o=name)), default=None)
+    transitions = statements.states.transitions if statements.states is not None else ()
+    events = {one.iri for one in transitions}
+    mentions = list(ontology.triples(o=name))
+    spans = [triple.span for triple in mentions if str(triple.subject) in events]
+    return min(spans or [triple.span for triple in mentions], default=None)

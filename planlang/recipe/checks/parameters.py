@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 
 from planlang.designators import RELATIONS, local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import BNode, Literal, Ontology, Term, shorten
 from planlang.ontology.terms import OWL, TYPE, XSD, is_vocabulary
-from planlang.recipe.actions import Actions
-from planlang.recipe.fillings import action_class, fillings, unread_facts
-from planlang.recipe.guesses import SURE, guess
-from planlang.recipe.model import Name, Place, Recipe, Step, Thing
-from planlang.recipe.readers.data_flow import OUTPUTS, made
-from planlang.recipe.readers.workflow import is_interval_relation
-from planlang.recipe.repairs import ranges_of, violates_range
-from planlang.recipe.statements import Filling, Statements, is_word
-from planlang.recipe.terms import (
+from planlang.recipe.checks import CheckedRecipe, check
+from planlang.recipe.checks.misspellings import SURE, guess
+from planlang.recipe.checks.places import places_of, statements_without_use
+from planlang.recipe.checks.repairs import ranges_of, violates_range
+from planlang.recipe.fillers import (
     NUMERIC,
     OBJECT_PROPERTY,
+    action_class,
     classes_of,
+    fillings,
     is_of_unknown_kind,
     is_place,
     is_vocabulary_class,
@@ -28,8 +27,13 @@ from planlang.recipe.terms import (
     references_of_unknown_kind,
     takes_numbers,
     takes_things,
+    unread_facts,
     unread_references,
 )
+from planlang.recipe.model import Name, Place, Recipe, Step, Thing
+from planlang.recipe.readers.data_flow import OUTPUTS, made
+from planlang.recipe.readers.workflow import is_interval_relation
+from planlang.recipe.statements import Filling, is_word
 from planlang.recipe.units import dimension_of, si_unit, unit, unit_of
 
 DATA_PROPERTY = OWL + "DatatypeProperty"
@@ -40,16 +44,79 @@ AGENTS = frozenset({"performedBy", "doneBy"})
 UNDEFINED = "define it in the file, with its class, or name it as outputsCreated of the step that makes it"
 
 
-def check_ranges(actions: Actions, owner: Step | Recipe, known: frozenset[str]) -> Iterator[Diagnostic]:
-    """Judge the fillers of a step, or of a task itself, after repairs; ``known`` are individuals that steps create."""
-    ontology = actions.ontology
+@check("R032", "R033", "R035", "R037", "R049")
+def fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report values, things and places that cannot fill the property that they are given for.
+
+    First as the file states them for a task and its sub-actions, before anything is left out, then, after repairs,
+    whether they are in the range of the property. A name that nothing defines is reported once.
+    """
+    ontology = checked.ontology
+    known: set[Term] = set(made(ontology, checked.statements))
+    reported = set(known)
+    for owner, more in _owners(checked):
+        for filling in _stated(ontology, owner, more):
+            if filling.term not in known:
+                found = list(_filler(ontology, owner, filling))
+                yield from (one for one in found if one.code != "R049" or filling.term not in reported)
+                if isinstance(filling.term, str) and any(one.code in ("R033", "R049") for one in found):
+                    known.add(filling.term)
+                    reported.add(filling.term)
+                yield from _references(ontology, filling, reported)
+    for one in checked.owners:
+        yield from _out_of_range(ontology, one, made(ontology, checked.statements))
+
+
+@check("R031")
+def unlisted_properties(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report properties that the vocabulary does not list for the class of actions that has them."""
+    ontology = checked.ontology
+    for owner, more in _owners(checked):
+        cls = owner if ontology.is_class(owner) else action_class(ontology, owner) or owner
+        listed = checked.actions.properties(cls)
+        for filling in _stated(ontology, owner, more) if listed else ():
+            if filling.property in listed or is_word(filling.property, *OUTPUTS):  # any action may make something
+                continue
+            short = local_name(filling.property)
+            message = f"{short} is not listed for actions such as `{local_name(owner)}`: it is kept as it is"
+            if not is_vocabulary(short) and not ontology.is_property(filling.property):
+                message = f"nothing declares the property {short} of `{local_name(owner)}`: it is kept as it is"
+            yield warning("R031", message, filling.span, f"listed are {', '.join(sorted(map(local_name, listed)))}")
+
+
+@check("R038")
+def left_out(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report facts of individuals, and statements about places, with which nothing is done."""
+    yield from _unused_facts(checked.ontology, [owner for owner, _ in _owners(checked)])
+    for owner in checked.owners:
+        for parameter in owner.parameters:
+            if isinstance(parameter.filler, Place):
+                for place in places_of(parameter.filler):
+                    yield from statements_without_use(checked.ontology, place)
+
+
+def _owners(checked: CheckedRecipe) -> Iterator[tuple[str, tuple[Filling, ...]]]:
+    """The task and its sub-actions (IRIs) with what is filled in where they are mentioned."""
+    yield checked.statements.iri, checked.statements.fillings
+    for sub in checked.statements.sub_actions:
+        if sub.iri is not None:
+            yield sub.iri, sub.fillings
+
+
+def _stated(ontology: Ontology, owner: str, more: tuple[Filling, ...]) -> Iterator[Filling]:
+    """All that is stated to fill a property of an action (IRI), nearest first."""
+    return chain.from_iterable(fillings(ontology, owner, more))
+
+
+def _out_of_range(ontology: Ontology, owner: Step | Recipe, created: frozenset[str]) -> Iterator[Diagnostic]:
+    """Report fillers of a step, or of a task itself, that are not in the range of their property."""
     for parameter in owner.parameters:
         filler = parameter.filler
         match filler:
             case Thing():
                 cls, is_wrong = filler.stated, violates_range(ontology, parameter.property, filler.stated)
                 is_individual = filler.iri is not None
-            case Place() | Name() if filler.iri not in known:
+            case Place() | Name() if filler.iri not in created:
                 classes = classes_of(ontology, filler.iri)
                 cls, is_individual = next(iter(classes), filler.iri), classes != (filler.iri,)
                 is_wrong = all(violates_range(ontology, parameter.property, one) for one in classes or (cls,))
@@ -62,44 +129,17 @@ def check_ranges(actions: Actions, owner: Step | Recipe, known: frozenset[str]) 
             yield warning("R032", message, parameter.span, "check the property, or the class of what fills it")
 
 
-def check_fillers(actions: Actions, statements: Statements) -> Iterator[Diagnostic]:
-    """Judge the fillers that the file states for a task and its sub-actions, before anything is left out."""
-    ontology = actions.ontology
-    known: set[Term] = set(made(ontology, statements))
-    told = set(known)
-    owners = [(statements.iri, statements.fillings)]
-    owners += [(sub.iri, sub.fillings) for sub in statements.sub_actions if sub.iri is not None]
-    for owner, more in owners:
-        cls = owner if ontology.is_class(owner) else action_class(ontology, owner) or owner
-        listed = actions.properties(cls)
-        for level in fillings(ontology, owner, more):
-            for filling in level:
-                yield from _property(ontology, owner, listed, filling)
-                if filling.term not in known:
-                    found = [
-                        one
-                        for one in _filler(ontology, owner, filling)
-                        if not (filling.term in told and one.code == "R049")
-                    ]
-                    yield from found
-                    if isinstance(filling.term, str) and any(one.code in ("R033", "R049") for one in found):
-                        known.add(filling.term)  # what nothing defines is told once
-                        told.add(filling.term)
-                    yield from _references(ontology, filling, told)
-    yield from _left_out(ontology, [owner for owner, _ in owners])
-
-
-def _references(ontology: Ontology, filling: Filling, told: set[Term]) -> Iterator[Diagnostic]:
-    """What a place relates to without anything saying what that is; ``told`` is what need not be told, and grows."""
+def _references(ontology: Ontology, filling: Filling, reported: set[Term]) -> Iterator[Diagnostic]:
+    """What a place relates to without anything saying what that is; ``reported`` need no further word, and grows."""
     if isinstance(filling.term, str) and is_place(ontology, filling.term):
         for relation, other in references_of_unknown_kind(ontology, filling.term):
-            if other not in told:
-                told.add(other)
+            if other not in reported:
+                reported.add(other)
                 what = f"{RELATIONS[relation]} of the place `{local_name(filling.term)}`"
                 yield _of_unknown_kind(ontology, what, other, ontology.span(filling.term) or filling.span)
 
 
-def _left_out(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
+def _unused_facts(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
     """Facts of individuals that no property of actions says, one message for each property."""
     found: dict[str, dict[str, Span]] = {}
     for owner in owners:
@@ -118,16 +158,6 @@ def _left_out(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
         if listed:
             advice += f": {', '.join(sorted(map(local_name, listed)))}"
         yield warning("R038", message, span, advice)
-
-
-def _property(ontology: Ontology, owner: str, listed: frozenset[str], filling: Filling) -> Iterator[Diagnostic]:
-    if not listed or filling.property in listed or is_word(filling.property, *OUTPUTS):  # any action may make something
-        return
-    short = local_name(filling.property)
-    message = f"{short} is not listed for actions such as `{local_name(owner)}`: it is kept as it is"
-    if not is_vocabulary(short) and not ontology.is_property(filling.property):
-        message = f"nothing declares the property {short} of `{local_name(owner)}`: it is kept as it is"
-    yield warning("R031", message, filling.span, f"listed are {', '.join(sorted(map(local_name, listed)))}")
 
 
 def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagnostic]:

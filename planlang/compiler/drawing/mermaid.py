@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from planlang.compiler.graphs.model import Box, Group, Order, TaskGraph
-from planlang.compiler.graphs.text import LONGEST_LINE, for_mermaid, shown
+from planlang.compiler.drawing.model import Box, Group, Order, TaskGraph
+from planlang.compiler.drawing.text import LONGEST_LINE, for_mermaid, shown
 
 _LINKS = {Order.STATED: "-->", Order.ADDED: "-.->", Order.TRANSITION: "-->", Order.OVERLAP: "-.-"}
 

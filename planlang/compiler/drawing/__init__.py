@@ -7,11 +7,11 @@ makes names that strangers chose safe to show.
 
 from collections.abc import Callable, Mapping
 
-from planlang.compiler.graphs.dot import dot
-from planlang.compiler.graphs.mermaid import mermaid
-from planlang.compiler.graphs.model import Arrow, Box, Group, Order, TaskGraph, task_graph
-from planlang.compiler.graphs.page import page
-from planlang.compiler.graphs.svg import svg
+from planlang.compiler.drawing.dot import dot
+from planlang.compiler.drawing.mermaid import mermaid
+from planlang.compiler.drawing.model import Arrow, Box, Group, Order, TaskGraph, task_graph
+from planlang.compiler.drawing.page import page
+from planlang.compiler.drawing.svg import svg
 
 FORMATS: Mapping[str, Callable[[TaskGraph], str]] = {".svg": svg, ".dot": dot, ".mmd": mermaid, ".html": page}
 """Suffix of a file -> what writes that format; equal graphs give equal text."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from planlang.compiler.graphs.arrangement import (
+from planlang.compiler.drawing.arrangement import (
     LINE_HEIGHT,
     LINE_SIZE,
     NAME_SIZE,
@@ -15,9 +15,9 @@ from planlang.compiler.graphs.arrangement import (
     Placed,
     arranged,
 )
-from planlang.compiler.graphs.layers import Point
-from planlang.compiler.graphs.model import Arrow, Order, TaskGraph
-from planlang.compiler.graphs.text import INDENT, LONGEST_LINE, for_xml, shown, width
+from planlang.compiler.drawing.layers import Point
+from planlang.compiler.drawing.model import Arrow, Order, TaskGraph
+from planlang.compiler.drawing.text import INDENT, LONGEST_LINE, for_xml, shown, width
 
 MARGIN, HEAD = 24.0, 52.0
 

@@ -9,30 +9,25 @@ from difflib import get_close_matches
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Span, error, note
 from planlang.ontology import Ontology
-from planlang.recipe.graph import recipe_cycle, recipe_order
-from planlang.recipe.guesses import guess
-from planlang.recipe.intervals import Intervals
+from planlang.recipe.checks import CheckedRecipe, check
+from planlang.recipe.checks.misspellings import guess
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe
-from planlang.recipe.precedence import Precedence
+from planlang.recipe.order.graph import Precedence, recipe_cycle, recipe_order
+from planlang.recipe.order.intervals import Intervals
 from planlang.recipe.statements import LooseEnd, Statements
 
 
-def check_orderings(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
-    """Judge the constraints that the file states for the recipe."""
-    for loose in statements.loose:
-        yield _incomplete(ontology, statements, loose)
-    yield from _strangers(ontology, statements, recipe)
-    cycle = recipe_cycle(recipe)
-    if cycle:
-        yield _cycle(recipe, cycle)
-    yield from _repeated(recipe)
-    if not cycle:
-        yield from _redundant(recipe)
-        yield from _contradiction(recipe)
+@check("R011")
+def incomplete_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report constraints and transitions that lack an end, or are not described at all."""
+    for loose in checked.statements.loose:
+        yield _incomplete(checked.ontology, checked.statements, loose)
 
 
-def _contradiction(recipe: Recipe) -> Iterator[Diagnostic]:
-    """Orders and overlaps that cannot hold together."""
+@check("R015", unless=("R012",))
+def contradictions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report orders and overlaps that cannot hold together."""
+    recipe = checked.recipe
     found = Intervals(recipe).contradiction() if recipe.overlaps else ()
     if found:
         said = ", ".join(_said(one) for one in found)
@@ -63,8 +58,10 @@ def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> 
     return error("R011", message, loose.span, f"did you mean {meant}?" if meant else f"give it {both}", meant)
 
 
-def _strangers(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Diagnostic]:
-    """Names that are ordered but no sub-actions, each once, at its first mention."""
+@check("R010")
+def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report names that are ordered but no sub-actions, each once, at its first mention."""
+    ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
     stated = dict.fromkeys(statements.names)
     undefined = [iri for iri in stated if not ontology.defined(iri)]
     mentions: dict[str, list[Ordering | Overlap]] = {}
@@ -104,7 +101,13 @@ def _mention(ontology: Ontology, one: Ordering | Overlap, name: str) -> Span | N
     return one.span
 
 
-def _cycle(recipe: Recipe, cycle: tuple[str, ...]) -> Diagnostic:
+@check("R012")
+def cycles(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report a shortest cycle of the orders."""
+    recipe = checked.recipe
+    cycle = recipe_cycle(recipe)
+    if cycle is None:
+        return
     pairs = list(zip(cycle, (*cycle[1:], cycle[0]), strict=True))
     edges = [
         next(ordering for ordering in recipe.orderings if (ordering.before, ordering.after) == pair) for pair in pairs
@@ -113,10 +116,13 @@ def _cycle(recipe: Recipe, cycle: tuple[str, ...]) -> Diagnostic:
     where = [f"{_constraint(edge)} (line {edge.span.line})" for edge in edges if edge.span is not None]
     advice = f"remove one of these constraints: {', '.join(where)}" if where else "remove one of these constraints"
     spans = [edge.span for edge in edges if edge.span is not None]
-    return error("R012", f"cycle in ordering constraints: {names}", min(spans, default=recipe.span), advice)
+    yield error("R012", f"cycle in ordering constraints: {names}", min(spans, default=recipe.span), advice)
 
 
-def _repeated(recipe: Recipe) -> Iterator[Diagnostic]:
+@check("R013")
+def repeated_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report constraints that state the same order as an earlier one."""
+    recipe = checked.recipe
     first: dict[tuple[str, str], Ordering] = {}
     for ordering in constraints_of(recipe):
         earlier = first.setdefault((ordering.before, ordering.after), ordering)
@@ -133,7 +139,10 @@ def constraints_of(recipe: Recipe) -> Iterator[Ordering]:
     yield from (ordering for ordering in recipe.orderings if ordering.reason is Reason.CONSTRAINT)
 
 
-def _redundant(recipe: Recipe) -> Iterator[Diagnostic]:
+@check("R014", unless=("R012",))
+def redundant_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report how many constraints follow from the others, unless the file states all that follow."""
+    recipe = checked.recipe
     order = _stated(recipe)
     extra = order.number_of_edges - order.size_of_reduction()
     if extra and order.number_of_pairs() != order.number_of_edges:

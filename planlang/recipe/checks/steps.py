@@ -3,64 +3,82 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 
 from planlang.designators import local_name, told_apart
-from planlang.diagnostics import Diagnostic, Order, Rename, Severity, error, note, warning
+from planlang.diagnostics import Diagnostic, Rename, Severity, error, note, warning
 from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
-from planlang.recipe.check_orderings import ordering_to_write
-from planlang.recipe.graph import recipe_order
-from planlang.recipe.guesses import guess
-from planlang.recipe.model import Recipe, RecipeSet, Step
-from planlang.recipe.statements import Statements
+from planlang.recipe.checks import CheckedFile, CheckedRecipe, check
+from planlang.recipe.checks.misspellings import guess
+from planlang.recipe.model import RecipeSet, Step
+from planlang.recipe.statements import Statements, SubAction
 
 DEEPEST = 50
 """Recipes that may be nested in each other."""
 
 
-def check_sub_actions(
-    actions: Actions, statements: Statements, recipe: Recipe, *, allow_abstract: bool
-) -> Iterator[Diagnostic]:
-    """Judge the sub-actions that the file states for the recipe."""
-    ontology = actions.ontology
-    seen: dict[str, int] = {}
-    for sub_action in statements.sub_actions:
+@check("R020")
+def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report sub-actions that nothing defines, or that name no class."""
+    ontology, name = checked.ontology, checked.recipe.name
+    for sub_action in _once(checked):
         iri = sub_action.iri
         if iri is None:
-            message = f"a sub-action of `{recipe.name}` is an expression without a named action class"
+            message = f"a sub-action of `{name}` is an expression without a named action class"
             yield error("R020", message, sub_action.span, "name an action class in it")
-            continue
-        if iri in seen:
-            yield note("R024", f"`{local_name(iri)}` is a sub-action of `{recipe.name}` twice", sub_action.span)
-            continue
-        seen[iri] = sub_action.span.line
-        if not ontology.defined(iri):
-            message = f"sub-action `{local_name(iri)}` of `{recipe.name}` is not defined"
-            advice, meant = _instead(ontology, statements, iri)
+        elif not ontology.defined(iri):
+            message = f"sub-action `{local_name(iri)}` of `{name}` is not defined"
+            advice, meant = _instead(ontology, checked.statements, iri)
             yield error("R020", message, sub_action.span, advice, meant)
-        if sub_action.times > 1:
-            short = local_name(iri)
-            message = f"`{recipe.name}` asks for {sub_action.times} times `{short}`, but a step is performed once"
+
+
+@check("R024")
+def repeated_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report sub-actions that are stated twice, or to be performed several times."""
+    name, first = checked.recipe.name, _once(checked)
+    for sub_action in checked.statements.sub_actions:
+        short = local_name(sub_action.iri or "")
+        if sub_action not in first:
+            yield note("R024", f"`{short}` is a sub-action of `{name}` twice", sub_action.span)
+        elif sub_action.iri is not None and sub_action.times > 1:
+            message = f"`{name}` asks for {sub_action.times} times `{short}`, but a step is performed once"
             advice = (
                 f"state a class of its own for each time: sub-actions {short}1, {short}2, ..., classes below {short}"
             )
             yield error("R024", message, sub_action.span, advice)
-    for filling in statements.foreign:
+
+
+def _once(checked: CheckedRecipe) -> dict[SubAction, None]:
+    """The sub-actions as they are first stated, and all that name nothing."""
+    found: dict[str, SubAction] = {}
+    subs = checked.statements.sub_actions
+    return dict.fromkeys(sub for sub in subs if sub.iri is None or found.setdefault(sub.iri, sub) is sub)
+
+
+@check("R005")
+def foreign_words(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report words of the recipe vocabulary that stand in another namespace."""
+    for filling in checked.statements.foreign:
         word = local_name(filling.property)
         message = f"{word} stands in a namespace of its own ({filling.property}): it is read as KnowRob's"
         yield note("R005", message, filling.span, f"write knowrob:{word}")
-    yield from _same_names(recipe)
-    for step in recipe.steps:
+
+
+@check("R021")
+def abstract_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report steps that nothing performs."""
+    severity = Severity.WARNING if checked.file.allow_abstract else Severity.ERROR
+    for step in checked.recipe.steps:
         if step.is_abstract:
             message = f"nothing performs `{step.name}`: it is no primitive and has no recipe"
-            severity = Severity.WARNING if allow_abstract else Severity.ERROR
-            advice = _abstract_help(actions, step.action_class, allow_abstract)
+            advice = _abstract_help(checked.actions, step.action_class, checked.file.allow_abstract)
             yield Diagnostic(severity, "R021", message, step.span, advice)
 
 
-def check_recursion(recipes: RecipeSet) -> list[Diagnostic]:
-    """An error for each step through which a recipe calls itself, with the whole way round, or nests too deeply."""
+@check("R022", "R023")
+def recursion(checked: CheckedFile) -> list[Diagnostic]:
+    """Report each step through which a recipe performs itself, with the whole cycle, or recipes nested too deeply."""
+    recipes = checked.recipes
     found: list[Diagnostic] = []
     done: set[str] = set()
     path = [recipes.task]
@@ -93,8 +111,10 @@ def _calls(recipes: RecipeSet, iri: str) -> Iterator[tuple[Step, str]]:
             yield step, callee
 
 
-def _same_names(recipe: Recipe) -> Iterator[Diagnostic]:
-    """Steps that cannot be told apart by what a person reads."""
+@check("R048")
+def same_names(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report steps that a reader of the plan cannot tell apart."""
+    recipe = checked.recipe
     first: dict[str, Step] = {}
     for step in recipe.steps:
         for name in dict.fromkeys((step.name, step.label or step.name)):
@@ -106,32 +126,15 @@ def _same_names(recipe: Recipe) -> Iterator[Diagnostic]:
                 break
 
 
-def check_base_motions(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> Iterator[Diagnostic]:
-    """An error for each two consecutive base motions that nothing orders; the orders of the recipe are acyclic."""
-    order = recipe_order(recipe)
-    movers = actions.movers(recipe, recipes)
-    moving = [step for step in order.extension if step in movers.opening | movers.ending]
-    for first, second in pairwise(moving):
-        if not order.before(first, second):
-            one, other = told_apart(first, second)
-            message = f"`{one}` and `{other}` both move the base, and nothing says which comes first"
-            advice = ordering_to_write(recipe, first, second)
-            yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, first, second))
-
-
 def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tuple[str, Rename | None]:
     """What may have been meant by a name that nothing defines, in words and as a change."""
     for name in statements.mentioned():
         if name not in statements.names and ontology.defined(name):
             return f"did you mean `{local_name(name)}`, which is ordered but is not a sub-action?", None
-    meant = guess(undefined, _classes(ontology))
+    meant = guess(undefined, ontology.subclasses(expand("Action")))
     if meant:
         return f"did you mean {meant}?", meant
     return f"define `{local_name(undefined)}` as a subclass of an action class", None
-
-
-def _classes(ontology: Ontology) -> Iterator[str]:
-    yield from ontology.subclasses(expand("Action"))
 
 
 def _abstract_help(actions: Actions, iri: str, allow_abstract: bool) -> str:

@@ -11,9 +11,9 @@ from planlang.ontology import Literal, Ontology, Restriction
 from planlang.ontology.classes import RESTRICTING
 from planlang.ontology.terms import COMPLEMENT_OF, EQUIVALENT_CLASS, ON_PROPERTY, OWL, SUBCLASS_OF, THING
 from planlang.recipe.actions import Actions
-from planlang.recipe.fillings import action_properties
-from planlang.recipe.statements import KINDS, is_word
-from planlang.recipe.words import NAMING
+from planlang.recipe.checks import CheckedFile, check
+from planlang.recipe.fillers import action_properties
+from planlang.recipe.statements import KINDS, NAMING, is_word
 
 _DESCRIBED_BY = {
     "orderingConstraints": ("occursBeforeInOrdering", "occursAfterInOrdering"),
@@ -27,9 +27,10 @@ _NEGATIVE = frozenset({COMPLEMENT_OF, OWL + "disjointWith"})
 _FILLERS = (OWL + "someValuesFrom", OWL + "hasValue", OWL + "onClass")
 
 
-def check_losses(actions: Actions) -> Iterator[Diagnostic]:
-    """Judge what the main document states about steps and orders: each statement must reach a recipe."""
-    ontology = actions.ontology
+@check("R059")
+def lost_statements(checked: CheckedFile) -> Iterator[Diagnostic]:
+    """Report statements about steps and orders in the main document that reach no recipe."""
+    actions, ontology = checked.actions, checked.ontology
     every: list[Restriction] = []
     for cls in _own_classes(ontology):
         stated = ontology.restrictions(cls)

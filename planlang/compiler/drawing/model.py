@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from enum import Enum
 from itertools import count
 
-from planlang.compiler.graphs.text import LONGEST_LINE, broken, shown
+from planlang.compiler.drawing.text import LONGEST_LINE, broken, shown
 from planlang.designators import RELATIONS, local_name
 from planlang.diagnostics import Span
-from planlang.recipe.graph import order_graph, recipe_graph, reduced, shortest_cycle
 from planlang.recipe.model import (
     Description,
     Filler,
@@ -26,7 +25,7 @@ from planlang.recipe.model import (
     Thing,
     Transition,
 )
-from planlang.recipe.precedence import Precedence
+from planlang.recipe.order.graph import Precedence, order_graph, recipe_graph, reduced, shortest_cycle
 
 MOST_IMPLIED = 5000
 """Implied orders of one recipe; of a recipe with more only those that the file states are kept."""

@@ -15,9 +15,8 @@ from itertools import pairwise
 import networkx as nx
 
 from planlang.recipe.actions import Actions, Movers
-from planlang.recipe.graph import order_graph, recipe_order
 from planlang.recipe.model import Place, Recipe, RecipeSet, Thing
-from planlang.recipe.precedence import Precedence
+from planlang.recipe.order.graph import Precedence, order_graph, recipe_order
 
 
 @dataclass(frozen=True, slots=True)

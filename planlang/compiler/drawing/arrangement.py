@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from planlang.compiler.graphs.layers import Layers, Point, layered
-from planlang.compiler.graphs.model import Arrow, Box, Group, Order
-from planlang.compiler.graphs.text import LONGEST_LINE, shown, width
+from planlang.compiler.drawing.layers import Layers, Point, layered
+from planlang.compiler.drawing.model import Arrow, Box, Group, Order
+from planlang.compiler.drawing.text import LONGEST_LINE, shown, width
 
 NAME_SIZE, LINE_SIZE, LINE_HEIGHT = 13.0, 11.0, 16.0
 PADDING, GROUP_PADDING = 10.0, 16.0
@@ -37,7 +37,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """An arrow in the drawing; its points as :class:`planlang.compiler.graphs.layers.Layers` tells.
+    """An arrow in the drawing; its points as :class:`planlang.compiler.drawing.layers.Layers` tells.
 
     With ``is_upward`` they lead from its end to its beginning: it goes back to where others come from.
     """

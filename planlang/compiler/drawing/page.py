@@ -5,9 +5,9 @@ from __future__ import annotations
 import base64
 import hashlib
 
-from planlang.compiler.graphs.model import Order, TaskGraph
-from planlang.compiler.graphs.svg import svg_element
-from planlang.compiler.graphs.text import for_xml
+from planlang.compiler.drawing.model import Order, TaskGraph
+from planlang.compiler.drawing.svg import svg_element
+from planlang.compiler.drawing.text import for_xml
 
 _STYLE = """\
 html, body { margin: 0; height: 100%; overflow: hidden; background: #ffffff; }
