@@ -75,7 +75,7 @@ def _compiled(arguments: CompileArguments) -> Answer:
 
 
 def _check_graph(path: Path | None) -> list[Diagnostic]:
-    from planlang.compiler.graphs import FORMATS
+    from planlang.compiler.drawing import FORMATS
 
     if path is None or path.suffix.lower() in FORMATS:
         return []
@@ -85,6 +85,6 @@ def _check_graph(path: Path | None) -> list[Diagnostic]:
 
 
 def _write_graph(path: Path, plan: CompiledPlan) -> None:
-    from planlang.compiler.graphs import FORMATS, task_graph
+    from planlang.compiler.drawing import FORMATS, task_graph
 
     write_text(path, FORMATS[path.suffix.lower()](task_graph(plan.recipes, plan.added, plan.recoveries)))
