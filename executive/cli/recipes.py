@@ -37,7 +37,7 @@ def compile_command(
     ] = None,
     graph: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Draw the order of the steps, too: a .svg, .html, .dot or .mmd (Mermaid)."),
+        typer.Option(metavar="FILE", help="Draw the order of the steps, too: a .svg, .dot or .mmd (Mermaid)."),
     ] = None,
     task: Task = None,
     ontologies: Ontologies = None,

@@ -111,11 +111,12 @@ def reduction(form: str, size: int, *, with_networkx: bool) -> tuple[float, floa
     import networkx as nx
 
     from planlang.recipe.order.decomposition import decomposed
-    from planlang.recipe.order.graph import order_graph, reduced
+    from planlang.recipe.order.graph import Precedence, order_graph
 
     graph = order_graph(range(size), FORMS[form](size))
     began = time.process_time()
-    small = reduced(graph)
+    order: Precedence[int] = Precedence(graph)
+    small = order_graph(graph.nodes, order.reduction())
     reducing = time.process_time()
     decomposed(small)
     done = time.process_time()
