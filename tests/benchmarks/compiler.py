@@ -65,7 +65,7 @@ def peak() -> float:
 
 def stages(form: str, size: int) -> Iterator[tuple[str, float]]:
     """Names of the stages of one compilation and how long each took [s]."""
-    from planlang.compiler.canonical import canonical
+    from planlang.compiler.compile import canonical
     from planlang.compiler.emit import emit
     from planlang.compiler.lowering import Lowering
     from planlang.ontology import load

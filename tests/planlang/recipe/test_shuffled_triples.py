@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape, quoteattr
 import pytest
 
 from planlang.compiler import compile_recipe
-from planlang.compiler.canonical import canonical
+from planlang.compiler.compile import canonical
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Term, Triple, load
