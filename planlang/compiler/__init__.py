@@ -2,7 +2,7 @@
 
 General layout: ``compile`` is the way in; ``lowering`` turns recipes into the ``tree`` of a plan, with ``structure``
 (how steps follow each other), ``terms`` (what they are about), ``roles`` (which resources they hold) and
-``recoveries``; ``emit`` writes the tree as source, with ``names``, ``bodies`` (of functions, where ``passing`` says which
+``recoveries``; ``emit`` writes the tree as source, with ``names``, ``bodies`` (of functions; ``passing`` says which
 values are handed on), ``expressions`` and ``layout`` (lines); ``drawing`` draws what was compiled.
 """
 
