@@ -207,6 +207,7 @@ def test_what_follows_an_error_is_read_and_reported_once_a_line() -> None:
         ("O020", 4),
         ("O020", 5),
         ("O021", 6),
+        ("O020", 7),
         ("O020", 8),
     ]
 
