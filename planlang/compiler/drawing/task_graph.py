@@ -1,13 +1,16 @@
-"""A task as groups of boxes and arrows, whatever they are drawn with."""
+"""A task as groups of boxes and arrows, whatever they are drawn with; what strangers wrote is made safe to show."""
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from html import escape
 from itertools import count
+from textwrap import wrap
 
-from planlang.compiler.drawing.text import LONGEST_LINE, broken, shown
 from planlang.designators import RELATIONS, local_name
 from planlang.diagnostics import Span
 from planlang.recipe.model import (
@@ -25,10 +28,7 @@ from planlang.recipe.model import (
     Thing,
     Transition,
 )
-from planlang.recipe.order.graph import Precedence, order_graph, recipe_graph, reduced, shortest_cycle
-
-MOST_IMPLIED = 5000
-"""Implied orders of one recipe; of a recipe with more only those that the file states are kept."""
+from planlang.recipe.order.graph import recipe_order
 
 
 class Order(Enum):
@@ -38,8 +38,6 @@ class Order(Enum):
     """The recipe states it, and it follows from no other."""
     ADDED = "added"
     """The compiler adds it: what is done from one place is done together."""
-    IMPLIED = "implied"
-    """It follows from others."""
     TRANSITION = "transition"
     """No order: the one state is left for the other."""
     OVERLAP = "overlap"
@@ -185,33 +183,15 @@ class _Builder:
         )
 
     def _arrows(self, recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
-        graph = recipe_graph(recipe)
+        """The orders that follow from no others: those that the recipe states, and those that the compiler adds."""
         stated: dict[tuple[str, str], list[Ordering]] = {}
         for ordering in recipe.orderings:
             stated.setdefault((ordering.before, ordering.after), []).append(ordering)
-        if shortest_cycle(graph) is not None:
-            solid = list(graph.edges)
-            more: list[tuple[str, str]] = []
-            everything = solid
-        else:
-            solid = list(reduced(graph).edges)
-            more = list(self._added.get(recipe.iri, ()))
-            order: Precedence[str] = Precedence(order_graph(graph.nodes, [*graph.edges, *more]))
-            is_small = order.number_of_pairs() <= MOST_IMPLIED + len(solid) + len(more)
-            everything = (
-                [(a, b) for a in graph.nodes for b in order.members(order.later(a))] if is_small else list(stated)
-            )
-        for before, after in solid:
+        for before, after in recipe_order(recipe).reduction():
             yield _arrow(keys, before, after, Order.STATED, _why(stated[before, after]))
-        for before, after in more:
+        for before, after in self._added.get(recipe.iri, ()):
             why = "added by the compiler: what is done from one place is done together"
             yield _arrow(keys, before, after, Order.ADDED, why)
-        known = {*solid, *more}
-        rank = {step: number for number, step in enumerate(graph.nodes)}
-        implied = [edge for edge in everything if edge not in known and rank.keys() >= set(edge)]
-        for before, after in sorted(implied, key=lambda edge: (rank[edge[0]], rank[edge[1]])):
-            why = f"{_why(stated[before, after])}; " if (before, after) in stated else ""
-            yield _arrow(keys, before, after, Order.IMPLIED, f"{why}follows from the others")
 
 
 def _role(machine: StateMachine, step: Step) -> str:
@@ -293,3 +273,77 @@ def _filler(filler: Filler) -> str:
 
 def _reference(reference: Thing | Place) -> str:
     return reference.name if isinstance(reference, Thing) else _filler(reference)
+
+
+LONGEST_LINE = 56
+"""Characters of a line inside a box; what is longer is broken."""
+
+MOST_LINES = 3
+"""Lines that a text is broken into; what is longer is cut, and complete in the tooltip."""
+
+INDENT = "\N{NO-BREAK SPACE}" * 4
+"""Before the lines that continue one."""
+
+LONGEST_TEXT = 2000
+"""Characters of a tooltip."""
+
+_SPACE = re.compile(r"\s+")
+_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn"})
+"""Categories of what is not shown as itself: controls, marks that turn the writing direction, surrogates, ..."""
+
+_PLAIN = frozenset(" _-.,/=+")
+
+
+def shown(text: str, longest: int = LONGEST_TEXT) -> str:
+    """The text on one line; characters that are not shown as themselves become ``\N{REPLACEMENT CHARACTER}``."""
+    line = _SPACE.sub(" ", text).strip()
+    line = "".join("\N{REPLACEMENT CHARACTER}" if unicodedata.category(c) in _HIDDEN else c for c in line)
+    return line if len(line) <= longest else line[: longest - 1].rstrip() + "…"
+
+
+def broken(text: str) -> list[str]:
+    """The lines of a text inside a box, those after the first one indented; a bracket begins a line if one has to."""
+    if len(text) <= LONGEST_LINE:
+        return [text]
+    head, bracket, tail = text.partition(" (")
+    lines = [head, bracket.strip() + tail] if bracket else [text]
+    parts = [part for line in lines for part in wrap(line, LONGEST_LINE - len(INDENT), break_on_hyphens=False)]
+    if len(parts) > MOST_LINES:
+        parts = [*parts[: MOST_LINES - 1], f"{parts[MOST_LINES - 1]} …"]
+    return [*parts[:1], *(INDENT + part for part in parts[1:])]
+
+
+def for_xml(text: str) -> str:
+    """The text as content or attribute of an XML or HTML element."""
+    return escape(text, quote=True)
+
+
+def for_dot(text: str) -> str:
+    """The text inside of a quoted string of Graphviz, which reads escapes and HTML entities in labels."""
+    return text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
+
+
+def for_mermaid(text: str) -> str:
+    """The text inside of a quoted label of Mermaid: what might be syntax or HTML is written by its number."""
+    return "".join(c if c.isalnum() or c in _PLAIN else f"#{ord(c)};" for c in text)
+
+
+_WIDTHS = (
+    ("ijl|'!.,:;", 0.26),
+    ("ft()[]/\\ \N{NO-BREAK SPACE}rI-", 0.34),
+    ("mwMW@%", 0.88),
+    ("ABCDEFGHJKLNOPQRSTUVXYZ&#", 0.70),
+    ("…", 1.0),
+)
+_WIDTH_OF = {character: width for characters, width in _WIDTHS for character in characters}
+
+
+def width(text: str, size: float) -> float:
+    """About how wide a line of a sans-serif font of this size is, rather too much than too little [same unit]."""
+    total = 0.0
+    for character in text:
+        if unicodedata.east_asian_width(character) in "WF":
+            total += 1.05
+        else:
+            total += _WIDTH_OF.get(character, 0.57)
+    return total * size

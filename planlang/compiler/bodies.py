@@ -20,10 +20,9 @@ from planlang.compiler.layout import (
     statement,
 )
 from planlang.compiler.layout import Call as CallExpression
-from planlang.compiler.machines import DONE, FALSE, TRUE
-from planlang.compiler.naming import Names, snake_case
+from planlang.compiler.names import Names, Symbols, quoted, snake_case
 from planlang.compiler.passing import Passing, uses_kept
-from planlang.compiler.symbols import Symbols, quoted
+from planlang.compiler.structure import DONE, FALSE, TRUE
 from planlang.compiler.tree import (
     Achieve,
     Call,
@@ -52,7 +51,7 @@ LONGEST_VARIABLE = 40
 """Characters of a variable that is called after a step; after a longer one it is called by what it holds alone."""
 
 
-class Statements:
+class BodyWriter:
     """Writes the body of one plan function."""
 
     def __init__(self, symbols: Symbols, title: str, body: Series) -> None:
