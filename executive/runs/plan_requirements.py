@@ -1,22 +1,25 @@
-"""What a plan takes of a robot: the actions that its source names, and alternatives of which one is enough.
+"""The capabilities that a plan requires of a robot: those of its source, and those that its recipe adds.
 
 The source is followed from the plan that is run through everything that it names: plan functions, local functions,
-constants. Branches of ``try_in_order`` are alternatives.
+constants. Branches of ``try_in_order`` are alternatives, of which one is enough.
 """
 
 from __future__ import annotations
 
 import ast
 import inspect
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from executive.robots import Missing
-from planlang.diagnostics import Diagnostic, Span, note, warning
+from executive.robots import Availability, Missing, Robot, match, possessions_of
+from planlang.diagnostics import BadInput, Diagnostic, Span, note, warning
 from planlang.language.plans import Plan
+from planlang.ontology import Ontology, load
+from planlang.plan_header import LONGEST, header
+from planlang.recipe import Actions, RecipeSet, read_recipe
 
 MOVING = "Translation-LocationChange"
 """What a scope does."""
@@ -40,7 +43,7 @@ class Alternative:
 
 
 @dataclass(frozen=True, slots=True)
-class Judgement:
+class Assessment:
     """What a robot lacks for a plan, and the alternatives that it cannot do while another one will do.
 
     ``unknown`` is what it may lack: the plan runs, and says so.
@@ -50,13 +53,13 @@ class Judgement:
     infeasible: tuple[tuple[Alternative, Missing], ...] = ()
     unknown: tuple[Missing, ...] = ()
 
-    def also(self, lacking: Iterable[Missing]) -> Judgement:
+    def also(self, lacking: Iterable[Missing]) -> Assessment:
         """With what the recipe of the plan requires besides; each thing is told once."""
         known = {(one.kind, one.name) for one in (*self.missing, *self.unknown)}
         others = [one for one in lacking if (one.kind, one.name) not in known]
-        missing = tuple(one for one in others if one.state == "missing")
-        unknown = tuple(one for one in others if one.state != "missing")
-        return Judgement((*self.missing, *missing), self.infeasible, (*self.unknown, *unknown))
+        missing = tuple(one for one in others if one.state is Availability.MISSING)
+        unknown = tuple(one for one in others if one.state is not Availability.MISSING)
+        return Assessment((*self.missing, *missing), self.infeasible, (*self.unknown, *unknown))
 
     def notes(self, file: Path | None) -> Iterator[Diagnostic]:
         """A note for each alternative that the robot cannot do, a warning for what it may lack.
@@ -71,27 +74,27 @@ class Judgement:
             yield note("X008", f"the robot cannot do the alternative `{alternative.name}`: {why}", span)
 
 
-def judged(needs: Needs, lacking: Callable[[Iterable[str]], tuple[Missing, ...]]) -> Judgement:
+def assess(needs: Needs, lacking: Callable[[Iterable[str]], tuple[Missing, ...]]) -> Assessment:
     """Whether a robot can do what is needed; ``lacking`` tells what it lacks for action classes.
 
     When no alternative of a choice is feasible, what all of them lack is missing.
     """
     found_missing = lacking(needs.actions)
-    missing = dict.fromkeys(one for one in found_missing if one.state == "missing")
-    unknown = dict.fromkeys(one for one in found_missing if one.state != "missing")
+    missing = dict.fromkeys(one for one in found_missing if one.state is Availability.MISSING)
+    unknown = dict.fromkeys(one for one in found_missing if one.state is not Availability.MISSING)
     infeasible: dict[tuple[Alternative, Missing], None] = {}
     for choice in needs.choices:
-        found = [(alternative, judged(alternative.needs, lacking)) for alternative in choice]
-        feasible = [judgement for _, judgement in found if not judgement.missing]
-        for alternative, judgement in found:
-            unknown.update(dict.fromkeys(judgement.unknown))
+        found = [(alternative, assess(alternative.needs, lacking)) for alternative in choice]
+        feasible = [assessment for _, assessment in found if not assessment.missing]
+        for alternative, assessment in found:
+            unknown.update(dict.fromkeys(assessment.unknown))
             if not feasible:
-                missing.update(dict.fromkeys(judgement.missing))
-            elif judgement.missing:
-                infeasible[alternative, judgement.missing[0]] = None
+                missing.update(dict.fromkeys(assessment.missing))
+            elif assessment.missing:
+                infeasible[alternative, assessment.missing[0]] = None
             else:
-                infeasible.update(dict.fromkeys(judgement.infeasible))
-    return Judgement(tuple(missing), tuple(infeasible), tuple(unknown))
+                infeasible.update(dict.fromkeys(assessment.infeasible))
+    return Assessment(tuple(missing), tuple(infeasible), tuple(unknown))
 
 
 def needs_of(module: ModuleType, plan: Plan[Any, Any]) -> Needs:
@@ -218,3 +221,46 @@ def _together(needs: Iterable[Needs]) -> Needs:
         actions.update(dict.fromkeys(one.actions))
         choices.update(dict.fromkeys(one.choices))
     return Needs(tuple(actions), tuple(choices))
+
+
+Requirements = Callable[[Robot], tuple[Missing, ...]]
+"""Requirements of a recipe: given a robot, what it lacks or may lack."""
+
+
+def required(ontology: Ontology, recipes: RecipeSet) -> Requirements:
+    """Return the requirements of recipes; ``ontology`` is the one that they were read from."""
+    return lambda robot: match(ontology, recipes, possessions_of(robot)).lacking()
+
+
+def required_of_plan(
+    file: Path, plan: Plan[Any, Any], found: list[Diagnostic], *, folders: Sequence[Path] = ()
+) -> Requirements | None:
+    """Return the requirements of the recipe of a compiled plan; None if a person wrote the plan.
+
+    A plan shows only what its steps do; the classes of the task and its steps may require more, which is read from the
+    recipe that the header names, also if the plan was edited. If the recipe is gone or has changed, a warning is
+    appended to ``found``, and the result is None.
+    """
+    with file.open(encoding="utf-8", errors="replace") as source:
+        origin = header(source.read(LONGEST))
+    if origin is None:
+        return None
+    span = Span(str(file))
+    unknown = f"the robot is not checked against the recipe {origin.recipe}"
+    recipe = origin.find_recipe(file, folders)
+    if recipe is None:
+        advice = "name its folder with --ontologies DIR"
+        found.append(warning("C011", f"{unknown}, which is not beside the plan", span, advice))
+        return None
+    try:
+        ontology = load(recipe, folders=folders)
+    except BadInput as problem:
+        advice = f"planlang check {recipe} shows more"
+        found.append(warning("C011", f"{unknown}: {problem.diagnostics[0].message}", span, advice))
+        return None
+    if not ontology.documents[0].sha256.startswith(origin.sha256):
+        advice = f"planlang compile {recipe} -o {file} compiles the plan again"
+        found.append(warning("C009", f"{unknown}, which has changed since this plan was compiled", span, advice))
+        return None
+    reading = read_recipe(Actions(ontology), plan.iri or origin.task, allow_abstract=True)
+    return None if reading.recipes is None else required(ontology, reading.recipes)

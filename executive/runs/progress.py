@@ -1,4 +1,4 @@
-"""A trace that others listen to, and the lines of progress that people read while a plan runs."""
+"""A trace that others listen to, and the lines that people read of it while a plan runs."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from planlang.runs import Past
 Record = Mapping[str, Any]
 
 
-class ToldTrace(Trace):
-    """A trace that tells each record to listeners as well; written to a file when there is a path."""
+class ListenedTrace(Trace):
+    """A trace that gives each record to listeners as well; written to a file when there is a path."""
 
     listeners: tuple[Callable[[Record], None], ...] = ()
 
@@ -25,37 +25,37 @@ class ToldTrace(Trace):
         header: Mapping[str, object],
         listeners: tuple[Callable[[Record], None], ...],
         past: Past | None = None,
-    ) -> ToldTrace:
-        """A trace into a file, or kept in memory without ``path``; ``past`` is what a resumed run takes over."""
+    ) -> ListenedTrace:
+        """Return a trace into a file, or kept in memory without ``path``; ``past`` is what a resumed run takes over."""
         trace = cls(None, header) if path is None else cls.at(path, header, past=past)
         trace.listeners = listeners
         return trace
 
     def write(self, step: int, event: str, node: Node | None = None, /, **details: object) -> None:
-        """Write one record and tell it, ``node`` and values as they are."""
+        """Write one record and give it to the listeners, ``node`` and values as they are."""
         super().write(step, event, node, **details)
         record = {"step": step, "event": event, **({} if node is None else {"node": node}), **details}
         for listener in self.listeners:
             try:
                 listener(record)
-            except BaseException as problem:  # it is told no more; the run ends with this
+            except BaseException as problem:  # this listener gets no more; the run ends with its problem
                 self.listeners = tuple(other for other in self.listeners if other is not listener)
                 self._fail(problem)
 
 
-def progress_lines(rate: int, say: Callable[[str], None]) -> Callable[[Record], None]:
-    """A listener that says, one line each, which actions begin, what fails and what is done about it."""
+def lines_of(say: Callable[[int, str], None]) -> Callable[[Record], None]:
+    """Return a listener that calls ``say`` with the world step and a line, for the records that people should see."""
 
     def tell(record: Record) -> None:
         line = line_of(record)
         if line is not None:
-            say(f"{record['step'] / rate:7.2f} s  {line}")
+            say(record["step"], line)
 
     return tell
 
 
 def line_of(record: Record) -> str | None:
-    """What a record of the trace says to people; None for what they need not see."""
+    """Return the line about a record of the trace; None for what people need not see."""
     match record:
         case {"event": "started", "node": Node(kind="perform"), "action": action}:
             return str(action)

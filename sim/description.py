@@ -9,7 +9,6 @@ from __future__ import annotations
 import copy
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,10 +19,12 @@ import numpy as np
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product, rotation_of
+from planlang.geometry.urdf import Joint, extents_of, numbers, read_urdf
+from planlang.geometry.xml_tree import Element, tree_of
 from sim.meshes import THINNEST, find_mesh, inertia_box
-from sim.urdf_checks import check, extents_of, numbers
-from sim.xml_tree import BadXml, Element, read_content, tree_of
 
+MOST_JOINTS = 127
+"""PyBullet gives the poses of this many links."""
 _KEPT = {"robot", "link", "joint", "material"}
 _SHOWN = 4
 
@@ -65,30 +66,26 @@ def read_description(path: Path) -> Description:
     A mesh that is not there or cannot be read is replaced: for contacts by the box that has the link's mass and
     inertia, for looks by the link's shapes for contacts; by nothing if there are none.
     """
-    try:
-        content = read_content(path)
-        if (path, content) in _meshless:
-            return _meshless[path, content]
-        robot = tree_of(content)
-    except BadXml as problem:
-        raise BadInput([error("B009", problem.problem, Span(str(path), problem.line))]) from None
-    if robot.tag != "robot":
-        message = f"is not URDF: its root element is <{robot.tag}>, not <robot>"
-        raise BadInput([error("B009", message, Span(str(path), robot.line))])
+    urdf = read_urdf(path)
+    if (path, urdf.content) in _meshless:
+        return _meshless[path, urdf.content]
+    if len(urdf.joints) > MOST_JOINTS:
+        message = f"the robot has {len(urdf.joints)} joints; the simulator takes at most {MOST_JOINTS}"
+        raise BadInput([error("B009", message, Span(str(path), urdf.tree.line))])
+    robot = tree_of(urdf.content)  # changed below
     for child in list(robot):
         if child.tag not in _KEPT:
             robot.remove(child)
-    root = check(path, robot)
     _without_empty_shapes(robot)
     meshless = next(robot.iter("mesh"), None) is None
     absent, bare = _without_absent_meshes(path, robot)
-    found = (_told(absent, bare, path),) if absent else ()
+    found = (_warned(absent, bare, path),) if absent else ()
     ElementTree.indent(robot)
-    description = Description(path, ElementTree.tostring(robot, "unicode"), root, _followers(robot), found)
+    description = Description(path, ElementTree.tostring(robot, "unicode"), urdf.root, _followers(urdf.joints), found)
     if meshless:
         while len(_meshless) >= MOST_KEPT:
             del _meshless[next(iter(_meshless))]
-        _meshless[path, content] = description
+        _meshless[path, urdf.content] = description
     return description
 
 
@@ -195,7 +192,7 @@ def _text(values: Sequence[float] | Array) -> str:
     return " ".join(repr(round(float(value), 12)) for value in values)
 
 
-def _told(absent: Sequence[tuple[str, int]], bare: Sequence[str], path: Path) -> Diagnostic:
+def _warned(absent: Sequence[tuple[str, int]], bare: Sequence[str], path: Path) -> Diagnostic:
     names = list(dict.fromkeys(name for name, _ in absent))
     count = f"{len(names)} meshes are" if len(names) != 1 else "a mesh is"
     message = f"{count} not there or cannot be read; simple shapes stand in for them: {_some(names)}"
@@ -213,22 +210,17 @@ def _some(names: Sequence[str]) -> str:
 # Joints that follow others
 
 
-def _followers(robot: Element) -> dict[str, tuple[Follower, ...]]:
-    """Per joint those that mimic it; chains of them are resolved, circles left out."""
-    mimics: dict[str, Follower] = {}
-    for joint in robot.findall("joint"):
-        mimic = joint.find("mimic")
-        if mimic is not None and joint.get("type") in ("revolute", "continuous", "prismatic"):
-            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
-            mimics[joint.get("name", "")] = Follower(mimic.get("joint", ""), multiplier, offset)
+def _followers(joints: Sequence[Joint]) -> dict[str, tuple[Follower, ...]]:
+    """Return per joint those that mimic it; chains of them are resolved, circles left out."""
+    mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None and joint.moves}
     found: dict[str, list[Follower]] = {}
-    for name, mimic_of in mimics.items():
-        master, multiplier, offset, seen = mimic_of.joint, mimic_of.multiplier, mimic_of.offset, Counter([name])
-        while master in mimics and not seen[master]:
-            seen[master] += 1
+    for name, mimic in mimics.items():
+        master, multiplier, offset, seen = mimic.joint, mimic.multiplier, mimic.offset, {name}
+        while master in mimics and master not in seen:
+            seen.add(master)
             offset += multiplier * mimics[master].offset
             multiplier *= mimics[master].multiplier
             master = mimics[master].joint
-        if not seen[master]:
+        if master not in seen:
             found.setdefault(master, []).append(Follower(name, multiplier, offset))
     return {name: tuple(followers) for name, followers in found.items()}
