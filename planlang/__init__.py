@@ -62,15 +62,12 @@ from planlang.language.recovery import (
     Recovery,
     Return,
     explain,
-    ignore,
-    look_and_repeat,
-    look_from_another_place,
-    repeat,
     retry,
     with_failure_handling,
 )
 from planlang.language.resources import using
 from planlang.language.running import run
+from planlang.language.strategies import ignore, look_and_repeat, look_from_another_place, recovery_strategy
 from planlang.language.tags import (
     Handle,
     evaporate,
@@ -159,7 +156,7 @@ __all__ = [
     "plan",
     "pursue",
     "race",
-    "repeat",
+    "recovery_strategy",
     "retry",
     "retry_after_suspension",
     "rng",
