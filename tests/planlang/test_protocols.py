@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import FrozenInstanceError
+from importlib.metadata import version
 
 import numpy as np
 import pytest
