@@ -36,7 +36,6 @@ from planlang.kernel import (
     Status,
     StepLimit,
     StuckTask,
-    Trace,
     VirtualHost,
     checkpoint,
     in_thread,
@@ -63,15 +62,12 @@ from planlang.language.recovery import (
     Recovery,
     Return,
     explain,
-    ignore,
-    look_and_repeat,
-    look_from_another_place,
-    repeat,
     retry,
     with_failure_handling,
 )
 from planlang.language.resources import using
 from planlang.language.running import run
+from planlang.language.strategies import ignore, look_and_repeat, look_from_another_place, recovery_strategy
 from planlang.language.tags import (
     Handle,
     evaporate,
@@ -85,6 +81,7 @@ from planlang.language.tags import (
     wake_up,
 )
 from planlang.language.tasktree import TaskNode, TaskTree
+from planlang.runs import Trace
 
 __all__ = [
     "PROPAGATE",
@@ -159,7 +156,7 @@ __all__ = [
     "plan",
     "pursue",
     "race",
-    "repeat",
+    "recovery_strategy",
     "retry",
     "retry_after_suspension",
     "rng",

@@ -24,7 +24,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
 from planlang.geometry.matrices import inverse, product
 from planlang.ontology import Ontology, load
-from planlang.resources import bundled
+from planlang.resources import Bundled
 from sim import CameraModel
 from sim.description import read_description
 
@@ -59,14 +59,14 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
 
 def robots() -> tuple[str, ...]:
     """Names of the bundled robots, sorted."""
-    return tuple(sorted(path.stem for path in (bundled("ontologies") / "robots").glob("*.toml")))
+    return tuple(sorted(path.stem for path in Bundled.ROBOT.folder.glob("*.toml")))
 
 
 def _bundled_file(name: str) -> Path:
     if name not in robots():
         help = f"give the path of a file, or the name of a bundled robot: {', '.join(robots())}"
         raise BadInput([error("B008", f"there is no robot {name}", None, help)])
-    return bundled("ontologies") / "robots" / f"{name}.toml"
+    return Bundled.ROBOT.folder / f"{name}.toml"
 
 
 def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
