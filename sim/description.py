@@ -194,9 +194,13 @@ def _looks_touched(path: Path, robot: Element) -> Diagnostic:
             collision = ElementTree.SubElement(link, "collision")
             collision.extend(copy.deepcopy(part) for part in visual if part.tag in ("origin", "geometry"))
             found += 1
-    message = "no link has a shape for contacts (<collision>)"
-    message += "; those for looks (<visual>) are used" if found else ", nor for looks (<visual>): it touches nothing"
-    return warning("B015", message, Span(str(path), robot.line))
+    span = Span(str(path), robot.line)
+    if not found:
+        return error(
+            "B015", "no link has a shape (<collision> or <visual>)", span, "give the robot's body at least one"
+        )
+    message = "no link has a shape for contacts (<collision>); those for looks (<visual>) are used"
+    return warning("B015", message, span)
 
 
 def _replace_meshes(robot: Element, meshes: _Meshes) -> list[str]:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planlang.diagnostics import BadInput
+from planlang.diagnostics import BadInput, Severity
 from planlang.geometry.matrices import angles_of, rotation_of
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
 from planlang.protocols import Configuration
@@ -118,7 +118,7 @@ COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"><asse
 <library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="12">{points}</float_array>
 </source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
 <polylist count="2"><input semantic="VERTEX" source="#v" offset="0"/><vcount>4 3</vcount><p>{corners}</p></polylist>
-</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node><translate>0 0 10</translate>
+</mesh></geometry></library_geometries><library_visual_scenes><visual_scene><node><translate>0 0 10</translate>
 <node><scale>2 1 1</scale><instance_geometry url="#g"/></node></node></visual_scene></library_visual_scenes></COLLADA>"""
 SQUARE = "0 0 0 1 0 0 1 1 0 0 1 0"
 BOMB = '<!DOCTYPE a [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]>'
@@ -208,6 +208,8 @@ def test_a_robot_without_shapes_for_contacts_touches_with_those_for_looks(tmp_pa
     ((code, message),) = [(one.code, one.message) for one in description.diagnostics]
     assert code == "B015"
     assert "those for looks (<visual>) are used" in message
+    (problem,) = read_description(write(tmp_path, '<link name="base"/>')).diagnostics
+    assert (problem.code, problem.severity) == ("B015", Severity.ERROR), "which who binds a robot raises"
 
 
 def test_nothing_stays_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
