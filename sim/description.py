@@ -196,7 +196,7 @@ def _looks_touched(path: Path, robot: Element) -> Diagnostic:
             found += 1
     span = Span(str(path), robot.line)
     if not found:
-        return error(
+        return warning(
             "B015", "no link has a shape (<collision> or <visual>)", span, "give the robot's body at least one"
         )
     message = "no link has a shape for contacts (<collision>); those for looks (<visual>) are used"

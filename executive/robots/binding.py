@@ -144,8 +144,6 @@ def _same_arm(one: Mechanism, other: Mechanism, tip: str) -> bool:
 def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Robot:
     mechanism = Mechanism(urdf)
     found = list(read_description(urdf).diagnostics)
-    if has_errors(found):
-        raise BadInput(found)
     if numbers is not None:
         found += _check(numbers, mechanism)
         if has_errors(found):
