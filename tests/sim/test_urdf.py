@@ -119,7 +119,8 @@ COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"><asse
 </source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
 <polylist count="2"><input semantic="VERTEX" source="#v" offset="0"/><vcount>4 3</vcount><p>{corners}</p></polylist>
 </mesh></geometry></library_geometries><library_visual_scenes><visual_scene><node><translate>0 0 10</translate>
-<node><scale>2 1 1</scale><instance_geometry url="#g"/></node></node></visual_scene></library_visual_scenes></COLLADA>"""
+<node><scale>2 1 1</scale><instance_geometry url="#g"/></node>
+</node></visual_scene></library_visual_scenes></COLLADA>"""
 SQUARE = "0 0 0 1 0 0 1 1 0 0 1 0"
 BOMB = '<!DOCTYPE a [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]>'
 STL = "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 {} 0\nendfacet\nendsolid s"
