@@ -160,7 +160,7 @@ class _Part:
     unwanted: Counter[str]
     unseen: int
     crowded: list[tuple[int, float, Array]]
-    """Ways without any place that has room: their number, the score and place of the best row."""
+    """Candidates without any place that has room: their number, the score and place of the best row."""
 
     @staticmethod
     def of(

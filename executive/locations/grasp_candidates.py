@@ -254,7 +254,7 @@ def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
 
 
 def joined(parts: list[GraspCandidates]) -> GraspCandidates:
-    """Ways of one kind together."""
+    """Candidates of one kind together."""
     first = parts[0]
     return replace(
         first,

@@ -54,7 +54,7 @@ def base_matrices(bases: Array) -> Array:
 
 
 def unblocked(candidates: GraspCandidates, check: QuickCheck, rejections: Rejections) -> GraspCandidates:
-    """Ways in which the hand itself, wherever the base stands, would be inside nothing; others are counted.
+    """Candidates in which the hand itself, wherever the base stands, would be inside nothing; others are counted.
 
     It goes straight from pose to pose, so that what is in between counts as well.
     """
@@ -147,7 +147,7 @@ def _in_the_way(bodies: Iterable[str | None]) -> list[Reason | None]:
 
 
 CHUNK = 48
-"""Ways whose inverse kinematics is solved in one call."""
+"""Candidates whose inverse kinematics is solved in one call."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,7 +256,7 @@ def from_base(
     seed: Array | None = None,
     generous: bool = False,
 ) -> Iterator[HandSolution]:
-    """Ways that have a collision-free solution from one base, lazily, best first; others are counted, each once.
+    """Yield collision-free solutions from one base, lazily, best first; other candidates are counted, each once.
 
     Where the maps have postures these are the seeds; if ``generous``, ways beyond them are tried from the arm's own
     postures at last. ``seed`` (d,) is tried before: with it, solutions near it are preferred.

@@ -17,8 +17,8 @@ from executive.belief.planning_scene import PlanningScene
 from executive.locations.consistency import meaningless
 from executive.locations.demands import BaseDemand, Reach, ReachKind, base_demand, hand_demand, thing_demand
 from executive.locations.floor_search import search_floor
+from executive.locations.hand_predicates import candidates_of, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base, is_among, stopped_by, unblocked
-from executive.locations.hands import candidates_of, hand_holds
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.rejections import COLLISION, Rejections
 from executive.locations.resting import thing_holds, thing_poses
@@ -134,7 +134,7 @@ class Resolver:
         """The inverse of :meth:`viewers`; nothing else is remembered then."""
         self._viewers = dict(viewers)
 
-    # Ways of a hand
+    # GraspCandidates of a hand
 
     def is_grasp(self, location: Location) -> bool:
         """Whether a location is where a hand takes hold of something; False for a posture and what means nothing."""
@@ -144,7 +144,7 @@ class Resolver:
             return False
 
     def hands(self, location: Location, arm: ArmModel, seed: Array) -> Iterator[HandSolution]:
-        """Ways of a hand to a location from where the base stands; raises LocationUnresolvable when there are no more.
+        """Yield hand solutions for a location from where the base stands; raises LocationUnresolvable at the end.
 
         Near ``seed`` (d,), the arm's joint values, where several are as good; a way by which the place was found first.
         """

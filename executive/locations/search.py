@@ -18,6 +18,7 @@ from executive.belief.visibility import Unseen
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Misses, invert, moved_to_room
 from executive.locations.demands import BaseDemand, Reach
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
+from executive.locations.hand_predicates import candidates_of
 from executive.locations.hand_solutions import (
     OFF_LATTICE,
     ON_LATTICE,
@@ -27,7 +28,6 @@ from executive.locations.hand_solutions import (
     solve,
     unblocked,
 )
-from executive.locations.hands import candidates_of
 from executive.locations.rejections import Rejections
 from executive.locations.search_budget import SearchBudget
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion, scored, unmet

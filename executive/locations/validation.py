@@ -11,6 +11,7 @@ from executive.belief.free_floor import BasePose
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.areas import Area, Clear, Facing
 from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
+from executive.locations.hand_predicates import candidates_of
 from executive.locations.hand_solutions import (
     HandSolution,
     from_base,
@@ -20,7 +21,6 @@ from executive.locations.hand_solutions import (
     touched_at,
     unblocked,
 )
-from executive.locations.hands import candidates_of
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
 from executive.locations.search_budget import Stage
