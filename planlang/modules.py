@@ -22,6 +22,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
+from planlang.files import read_file
 from planlang.language.executive import ProcessModule
 
 GROUP = "planlang.modules"
@@ -146,9 +147,7 @@ def _imported(path: Path) -> ModuleType:
     """Import a file under a name of its own; it stays imported, as failures are found by their module's name."""
     name = f"planlang_modules_{path.stem}"
     try:
-        if path.stat().st_size > LARGEST or not path.is_file():
-            raise BadInput([error("X011", f"{path} is no Python file of at most {LARGEST // 1_000_000} MB")])
-        code = compile(path.read_bytes(), str(path), "exec")
+        code = compile(read_file(path, "X011", largest=LARGEST), str(path), "exec")
         spec = importlib.util.spec_from_loader(name, loader=None, origin=str(path))
         assert spec is not None
         module = importlib.util.module_from_spec(spec)
