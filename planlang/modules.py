@@ -87,7 +87,7 @@ class ModuleRegistry:
         """Register the process modules of a user's file; raises BadInput, with the line, if it cannot be used."""
         module = _imported(path)
         if not self.add(module, path.name, Rank.NAMED):
-            advice = "mark the class with @process_module from planlang"
+            advice = "mark the class with @process_module from planlang.modules"
             raise BadInput([error("X011", "this file has no process module", Span(str(path)), advice)])
         self.identity[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
 
@@ -99,7 +99,9 @@ class ModuleRegistry:
             classes: list[Any] = [found] if isinstance(found, type) else list(_marked(found))
             if not all(getattr(cls, _MARK, None) is cls for cls in classes) or not classes:
                 message = f"the entry point {entry.name} of {package} names no process module: {entry.value}"
-                raise BadInput([error("X011", message, help="mark the class with @process_module from planlang")])
+                raise BadInput(
+                    [error("X011", message, help="mark the class with @process_module from planlang.modules")]
+                )
             for cls in classes:
                 self._registered.append(
                     Registered(cls, tuple(cls.actions), f"{cls.__name__} of {package}", Rank.INSTALLED)
