@@ -237,7 +237,8 @@ CODES: dict[str, str] = {
     "B012": "the URDF is another robot's",
     "B013": "meshes of the URDF are not there or cannot be read; simple shapes stand in for them",
     "B014": "the URDF is in a package that is not installed",
-    "B015": "the file is a URDF; a robot also needs a self-model or a robot file",
+    "B015": "no link of the URDF has a shape for contacts; those for looks are used, if there are any",
+    "B016": "the file is a URDF; a robot also needs a self-model or a robot file",
     # P: phrases
     "P001": "a phrase has a relation that is not known",
     "P002": "a phrase names a thing, a class or an arm that is not known",
@@ -285,8 +286,14 @@ CODES: dict[str, str] = {
     "C011": "the recipe of a plan was not found or cannot be read",
     "C012": "recordings need a package that is not installed",
     "C013": "there is no display for a window",
+<<<<<<< HEAD
     "C014": "unknown graph format",
     "C015": "there is no uncertain fix with this code",
     "C016": "a fix was not applied, as it is uncertain or cannot be written into the text",
+=======
+    "C014": "the file name of a graph names no known format",
+    "C015": "no fix with this code waits for acceptance",
+    "C016": "a fix was left out, as it is not safe or cannot be written into the text",
+>>>>>>> main
 }
 """Code -> what it means, one line each; the README's table is made from it."""

@@ -30,6 +30,7 @@ GROUP = "planlang.modules"
 LARGEST = 10_000_000
 """Bytes of a file of process modules that are read at most."""
 _MARK = "__planlang_process_module__"
+_ADVICE = "mark the class with @process_module from planlang.modules"
 
 M = TypeVar("M")
 
@@ -87,8 +88,7 @@ class ModuleRegistry:
         """Register the process modules of a user's file; raises BadInput, with the line, if it cannot be used."""
         module = _imported(path)
         if not self.add(module, path.name, Rank.NAMED):
-            advice = "mark the class with @process_module from planlang.modules"
-            raise BadInput([error("X011", "this file has no process module", Span(str(path)), advice)])
+            raise BadInput([error("X011", "this file has no process module", Span(str(path)), _ADVICE)])
         self.identity[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
 
     def add_installed(self) -> None:
@@ -99,9 +99,7 @@ class ModuleRegistry:
             classes: list[Any] = [found] if isinstance(found, type) else list(_marked(found))
             if not all(getattr(cls, _MARK, None) is cls for cls in classes) or not classes:
                 message = f"the entry point {entry.name} of {package} names no process module: {entry.value}"
-                raise BadInput(
-                    [error("X011", message, help="mark the class with @process_module from planlang.modules")]
-                )
+                raise BadInput([error("X011", message, help=_ADVICE)])
             for cls in classes:
                 self._registered.append(
                     Registered(cls, tuple(cls.actions), f"{cls.__name__} of {package}", Rank.INSTALLED)

@@ -15,7 +15,7 @@ from executive.cli.inputs import PlanFile, RecipeFile, read
 from planlang.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
-    from planlang.kernel.continued import Different
+    from planlang.runs import Different
 
 WIDTH = 56
 """Characters of a value that are shown, of longer ones the end: two columns fit into 120."""

@@ -56,7 +56,7 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
             f"write a robot file (TOML) with urdf = {path.name!r}, or name a self-model: --robot MODEL --urdf {path}"
         )
         message = "this is a URDF: it has the robot's shape, but not its speeds, postures and capabilities"
-        raise BadInput([error("B015", message, Span(str(path), 1), advice)])
+        raise BadInput([error("B016", message, Span(str(path), 1), advice)])
     ontology = load(path, folders=tuple(folders))
     problems = [d for d in ontology.diagnostics if has_errors([d])]
     if problems:

@@ -33,16 +33,13 @@ from executive.runs.robot_executive import RobotExecutive
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.kernel.continued import Different
-from planlang.kernel.exact import dump
-from planlang.kernel.past import Past
-from planlang.kernel.recorded import RecordedRun
 from planlang.language.plans import Plan
 from planlang.language.replaying import Replay, replay
-from planlang.language.resuming import restore
 from planlang.language.running import known as run_header
 from planlang.ontology import load
 from planlang.outputs import replace as write_complete
+from planlang.runs import Different, Past, RecordedRun, restore
+from planlang.runs.codec import dump
 from sim import PyBulletWorld
 from sim.oracle import at_rest_on, held_by
 

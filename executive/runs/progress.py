@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from planlang import Trace
-from planlang.kernel.past import Past
 from planlang.kernel.tree import Node
+from planlang.runs import Past
 
 Record = Mapping[str, Any]
 

@@ -12,11 +12,9 @@ from typing import Any
 
 from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
-from planlang.kernel.exact import load
-from planlang.kernel.past import Past
-from planlang.kernel.recorded import DamagedTrace, RecordedRun
-from planlang.language.resuming import differences
 from planlang.resources import Bundled
+from planlang.runs import DamagedTrace, Past, RecordedRun, differences
+from planlang.runs.codec import load
 
 AGREE = (
     "plan", "iri", "plan_sha256", "parameters", "seed", "schedule", "rate", "start", "robot", "robot_sha256",

@@ -23,9 +23,9 @@ from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
 from planlang.geometry import Array
-from planlang.kernel.exact import dump, load
 from planlang.language.executive import ProcessModule
 from planlang.protocols import Solution
+from planlang.runs.codec import dump, load
 
 
 @runtime_checkable

@@ -3,30 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from planlang.designators import Object, a_location, action
 from planlang.failures import (
     CompositeFailure,
-    ObjectNotFound,
-    ObjectNowhereToBeFound,
-    ObjectUndeliverable,
-    ObjectUnreachable,
     PlanFailure,
     matches,
 )
-from planlang.kernel.calling import called, given
-from planlang.kernel.journal import taken_over
-from planlang.kernel.park import here
-from planlang.kernel.primitives import inside, record
+from planlang.kernel.core import here
+from planlang.kernel.primitives import called, given, node, record
 from planlang.language.branches import evaporating
 from planlang.language.budgets import take_attempt
-from planlang.language.location import at_location
-from planlang.language.performing import perform
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_iterable, written
 
 if TYPE_CHECKING:
@@ -76,7 +66,7 @@ Otherwise = type[PlanFailure] | Callable[[PlanFailure], PlanFailure] | Return[An
 
 
 async def retry(failure: PlanFailure) -> Decision:
-    """Run the body again, nothing else."""
+    """Run the body again, and do nothing before."""
     return RETRY
 
 
@@ -174,17 +164,18 @@ async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: 
     _WITH_FAILURE_HANDLING.branch("body", body)
     for recovery in recoveries:
         _WITH_FAILURE_HANDLING.instance("recovery", recovery, Recovery, "a Recovery")
-    if (before := taken_over("with_failure_handling", "with_failure_handling")) is not None:
-        return await before  # type: ignore[no-any-return]
-    with inside("with_failure_handling", "with_failure_handling") as node:
-        entries = [_Entry(recovery) for recovery in recoveries]
-        try:
-            node.result = await _attempts(body, entries)
-        finally:
-            for entry in entries:
-                if entry.timer is not None:
-                    entry.timer.drop()
-    return node.result  # type: ignore[no-any-return]
+    kind = "with_failure_handling"
+    return await node(kind, kind, partial(_handled, body, recoveries))  # type: ignore[no-any-return]
+
+
+async def _handled(body: Callable[..., Awaitable[Any]], recoveries: Iterable[Recovery]) -> Any:
+    entries = [_Entry(recovery) for recovery in recoveries]
+    try:
+        return await _attempts(body, entries)
+    finally:
+        for entry in entries:
+            if entry.timer is not None:
+                entry.timer.drop()
 
 
 async def _attempts(body: Callable[..., Awaitable[V]], entries: list[_Entry]) -> Any:
@@ -270,51 +261,6 @@ def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]
         wrong = _RECOVERY.shown("otherwise", "lambda failure: None")
         raise WrongType(contrast(message, wrong, _RECOVERY.shown("otherwise"))) from failure
     raise raised from failure
-
-
-repeat = retry
-"""Run the body again, nothing else."""
-
-
-def look_from_another_place(what: Object) -> Do:
-    """Go where the object should be visible from and look for it there, then run the body again.
-
-    Not finding it there either is no failure yet: the body will tell. Raises ObjectNowhereToBeFound when there is no
-    other place to look from.
-    """
-
-    Usage("look_from_another_place", {"what": "bottle"}).instance("what", what, Object, "an object")
-
-    async def look(failure: PlanFailure) -> Decision:
-        try:
-            with suppress(ObjectNotFound):
-                await at_location(a_location(visible_from=what), partial(_look_for, what))
-        except (ObjectUnreachable, ObjectUndeliverable) as nowhere:
-            raise ObjectNowhereToBeFound(what=str(what)) from nowhere
-        return RETRY
-
-    return look
-
-
-def look_and_repeat(what: Object) -> Do:
-    """Look for the object from here, which may correct where it is believed to be, then run the body again."""
-
-    Usage("look_and_repeat", {"what": "bottle"}).instance("what", what, Object, "an object")
-
-    async def look(failure: PlanFailure) -> Decision:
-        await _look_for(what)
-        return RETRY
-
-    return look
-
-
-async def ignore(failure: PlanFailure) -> Decision:
-    """Go on as if the body had succeeded, with None."""
-    return Return(None)
-
-
-async def _look_for(what: Object) -> None:
-    await perform(action("LookingForSomething", object_acted_on=what))
 
 
 def explain(failure: BaseException) -> str:

@@ -8,10 +8,9 @@ from contextvars import ContextVar
 from typing import Any, TypeVar
 
 from planlang.failures import BranchEvaporated, PlanFailure
-from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, Task, suspension, wait_for
-from planlang.kernel.expressions import Expression, Signal
-from planlang.kernel.park import here, serving
-from planlang.kernel.suspension import Recheck
+from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, Task, cancel, wait_for
+from planlang.kernel.core import here, serving
+from planlang.kernel.signals import Expression, Signal, Wait
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.misuse import Usage
@@ -54,6 +53,8 @@ class Handle:
         _HANDLE.text("name", name)
         self.name = name
         self._task: Task | None = None
+        self.bindings = 0
+        """How many tasks it has stood for."""
         self._status: Fluent[Status] = Fluent(Status.CREATED, f"the status of {name}")
         self._suspensions = 0
         self._evaporated = False
@@ -68,17 +69,18 @@ class Handle:
         """Stand for this task from now on."""
         scheduler = here()[0]
         self._task = task
+        self.bindings += 1
         if task.watched is None:
             task.watched = self._status
         else:
             task.watched.watch(_Mirror(scheduler, self, task))
         self._status.set(task.status)
         for _ in range(self._suspensions):
-            suspension.suspend(scheduler, task)
+            cancel.suspend(scheduler, task)
         self._suspensions = 0
         if self._evaporated:
             self._evaporated = False
-            scheduler.evaporate(task)
+            cancel.evaporate(scheduler, task)
 
     @property
     def status(self) -> Fluent[Status]:
@@ -114,7 +116,7 @@ class Handle:
 
     def _suspend(self) -> bool:
         if self._task is not None:
-            return suspension.suspend(serving(), self._task)
+            return cancel.suspend(serving(), self._task)
         if self._evaporated:
             return False
         self._suspensions += 1
@@ -122,7 +124,7 @@ class Handle:
 
     def _wake_up(self) -> bool:
         if self._task is not None:
-            return suspension.wake_up(serving(), self._task)
+            return cancel.wake_up(serving(), self._task)
         if not self._suspensions:
             return False
         self._suspensions -= 1
@@ -130,7 +132,7 @@ class Handle:
 
     def _evaporate(self) -> bool:
         if self._task is not None:
-            return serving().evaporate(self._task)
+            return cancel.evaporate(serving(), self._task)
         changed, self._evaporated, self._suspensions = not self._evaporated, True, 0
         return changed
 
@@ -138,7 +140,7 @@ class Handle:
         return f"<task {self.path or self.name}, {self._status.value.value}>"
 
 
-class _Mirror(Recheck):
+class _Mirror(Wait):
     """Shows the status of a task in a further handle of it."""
 
     def __init__(self, scheduler: Scheduler, handle: Handle, task: Task) -> None:
@@ -258,12 +260,14 @@ def evaporate(handle: Handle) -> bool:
 async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
     """``async with task_suspended(h):`` holds the task while the block runs, and always wakes it up."""
     _check_handle("async with task_suspended", handle)
-    held = handle._task
-    changed = suspend(handle)
+    # What is held is the task that the handle stands for, or the first that it will stand for. One that is tagged so
+    # later is not, and may be held by somebody else.
+    last = handle.bindings + (handle._task is None)
+    suspend(handle)
     try:
         yield handle
     finally:
-        if changed and (held is None or held is handle._task):
+        if handle.bindings <= last:
             wake_up(handle)
 
 
@@ -315,7 +319,7 @@ class Restarting(All):
 
     def _held(self) -> None:
         for task in tuple(self.live):
-            self.interrupted = self.scheduler.evaporate(task) or self.interrupted
+            self.interrupted = cancel.evaporate(self.scheduler, task) or self.interrupted
 
     def decide(self, dead: list[Task]) -> None:
         if self.interrupted and dead[0].outcome is Status.EVAPORATED:

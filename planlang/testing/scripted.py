@@ -10,13 +10,12 @@ from typing import Any
 from planlang.designators import Action, Condition, Location, action, local_name
 from planlang.failures import LocationUnresolvable, PlanFailure
 from planlang.kernel import now, sleep
-from planlang.kernel.exact import dump, load
-from planlang.kernel.park import here
+from planlang.kernel.core import here
 from planlang.kernel.tree import Node
 from planlang.protocols import Solution
-from planlang.testing.belief import Belief
+from planlang.runs.codec import dump, load
 from planlang.testing.faults import made
-from planlang.testing.script import Rule, Script
+from planlang.testing.script import Belief, Rule, Script
 
 ORDINARY: Mapping[str, tuple[str, ...]] = {
     "navigation": ("Translation-LocationChange",),

@@ -9,7 +9,7 @@ from executive.runs.progress import ListenedTrace, line_of, lines_of
 from planlang import VirtualHost, run, sleep
 from planlang.designators import action, an_object
 from planlang.failures import ObjectNotFound
-from planlang.kernel.task import Task
+from planlang.kernel.core import Task
 from planlang.kernel.tree import Node
 
 PLAN = Task(None, None, "serve", lambda: None, 0)

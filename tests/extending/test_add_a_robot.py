@@ -88,7 +88,7 @@ def run(plan: Path, robot: Path) -> dict[str, Any]:
 def test_a_urdf_alone_is_answered_with_what_to_write(garage: Path) -> None:
     found = run(garage / "drive.py", garage / "cart.urdf")
     (problem,) = found["diagnostics"]
-    assert (found["exit_code"], problem["code"]) == (2, "B015")
+    assert (found["exit_code"], problem["code"]) == (2, "B016")
     assert "urdf = 'cart.urdf'" in problem["help"]
 
 
