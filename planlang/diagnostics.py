@@ -286,14 +286,8 @@ CODES: dict[str, str] = {
     "C011": "the recipe of a plan was not found or cannot be read",
     "C012": "recordings need a package that is not installed",
     "C013": "there is no display for a window",
-<<<<<<< HEAD
     "C014": "unknown graph format",
     "C015": "there is no uncertain fix with this code",
     "C016": "a fix was not applied, as it is uncertain or cannot be written into the text",
-=======
-    "C014": "the file name of a graph names no known format",
-    "C015": "no fix with this code waits for acceptance",
-    "C016": "a fix was left out, as it is not safe or cannot be written into the text",
->>>>>>> main
 }
 """Code -> what it means, one line each; the README's table is made from it."""
