@@ -851,15 +851,3 @@ def test_draws_that_lie_behind_those_of_the_plan_cannot_be_taken_over() -> None:
     past = Past(RecordedRun.of(trace.events))
     with pytest.raises(PlanStructureError, match="cannot go back to 1 draws"):
         run(top, host=VirtualHost(), resume=past)
-
-
-def test_each_number_of_gauss_is_taken_over_also_where_it_takes_no_draw() -> None:
-    async def draws() -> float:
-        return rng().gauss(0, 1)
-
-    @plan
-    async def top() -> Any:
-        found = [await with_failure_handling(draws) for _ in range(4)]
-        return [*found, rng().random()]
-
-    assert len(list(resumed_everywhere(top, run_plan(top, resumable=True)))) == 4
