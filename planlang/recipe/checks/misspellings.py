@@ -37,7 +37,7 @@ from planlang.recipe.fillers import action_properties
 from planlang.recipe.readers.data_flow import OUTPUTS
 from planlang.recipe.readers.workflow import RELATIONS as INTERVALS
 from planlang.recipe.readers.workflow import is_interval_relation
-from planlang.recipe.statements import MEANINGS, WORDS, ending_of, is_word, words_of
+from planlang.recipe.statements import MEANINGS, REGISTERED_WORDS, WORDS, ending_of, is_word, words_of
 
 _W3C = (OWL, RDF, RDFS, XSD)
 _NAMING = (
@@ -197,8 +197,8 @@ def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
     if not unknown:
         return
     listed = {local_name(name): name for name in _vocabulary(ontology)}
-    neighbours = Neighbours((*listed, *WORDS, *RELATIONS.values()))
-    spoken = (*WORDS, *RELATIONS.values(), *map(local_name, action_properties(ontology)))
+    neighbours = Neighbours((*listed, *WORDS, *REGISTERED_WORDS, *RELATIONS.values()))
+    spoken = (*WORDS, *REGISTERED_WORDS, *RELATIONS.values(), *map(local_name, action_properties(ontology)))
     for number, row in unknown.items():
         written = ontology.store.name(number) or ""
         space, short = _space(written), local_name(written)
@@ -253,7 +253,7 @@ def _like(short: str, word: str) -> str:
 
 
 def _is_read(name: str) -> bool:
-    return is_word(name, *WORDS, *OUTPUTS) or is_interval_relation(name)
+    return is_word(name, *WORDS, *REGISTERED_WORDS, *OUTPUTS) or is_interval_relation(name)
 
 
 def _things(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:

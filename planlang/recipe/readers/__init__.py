@@ -98,7 +98,7 @@ READERS: list[Reader] = [
 def register(reader: Reader) -> None:
     """Add a reader of one more dialect; it is asked after those that are there."""
     READERS.append(reader)
-    REGISTERED_WORDS.update(reader.words)
+    REGISTERED_WORDS.extend(reader.words)
 
 
 def statements_of(ontology: Ontology, iri: str) -> Statements | None:
