@@ -131,5 +131,7 @@ def loose_parts(ontology: Ontology) -> list[Diagnostic]:
     for loose in (reader.loose for reader in READERS if reader.loose is not None):
         spans = [triple.span for triple in own if local_name(triple.predicate) in loose.marks]
         if spans and loose.holder not in used:
-            return [error("R003", f"this file has {loose.parts}, but no task that they are of", min(spans), loose.help)]
+            return [
+                error("R003", f"this file has {loose.parts}, but no task that they belong to", min(spans), loose.help)
+            ]
     return []
