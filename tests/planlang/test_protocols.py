@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import FrozenInstanceError
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -9,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planlang
-from executive.modules.arm import Reaching
-from executive.modules.gripper import GripperModule
+from executive.modules.grasping import Grasping
 from executive.modules.handover import Handover
 from executive.modules.head import Head
 from executive.modules.navigation import Navigation
 from executive.modules.perception import Perception
+from executive.modules.reaching import Reaching
 from executive.runs.robot_executive import RobotExecutive
 from planlang.failures import LowLevelFailure, PlanFailure
 from planlang.geometry import Pose
@@ -109,7 +110,7 @@ def test_the_simulator_and_the_executive_have_all_that_their_protocols_ask_for(p
     assert public(protocol) - given_at_creation <= set(dir(kind))
 
 
-MODULES = (Navigation, Reaching, GripperModule, Head, Perception, Handover)
+MODULES = (Navigation, Reaching, Grasping, Head, Perception, Handover)
 
 
 @pytest.mark.parametrize("module", MODULES)
@@ -128,3 +129,9 @@ def test_no_two_modules_perform_the_same_class_or_share_a_name() -> None:
 
 def test_all_names_that_are_listed_can_be_imported() -> None:
     assert set(planlang.__all__) <= set(vars(planlang))
+
+
+def test_planlang_tells_its_version() -> None:
+    assert planlang.__version__ == version("planlang")
+    with pytest.raises(AttributeError, match="has no attribute 'pars'"):
+        _ = getattr(planlang, "pars")  # noqa: B009 - mypy knows that there is none

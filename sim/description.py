@@ -1,0 +1,317 @@
+"""Makes a robot's URDF ready for PyBullet: checked meshes, shapes in place of absent ones, no extensions.
+
+PyBullet itself refuses a file with one absent mesh, dies of a broken one, reads lines of at most 1024 characters, says
+what it dislikes on stdout only, and moves no joint that mimics another.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.geometry import Array
+from planlang.geometry.matrices import angles_of, product, rotation_of
+from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
+from planlang.geometry.urdf import Joint, extents_of, numbers, read_urdf
+from planlang.geometry.xml_tree import Element, tree_of
+
+MOST_JOINTS = 127
+"""PyBullet gives the poses of this many links."""
+_KEPT = {"robot", "link", "joint", "material"}
+_SHOWN = 4
+"""Names of a list that a message shows."""
+THINNEST = 0.002
+"""Least extent of a box made from an inertia [m]."""
+LIGHTEST = 30.0
+"""Density of foam [kg/m3]. Inertias of lighter boxes were filled in, not measured: in real URDFs measured ones come to
+300 and more, the frequent 0.1 kg with 0.01 kg m2 comes to 0.2."""
+
+
+@dataclass(frozen=True, slots=True)
+class Follower:
+    """A joint that moves with another: its position is ``multiplier`` times the other's plus ``offset``."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """A URDF that PyBullet can load."""
+
+    path: Path
+    """The file that was read."""
+    text: str
+    """What PyBullet gets."""
+    meshes: Mapping[str, bytes]
+    """Files beside it: the meshes that it names, by names that follow from what is in them."""
+    root: str
+    """The link that hangs from no joint."""
+    followers: Mapping[str, tuple[Follower, ...]]
+    """Joint -> those that mimic it, directly or not."""
+    diagnostics: tuple[Diagnostic, ...] = ()
+    """At most two warnings, about meshes and shapes."""
+
+
+MOST_KEPT = 8
+"""Descriptions that are kept."""
+_meshless: dict[tuple[Path, bytes], Description] = {}
+"""By file and content those that depend on nothing else: no mesh may come or go."""
+
+
+def read_description(path: Path) -> Description:
+    """Read and check a URDF and its meshes; raises BadInput with all that makes it unusable.
+
+    A mesh that is not there or cannot be read is replaced: for contacts by the box that has the link's mass and
+    inertia, for looks by the link's shapes for contacts; by nothing if there are none. If no link has a shape for
+    contacts, those for looks serve.
+    """
+    urdf = read_urdf(path)
+    if (path, urdf.content) in _meshless:
+        return _meshless[path, urdf.content]
+    if len(urdf.joints) > MOST_JOINTS:
+        message = f"the robot has {len(urdf.joints)} joints; the simulator takes at most {MOST_JOINTS}"
+        raise BadInput([error("B009", message, Span(str(path), urdf.tree.line))])
+    robot = tree_of(urdf.content)  # changed below
+    for child in list(robot):
+        if child.tag not in _KEPT:
+            robot.remove(child)
+    _without_empty_shapes(robot)
+    meshless = next(robot.iter("mesh"), None) is None
+    found = []
+    if robot.find("link/collision") is None:
+        found.append(_looks_touched(path, robot))
+    meshes = _Meshes(path)
+    bare = _replace_meshes(robot, meshes)
+    if meshes.absent:
+        found.append(_warned(meshes.absent, bare, path))
+    ElementTree.indent(robot)
+    description = Description(
+        path, ElementTree.tostring(robot, "unicode"), meshes.files, urdf.root, _followers(urdf.joints), tuple(found)
+    )
+    if meshless:
+        while len(_meshless) >= MOST_KEPT:
+            del _meshless[next(iter(_meshless))]
+        _meshless[path, urdf.content] = description
+    return description
+
+
+@contextmanager
+def loadable(description: Description) -> Iterator[Path]:
+    """A temporary file with the description, for as long as PyBullet reads it."""
+    with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(description.text, encoding="utf-8")
+        for name, content in description.meshes.items():
+            (path.parent / name).write_bytes(content)
+        yield path
+
+
+def _without_empty_shapes(robot: Element) -> None:
+    """Real files have boxes of size 0 0 0 where nothing is meant; what is flat is given a thickness."""
+    for link in robot.findall("link"):
+        for shape in (*link.findall("collision"), *link.findall("visual")):
+            for primitive in shape.iterfind("geometry/*"):
+                names = extents_of(primitive)
+                extents = {name: numbers(primitive.get(name, "")) for name in names}
+                if names and max(map(max, extents.values())) <= 0:
+                    link.remove(shape)
+                    break
+                for name, values in extents.items():
+                    primitive.set(name, _text([max(value, THINNEST) if value == 0 else value for value in values]))
+
+
+# Meshes
+
+
+class _Meshes:
+    """The meshes that a URDF names: read, checked, and written plainly under names of their own."""
+
+    def __init__(self, urdf: Path) -> None:
+        self.urdf = urdf
+        self.files: dict[str, bytes] = {}
+        self.absent: dict[str, tuple[int, str]] = {}
+        """Name of one that is not there or cannot be read -> the line that names it, and the reason if it is there."""
+        self._names: dict[str, str | None] = {}
+
+    def replace(self, mesh: Element) -> bool:
+        """Have an element name the checked mesh; False if there is none."""
+        name = mesh.get("filename", "")
+        if name not in self._names:
+            self._names[name] = self._read(name, mesh.line)
+        found = self._names[name]
+        if found is not None:
+            mesh.set("filename", found)
+        return found is not None
+
+    def _read(self, name: str, line: int) -> str | None:
+        reason = ""
+        for place in mesh_places(self.urdf, name):
+            try:
+                suffix, content = checked_mesh(place)
+            except BadMesh as problem:
+                reason = reason or str(problem)
+                continue
+            except OSError:
+                continue
+            own = hashlib.sha256(content).hexdigest()[:32] + suffix
+            self.files[own] = content
+            return own
+        self.absent[name] = line, reason
+        return None
+
+
+@lru_cache(maxsize=256)
+def _checked(content: bytes, suffix: str) -> tuple[str, bytes]:
+    return mesh_of(content, suffix).written()
+
+
+def checked_mesh(path: Path) -> tuple[str, bytes]:
+    """Return a suffix and the content of a file that holds a mesh as PyBullet reads it without harm.
+
+    Raises OSError for one that is not there, :class:`BadMesh` for one that cannot be used. A mesh is worked out once in
+    a process, however many worlds load it.
+    """
+    return _checked(mesh_content(path), path.suffix.lower())
+
+
+def _looks_touched(path: Path, robot: Element) -> Diagnostic:
+    """Let what is seen of the links be what touches."""
+    found = 0
+    for link in robot.findall("link"):
+        for visual in link.findall("visual"):
+            collision = ElementTree.SubElement(link, "collision")
+            collision.extend(copy.deepcopy(part) for part in visual if part.tag in ("origin", "geometry"))
+            found += 1
+    span = Span(str(path), robot.line)
+    if not found:
+        return warning(
+            "B015", "no link has a shape (<collision> or <visual>)", span, "give the robot's body at least one"
+        )
+    message = "no link has a shape for contacts (<collision>); those for looks (<visual>) are used"
+    return warning("B015", message, span)
+
+
+def _replace_meshes(robot: Element, meshes: _Meshes) -> list[str]:
+    """Replace meshes by checked ones, or by shapes; returns links that have no shape for contacts any more."""
+    bare: list[str] = []
+
+    def is_absent(shape: ElementTree.Element) -> bool:
+        mesh = shape.find("geometry/mesh")
+        return isinstance(mesh, Element) and not meshes.replace(mesh)
+
+    for link in robot.findall("link"):
+        collisions, visuals = ([s for s in link.findall(kind) if is_absent(s)] for kind in ("collision", "visual"))
+        for shape in (*collisions, *visuals):
+            link.remove(shape)
+        if collisions:
+            link.extend(_box_of(link))
+            if link.find("collision") is None:
+                bare.append(link.get("name", ""))
+        if visuals:
+            link.extend(_looks_of(link))
+    for texture_holder in robot.iter("material"):
+        for texture in texture_holder.findall("texture"):
+            texture_holder.remove(texture)
+    return bare
+
+
+def _box_of(link: ElementTree.Element) -> list[ElementTree.Element]:
+    """The box of the link's inertia as a collision element, if the link has one."""
+    inertial = link.find("inertial")
+    mass, moments = (None if inertial is None else inertial.find(tag) for tag in ("mass", "inertia"))
+    if inertial is None or mass is None or moments is None:
+        return []
+    xx, xy, xz, yy, yz, zz = (float(moments.get(name, "0")) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    box = inertia_box(float(mass.get("value", "0")), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    if box is None:
+        return []
+    extents, axes = box
+    position, turned = _origin(inertial.find("origin"))
+    collision = ElementTree.Element("collision")
+    ElementTree.SubElement(collision, "origin", xyz=_text(position), rpy=_text(angles_of(product(turned, axes))))
+    ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), "box", size=_text(extents))
+    return [collision]
+
+
+def inertia_box(mass: float, inertia: Array) -> tuple[Array, Array] | None:
+    """Extents (3,) [m] and axes (3, 3), one per column, of the box of even density with this mass and inertia (3, 3).
+
+    From m / 12 (b^2 + c^2) and so on for the principal moments. None without mass or moments, and for a box lighter
+    than foam (:data:`LIGHTEST`). What no body can have (a moment larger than the others' sum) gives the thinnest box.
+    """
+    if not np.allclose(inertia, np.diag(np.diag(inertia)), rtol=0.0, atol=1e-12):
+        moments, axes = np.linalg.eigh(inertia)
+        if np.linalg.det(axes) < 0:
+            axes[:, 2] *= -1
+    else:
+        moments, axes = np.diag(inertia), np.eye(3)
+    if mass <= 0 or moments.max() <= 0:
+        return None
+    squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
+    extents = np.maximum(np.sqrt(np.maximum(squares, 0.0)), THINNEST)
+    return (extents, axes) if mass >= LIGHTEST * float(np.prod(extents)) else None
+
+
+def _looks_of(link: ElementTree.Element) -> list[ElementTree.Element]:
+    """The link's collision elements as visual ones."""
+    looks = []
+    for shape in link.findall("collision"):
+        visual = ElementTree.Element("visual")
+        visual.extend(copy.deepcopy(part) for part in shape if part.tag in ("origin", "geometry"))
+        looks.append(visual)
+    return looks
+
+
+def _origin(element: ElementTree.Element | None) -> tuple[tuple[float, ...], Array]:
+    xyz, rpy = ("0 0 0" if element is None else element.get(name, "0 0 0") for name in ("xyz", "rpy"))
+    return numbers(xyz), rotation_of(*numbers(rpy))
+
+
+def _text(values: Sequence[float] | Array) -> str:
+    return " ".join(repr(round(float(value), 12)) for value in values)
+
+
+def _warned(absent: Mapping[str, tuple[int, str]], bare: Sequence[str], path: Path) -> Diagnostic:
+    count = f"{len(absent)} meshes are" if len(absent) != 1 else "a mesh is"
+    names = [f"{name} ({reason})" if reason else name for name, (_, reason) in absent.items()]
+    message = f"{count} not there or cannot be read; simple shapes stand in for them: {_some(names)}"
+    if bare:
+        links = f"{len(bare)} links have" if len(bare) != 1 else "a link has"
+        message += f"; {links} no usable inertia either, so no shape: {_some(bare)}"
+    advice = "put the packages that hold them beside the URDF, as OBJ, DAE or STL"
+    return warning("B013", message, Span(str(path), next(iter(absent.values()))[0]), advice)
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
+
+
+# Joints that follow others
+
+
+def _followers(joints: Sequence[Joint]) -> dict[str, tuple[Follower, ...]]:
+    """Return per joint those that mimic it; chains of them are resolved, circles left out."""
+    mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None and joint.moves}
+    found: dict[str, list[Follower]] = {}
+    for name, mimic in mimics.items():
+        master, multiplier, offset, seen = mimic.joint, mimic.multiplier, mimic.offset, {name}
+        while master in mimics and master not in seen:
+            seen.add(master)
+            offset += multiplier * mimics[master].offset
+            multiplier *= mimics[master].multiplier
+            master = mimics[master].joint
+        if master not in seen:
+            found.setdefault(master, []).append(Follower(name, multiplier, offset))
+    return {name: tuple(followers) for name, followers in found.items()}
