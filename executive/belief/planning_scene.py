@@ -169,10 +169,6 @@ class BelievedSurroundings:
         """
         self._maps |= keep_maps(self.arms, self.robot.torso, progress)
 
-    def kinematics(self) -> str:
-        """How kinematics are computed, "compiled" or "interpreted": answers differ in their last digits."""
-        return " and ".join(sorted({arm.solver.chain.backend.kind for arm in self.arms})) or "none"
-
     def quick_check(self, arm: ArmModel, touches: str | None) -> QuickCheck:
         """What tells without PyBullet how an arm may move here; ``touches`` as in :meth:`contacts`."""
         bodies = self._bodies_of(arm, opened=False)

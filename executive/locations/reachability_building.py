@@ -135,12 +135,10 @@ def lift_of(chain: Chain, torso: str | None) -> Lift | None:
 
 def _entry_name(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> str:
     chain = arm.solver.chain
-    computed_by = type(chain.backend).__name__
     way = "sampled" if is_bound(_carried(chain, lift)) else "lattice"
     facts = (
         VERSION if way == "lattice" else (VERSION, way),
         chain.digest,
-        computed_by,
         lift,
         grasp.value,
         arm.frame,

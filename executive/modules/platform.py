@@ -129,7 +129,7 @@ class Platform:
 
         def touching(q: Array) -> list[tuple[str, str]]:
             # at the start all of the robot is looked at; later on what stands still touches nothing new
-            among = None if np.array_equal(q, start) else quick.doubtful(q)
+            among = None if np.array_equal(q, start) else quick.doubtful(q[None])[0]
             contacts = self.around.contacts(base, arm, q, touches, among=among)
             return [(contact.part, contact.body) for contact in contacts]
 
@@ -147,7 +147,16 @@ class Platform:
         quick = self.around.quick_check(arm, touches)
 
         def is_free(row: Array) -> bool:
-            return not self.around.contacts(base, arm, row, touches, among=quick.doubtful(row))
+            return all_free(row[None])
+
+        def all_free(rows: Array) -> bool:
+            """Whether nothing touches at configurations (n, d)."""
+            among = quick.doubtful(rows)
+            return not any(
+                self.around.contacts(base, arm, row, touches, among=pairs)
+                for row, pairs in zip(rows, among, strict=True)
+                if pairs is None or pairs
+            )
 
         chain = arm.solver.chain
         beginning, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
@@ -158,7 +167,7 @@ class Platform:
             trajectory = self._timed(arm.joints, line.waypoints, timing)
             rows = trajectory.positions[1:]
             straight = keeps_line(chain.fk(trajectory.positions), beginning, end)
-            if straight and chain.within(rows, 1e-6).all() and all(map(is_free, rows)):
+            if straight and chain.within(rows, 1e-6).all() and all_free(rows):
                 return trajectory
         raise MotionError("in collision or off the line between two steps")
 

@@ -104,11 +104,11 @@ class Solids:
         turned = self.axes.transpose(1, 0, 2).reshape(3, 3 * count)
         local = points @ turned - np.einsum("ki,kij->kj", self.centres, self.axes).reshape(3 * count)
         local = local.reshape(*points.shape[:-1], count, 3)
-        return _outside(local, self.half, self.kinds)
+        return distances(local, self.half, self.kinds)
 
 
-def _outside(local: Array, half: Array, kinds: NDArray[np.intp]) -> Array:
-    """Distances (...) of points (..., 3), in the frames of pieces, from their surfaces, negative inside [m]."""
+def distances(local: Array, half: Array, kinds: NDArray[np.intp]) -> Array:
+    """Return distances (...) of points (..., 3), in the frames of pieces, from their surfaces, negative inside [m]."""
     x, y, z = (np.abs(local[..., axis]) for axis in range(3))
     if (kinds >= 2).any():
         x = np.where(kinds >= 2, np.hypot(x, np.where(kinds == 3, np.hypot(y, z), y)), x)

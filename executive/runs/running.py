@@ -137,7 +137,7 @@ def run_plan_file(options: RunOptions) -> RunResult:
         if options.resume is not None and not options.bindings:
             bound = told_parameters(options.resume, bound)
         header = _header(path, semantic_map, robot, options, scene.start, bound)
-        header["versions"] = {**_versions(), "kinematics": executive.platform.around.kinematics()}
+        header["versions"] = _versions()
         if able.infeasible:
             header["infeasible"] = [alternative.name for alternative, _ in able.infeasible]
         if past is not None:
