@@ -56,13 +56,15 @@ class QuickCheck:
 
         Not ``whole``: pieces were left out, and no answer is ever that nothing is hit for sure.
         """
-        order = np.lexsort((watched.movers, movers.frames[watched.movers], watched.obstacles))
+        moving = obstacles.frames[watched.obstacles] != MAP
+        order = np.lexsort((watched.movers, movers.frames[watched.movers], watched.obstacles, moving))
         order = order[(counts(obstacles.first)[watched.obstacles] > 0)[order]]
         self._mover, self._obstacle = watched.movers[order], watched.obstacles[order]
         self._movers, self._obstacles, self._chain, self._base = movers, obstacles, chain, base
         self._balls = _around(movers.spheres, movers.first)
         pieces = np.column_stack([obstacles.solids.centres, obstacles.solids.reach])
         self._obstacle_balls = _around(pieces, obstacles.first)
+        self._boxes = _boxes(obstacles)
         self._least = -watched.allowed[order] - TOUCHING
         self._limit = self._least
         """A gap below it is a hit (w,)."""
@@ -184,37 +186,57 @@ class QuickCheck:
 
     def _near_in(self, width: Array, frames: Array, pairs: Index) -> Found:
         movers, obstacles = self._movers, self._obstacles
-        # balls around both
-        middles = _placed(self._balls, movers.frames, frames)
-        others = _placed(self._obstacle_balls, obstacles.frames, frames)
-        mover, obstacle = self._mover[pairs], self._obstacle[pairs]
-        away = middles[mover] - others[obstacle]
-        far = np.maximum(self._balls[mover, 3] + self._obstacle_balls[obstacle, 3] + width[pairs], 0.0)
-        number, row = np.nonzero(np.einsum("win,win->wn", away, away) < (far * far)[:, None])
-        if not len(number):
-            return number, row, np.zeros(0)
+        pair, row, middle = self._with_balls_near(width, frames, pairs)
         # the ball of the mover and each piece, in the frame of the obstacle
-        mover, obstacle, pair = mover[number], obstacle[number], pairs[number]
-        theirs = frames[obstacles.frames[obstacle], :, :, row]
-        middle = _back(theirs, middles[mover, :, row])
-        which, piece = _members(obstacles.first, obstacle)
+        which, piece = _members(obstacles.first, self._obstacle[pair])
+        middle, radius, far = middle[which], self._balls[self._mover[pair], 3][which], width[pair][which]
         solids = obstacles.solids
-        gap = _gaps(middle[which], self._balls[mover[which], 3], solids, piece)
-        left = gap < width[pair[which]]
-        which, piece = which[left], piece[left]
+        left = np.flatnonzero(_squares(middle - solids.centres[piece]) < (solids.reach[piece] + radius + far) ** 2)
+        left = left[_gaps(middle[left], radius[left], solids, piece[left]) < far[left]]
+        which, piece, pair, row = which[left], piece[left], pair[which[left]], row[which[left]]
         # each sphere of the mover and each piece that is left
+        mover = self._mover[pair]
         mine = frames[movers.frames[mover], :, :, row]
+        theirs = frames[obstacles.frames[self._obstacle[pair]], :, :, row]
         turn = np.einsum("kji,kjl->kil", theirs[..., :3], mine[..., :3])
         shift = _back(theirs, mine[..., 3])
-        each, sphere = _members(movers.first, mover[which])
-        at = which[each]
-        points = np.einsum("kij,kj->ki", turn[at], movers.spheres[sphere, :3]) + shift[at]
+        each, sphere = _members(movers.first, mover)
+        points = np.einsum("kij,kj->ki", turn[each], movers.spheres[sphere, :3]) + shift[each]
         gap = _gaps(points, movers.spheres[sphere, 3], solids, piece[each])
         # the least of all pieces and spheres of a pair
-        begins = np.flatnonzero(np.diff(at, prepend=-1))
-        gap, at = (np.minimum.reduceat(gap, begins), at[begins]) if len(begins) else (gap, at)
+        begins = np.flatnonzero(np.diff(which[each], prepend=-1))
+        gap, at = (np.minimum.reduceat(gap, begins), each[begins]) if len(begins) else (gap, each)
         close = gap < width[pair[at]]
         return pair[at[close]], row[at[close]], gap[close]
+
+    def _with_balls_near(self, width: Array, frames: Array, pairs: Index) -> Found:
+        """Return pairs and rows whose mover's ball is near the box, or ball, of the obstacle, and its middle (k, 3).
+
+        The middle is in the frame of the obstacle.
+        """
+        movers, obstacles = self._movers, self._obstacles
+        middles = _placed(self._balls, movers.frames, frames)
+        mover, obstacle = self._mover[pairs], self._obstacle[pairs]
+        far = self._balls[mover, 3] + width[pairs]
+        standing = obstacles.frames[obstacle] == MAP
+        # what stands in the map, by its box there: walls and tables are much nearer to their boxes than to their balls
+        number = np.flatnonzero(standing)
+        low, high = self._boxes
+        centre, half = ((high + low) / 2)[obstacle[number], :, None], ((high - low) / 2)[obstacle[number], :, None]
+        away = np.maximum(np.abs(middles[mover[number]] - centre) - half, 0.0)
+        near, row = _nearer(away, far[number])
+        first = number[near], row, middles[mover[number[near]], :, row]
+        # what moves with the robot, by its ball
+        number = np.flatnonzero(~standing)
+        others = _placed(self._obstacle_balls, obstacles.frames, frames)
+        near, row = _nearer(
+            middles[mover[number]] - others[obstacle[number]], far[number] + self._obstacle_balls[obstacle[number], 3]
+        )
+        number = number[near]
+        theirs = frames[obstacles.frames[obstacle[number]], :, :, row]
+        second = number, row, _back(theirs, middles[mover[number], :, row])
+        number, row, middle = (np.concatenate(several) for several in zip(first, second, strict=True))
+        return pairs[number], row, middle
 
 
 NEAREST = 0.01
@@ -236,6 +258,19 @@ def _around(spheres: Array, first: Index) -> Array:
     return balls
 
 
+def _boxes(obstacles: Obstacles) -> tuple[Array, Array]:
+    """Return lower and upper corners (o, 3) of boxes around obstacles, in their frames."""
+    solids, full = obstacles.solids, np.flatnonzero(counts(obstacles.first))
+    half = np.einsum("kij,kj->ki", np.abs(solids.axes), solids.extents)
+    half = np.minimum(half, solids.reach[:, None])
+    low, high = np.zeros((len(obstacles), 3)), np.zeros((len(obstacles), 3))
+    if len(full):
+        begins = obstacles.first[full]
+        low[full] = np.minimum.reduceat(solids.centres - half, begins)
+        high[full] = np.maximum.reduceat(solids.centres + half, begins)
+    return low, high
+
+
 def _placed(balls: Array, numbers: NDArray[np.int32], frames: Array) -> Array:
     """Return the centres (m, 3, n) in the map of balls (m, 4) in frames of these numbers (m,)."""
     centres = np.repeat(balls[:, :3, None], frames.shape[3], axis=2)
@@ -243,6 +278,17 @@ def _placed(balls: Array, numbers: NDArray[np.int32], frames: Array) -> Array:
     of = frames[numbers[moving]]
     centres[moving] = np.einsum("mijn,mj->min", of[:, :, :3], balls[moving, :3]) + of[:, :, 3]
     return centres
+
+
+def _nearer(away: Array, far: Array) -> tuple[Index, Index]:
+    """Return which vectors (k, 3, n) are shorter than some lengths (k,): numbers in k, then in n."""
+    near = np.einsum("kin,kin->kn", away, away) < (np.maximum(far, 0.0) ** 2)[:, None]
+    return np.nonzero(near)
+
+
+def _squares(vectors: Array) -> Array:
+    """Return the squared lengths (k,) of vectors (k, 3)."""
+    return np.asarray(np.einsum("ki,ki->k", vectors, vectors))
 
 
 def _back(frames: Array, points: Array) -> Array:

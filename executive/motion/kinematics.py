@@ -278,7 +278,7 @@ class InverseKinematics:
         """Solve for targets (m, 4, 4) in the base frame, each from its seeds (m, s, d) in order until one converges.
 
         Returns q (m, d) and ok (m,): where ok, the tip is within 0.1 mm and 1 mrad of the target and the joints are
-        within their limits; elsewhere q is where the last seed has led. Continuous joints come out within half a turn of the
+        within their limits; elsewhere q is the nearest that a seed has led to. Continuous joints come out within half a turn of the
         first seed. Seeds outside of the limits begin at the limit. A target's result does not depend on the others.
         A rotation R that is one but for rounding, R R^T within ``IMPROPER`` of 1, means the nearest; ValueError for
         others, reflections too, and for numbers that are not finite.
@@ -293,22 +293,24 @@ class InverseKinematics:
             raise ValueError("expected at least one seed per target")
         _check_poses(poses)
         rows = np.concatenate([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]], axis=1).T
-        found, solved = np.empty((d, len(poses))), np.zeros(len(poses), np.bool_)
-        left = np.arange(len(poses))
+        found, least = np.empty((d, len(poses))), np.full(len(poses), np.inf)
+        solved, left = np.zeros(len(poses), np.bool_), np.arange(len(poses))
         for seed in range(starts.shape[1]):
-            found[:, left], solved[left] = self._descend(rows[:, left], starts[left, seed].T)
-            left = left[~solved[left]]
+            q, error, met = self._descend(rows[:, left], starts[left, seed].T)
+            better = met | (error < least[left]) | (seed == 0)
+            found[:, left[better]], least[left[better]], solved[left] = q[:, better], error[better], met
+            left = left[~met]
             if not len(left):
                 break
         return self.chain.near(found.T, starts[:, 0]), solved
 
-    def _descend(self, targets: Array, q: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Return configurations (d, n) for targets (12, n) from seeds (d, n), and which meet them.
+    def _descend(self, targets: Array, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return configurations (d, n) for targets (12, n) from seeds (d, n), squared errors, and which meet targets.
 
         Each row goes on by itself until it meets its target, stalls, or has made all its steps.
         """
         q = self.chain.functions.within(q)
-        found, solved = np.empty_like(q), np.zeros(q.shape[1], np.bool_)
+        found, errors, solved = np.empty_like(q), np.empty(q.shape[1]), np.zeros(q.shape[1], np.bool_)
         row, before, slow = np.arange(q.shape[1]), np.inf, 0
         for step in range(STEPS + 1):
             moved, squares = self._step(q, targets)
@@ -318,12 +320,12 @@ class InverseKinematics:
             on = (slow < MOST_SLOW) & ~met & (step < STEPS)
             if not on.all():
                 end = ~on
-                found[:, row[end]], solved[row] = q[:, end], met
+                found[:, row[end]], errors[row[end]], solved[row] = q[:, end], error[end], met
                 row, moved, targets, error, slow = row[on], moved[:, on], targets[:, on], error[on], slow[on]
                 if not len(row):
                     break
             q, before = moved, error
-        return found, solved
+        return found, errors, solved
 
     def solve_one(
         self, target: ArrayLike, seed: ArrayLike, rng: np.random.Generator | None = None, restarts: int = 20

@@ -50,14 +50,19 @@ class Solids:
     ) -> Solids:
         """Pieces by their poses (k, 4, 4), kinds and extents [m]."""
         half = np.array([size for _, size in shapes]).reshape(-1, 3) / 2
-        reach = np.linalg.norm(half, axis=1)
         kinds = np.array([{"box": 1, "cylinder": 2}.get(kind, 3) for kind, _ in shapes], np.intp)
+        reach = np.sqrt((half**2 * (np.arange(3) >= kinds[:, None] - 1)).sum(axis=1))
         half[kinds >= 2, 1] = ANY
         half[kinds == 3, 2] = ANY
         return Solids(bodies, matrices[:, :3, 3], matrices[:, :3, :3], half, kinds, reach, limbs)
 
     def __len__(self) -> int:
         return len(self.bodies)
+
+    @property
+    def extents(self) -> Array:
+        """Half extents (k, 3) of the boxes along the axes of pieces [m]."""
+        return np.where(self.half < ANY, self.half, self.half[:, :1])
 
     @staticmethod
     def joined(several: Sequence[Solids]) -> Solids:
