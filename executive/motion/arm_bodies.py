@@ -104,8 +104,8 @@ class Room:
         count = len(keys) + 1
         bodies = Obstacles(
             (*(body for body, _ in keys), floor),
-            np.full(count, MAP, np.int32),
-            np.cumsum([0, *sizes.tolist(), 1]).astype(np.int32),
+            np.full(count, MAP, np.intp),
+            np.cumsum([0, *sizes.tolist(), 1]).astype(np.intp),
             Solids.joined([solids.only(np.argsort(of_piece, kind="stable")), Solids.of([ground])]),
             np.zeros(count),
         )
@@ -135,13 +135,11 @@ class ArmShapes:
         # a link that is moved by a joint that follows one of the chain is not known to go with any
         numbers = [k for k, frame in enumerate(every) if (k in moved) == (frame >= FIRST_JOINT)]
         self._whole = len(numbers) == len(every)
-        self._frames = np.array(every, np.int32)
+        self._frames = np.array(every, np.intp)
         moving = [number for number in numbers if every[number] >= FIRST_JOINT]
         self._movers, self._of_mover = _movers(links, moving, every)
         pieces = [(number, *links[number].pieces) for number in numbers]
-        self._own = Obstacles.of(
-            [(links[k].name, every[k], solids, slack) for k, solids, slack in pieces]
-        )
+        self._own = Obstacles.of([(links[k].name, every[k], solids, slack) for k, solids, slack in pieces])
         self._of_piece = np.repeat(numbers, [len(solids) for _, solids, _ in pieces]).astype(np.intp)
         self._obstacle_of = {number: k for k, number in enumerate(numbers)}
         hands = frozenset[int]().union(*(robot.hand_of(link) for link in robot.body.hands))

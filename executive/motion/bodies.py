@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from executive.motion.solids import Solids
 from planlang.geometry import Array
 
-
 MAP, BASE, FIRST_JOINT = 0, 1, 2
 """Numbers of frames: those of the children of moving joints follow in their order."""
 
@@ -27,9 +26,9 @@ class Movers:
     """m links or held objects, or convex shapes of them, as spheres in the frames that they move with."""
 
     names: tuple[str, ...]
-    frames: NDArray[np.int32]
+    frames: NDArray[np.intp]
     """(m,)."""
-    first: NDArray[np.int32]
+    first: NDArray[np.intp]
     """Whose the spheres are: mover i has those from [i] to [i + 1] - 1, (m + 1,)."""
     spheres: Array
     """Centres and radii (s, 4) [m]."""
@@ -41,8 +40,8 @@ class Movers:
         """Return movers from name, frame, spheres (k, 4) and slack of each."""
         return Movers(
             tuple(name for name, *_ in rows),
-            np.array([frame for _, frame, *_ in rows], np.int32),
-            np.cumsum([0, *(len(spheres) for _, _, spheres, *_ in rows)]).astype(np.int32),
+            np.array([frame for _, frame, *_ in rows], np.intp),
+            np.cumsum([0, *(len(spheres) for _, _, spheres, *_ in rows)]).astype(np.intp),
             np.concatenate([np.zeros((0, 4)), *(spheres for _, _, spheres, *_ in rows)]),
             np.array([slack for *_, slack in rows], float),
         )
@@ -56,14 +55,14 @@ class Movers:
         return Movers(
             tuple(compress(self.names, kept.tolist())),
             self.frames[kept],
-            np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
+            np.append(0, np.cumsum(sizes[kept])).astype(np.intp),
             self.spheres[np.repeat(kept, sizes)],
             self.slack[kept],
         )
 
     def going_with(self, frame: int) -> Movers:
         """The same spheres in another frame than was said."""
-        return replace(self, frames=np.full(len(self), frame, np.int32))
+        return replace(self, frames=np.full(len(self), frame, np.intp))
 
     @staticmethod
     def joined(several: Sequence[Movers]) -> Movers:
@@ -72,7 +71,7 @@ class Movers:
         return Movers(
             tuple(name for movers in several for name in movers.names),
             np.concatenate([movers.frames for movers in several]),
-            np.append(0, np.cumsum(sizes)).astype(np.int32),
+            np.append(0, np.cumsum(sizes)).astype(np.intp),
             np.concatenate([movers.spheres for movers in several]),
             np.concatenate([movers.slack for movers in several]),
         )
@@ -83,9 +82,9 @@ class Obstacles:
     """o bodies as convex pieces in the frames that they move with."""
 
     names: tuple[str, ...]
-    frames: NDArray[np.int32]
+    frames: NDArray[np.intp]
     """(o,)."""
-    first: NDArray[np.int32]
+    first: NDArray[np.intp]
     """Whose the pieces are: obstacle i has those from [i] to [i + 1] - 1, (o + 1,)."""
     solids: Solids
     slack: Array
@@ -96,8 +95,8 @@ class Obstacles:
         """Return obstacles from name, frame, pieces and slack of each."""
         return Obstacles(
             tuple(name for name, *_ in rows),
-            np.array([frame for _, frame, *_ in rows], np.int32),
-            np.cumsum([0, *(len(solids) for _, _, solids, *_ in rows)]).astype(np.int32),
+            np.array([frame for _, frame, *_ in rows], np.intp),
+            np.cumsum([0, *(len(solids) for _, _, solids, *_ in rows)]).astype(np.intp),
             Solids.joined([solids for _, _, solids, *_ in rows]),
             np.array([slack for *_, slack in rows], float),
         )
@@ -111,7 +110,7 @@ class Obstacles:
         return Obstacles(
             tuple(compress(self.names, kept.tolist())),
             self.frames[kept],
-            np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
+            np.append(0, np.cumsum(sizes[kept])).astype(np.intp),
             self.solids.only(np.repeat(kept, sizes)),
             self.slack[kept],
         )

@@ -175,8 +175,10 @@ class QuickCheck:
     def _near(self, width: Array, frames: Array, pairs: Index) -> Found:
         """Return which of some pairs are nearer than their width (w,) in frames (f, 3, 4, n)."""
         count = frames.shape[3]
+        if not count or not len(pairs):
+            return np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
         size = max(1, AT_ONCE // max(len(pairs), 1))
-        parts = [self._near_in(width, frames[..., k : k + size], pairs) for k in range(0, max(count, 1), size)]
+        parts = [self._near_in(width, frames[..., k : k + size], pairs) for k in range(0, count, size)]
         if len(parts) == 1:
             return parts[0]
         starts = np.repeat(np.arange(len(parts)) * size, [len(part[0]) for part in parts])
@@ -219,9 +221,12 @@ class QuickCheck:
         mover, obstacle = self._mover[pairs], self._obstacle[pairs]
         far = self._balls[mover, 3] + width[pairs]
         standing = obstacles.frames[obstacle] == MAP
-        # what stands in the map, by its box there: walls and tables are much nearer to their boxes than to their balls
-        number = np.flatnonzero(standing)
+        # what stands in the map, by its box there, which fits walls and tables much better than their balls do
         low, high = self._boxes
+        below, above = middles.min(axis=2) - 1e-9, middles.max(axis=2) + 1e-9  # where each mover is in any row
+        reach = np.maximum(far, 0.0)[:, None]
+        met = (below[mover] - reach < high[obstacle]) & (above[mover] + reach > low[obstacle])
+        number = np.flatnonzero(standing & met.all(axis=1))
         centre, half = ((high + low) / 2)[obstacle[number], :, None], ((high - low) / 2)[obstacle[number], :, None]
         away = np.maximum(np.abs(middles[mover[number]] - centre) - half, 0.0)
         near, row = _nearer(away, far[number])
@@ -271,7 +276,7 @@ def _boxes(obstacles: Obstacles) -> tuple[Array, Array]:
     return low, high
 
 
-def _placed(balls: Array, numbers: NDArray[np.int32], frames: Array) -> Array:
+def _placed(balls: Array, numbers: NDArray[np.intp], frames: Array) -> Array:
     """Return the centres (m, 3, n) in the map of balls (m, 4) in frames of these numbers (m,)."""
     centres = np.repeat(balls[:, :3, None], frames.shape[3], axis=2)
     moving = np.flatnonzero(numbers != MAP)
@@ -283,7 +288,8 @@ def _placed(balls: Array, numbers: NDArray[np.int32], frames: Array) -> Array:
 def _nearer(away: Array, far: Array) -> tuple[Index, Index]:
     """Return which vectors (k, 3, n) are shorter than some lengths (k,): numbers in k, then in n."""
     near = np.einsum("kin,kin->kn", away, away) < (np.maximum(far, 0.0) ** 2)[:, None]
-    return np.nonzero(near)
+    numbers, rows = np.nonzero(near)
+    return numbers, rows
 
 
 def _squares(vectors: Array) -> Array:

@@ -140,7 +140,9 @@ class Chain:
             while len(_FUNCTIONS) >= MOST_CHAINS:
                 del _FUNCTIONS[next(iter(_FUNCTIONS))]
             symbolic = SymbolicChain.of(self._joints, self._variables, self.dof)
-            limits = (np.where(self.continuous, end, limit) for end, limit in ((-np.inf, self.lower), (np.inf, self.upper)))
+            limits = (
+                np.where(self.continuous, end, limit) for end, limit in ((-np.inf, self.lower), (np.inf, self.upper))
+            )
             known = _FUNCTIONS[self.digest] = ChainFunctions(symbolic, *limits)
         return known
 

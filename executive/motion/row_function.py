@@ -44,7 +44,9 @@ class RowFunction:
             evaluate()
             parts.append([held[:, : last - first].copy() for held in outputs])
             first = last
-        return parts[0] if len(parts) == 1 else [np.concatenate(several, axis=1) for several in zip(*parts, strict=True)]
+        return (
+            parts[0] if len(parts) == 1 else [np.concatenate(several, axis=1) for several in zip(*parts, strict=True)]
+        )
 
     def _block(self, size: int) -> tuple[list[Array], list[Array], Any, Any]:
         one = self._function

@@ -99,7 +99,9 @@ def _spacing(hull: Hull) -> float:
 
 def _distances(points: Array, centres: Array) -> Array:
     """(p, c)."""
-    squares = (points**2).sum(axis=1)[:, None] + (centres**2).sum(axis=1) - 2.0 * np.einsum("pk,ck->pc", points, centres)
+    squares = (
+        (points**2).sum(axis=1)[:, None] + (centres**2).sum(axis=1) - 2.0 * np.einsum("pk,ck->pc", points, centres)
+    )
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 

@@ -10,7 +10,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pybullet
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -166,7 +166,8 @@ def test_what_was_learnt_keeps_the_two_apart_and_the_ends_stay_free(reacher: Rea
     ends = [q for q, _, touched, _ in _checked(reacher, 400) if not touched][:2]
     quick = reacher.quick()
     quick.keep(0.0, ends)
-    q, touched = next((q, touched) for q, _, touched, _ in _checked(reacher, 4000) if touched and quick.free(q[None])[0])
+    answers = _checked(reacher, 4000)
+    q, touched = next((q, touched) for q, _, touched, _ in answers if touched and quick.free(q[None])[0])
     before = quick._limit.copy()
     quick.learn(q, [tuple(pair) for pair in touched])  # type: ignore[misc]
     assert (quick._limit >= before).all()
