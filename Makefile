@@ -7,7 +7,7 @@
 # make bench-locations   how places are found, beside samplers and other inverse kinematics, judged by PyBullet;
 #                        PARTS=hard,infeasible for some of it, ROOMS=20 for less; finished parts are kept in .venv
 #
-# Everything happens in .venv, made on first use by python3.11, or python3 if that is 3.11 or newer.
+# Everything happens in .venv, made on first use by python3.11 (that of uv, too), or python3 if that is newer.
 # PYTHON=/path/to/python make test   takes another interpreter.
 
 SHELL := /bin/bash
@@ -29,24 +29,31 @@ help:
 	@sed -n 's/^# //p' Makefile
 
 # The interpreter is looked for only when .venv has to be made; a shim that exists but does not run is passed over.
+# PyBullet's newest binary wheel is for 3.11: that is taken, from uv where it is not installed otherwise.
 $(BIN)/python:
-	@for python in "$${PYTHON:-}" python3.11 python3 python; do \
+	@uv311() { command -v uv >/dev/null && { uv python find 3.11 || { uv python install 3.11 && uv python find 3.11; }; }; }; \
+	for python in "$${PYTHON:-}" python3.11 uv python3 python; do \
+	    if test "$$python" = uv; then python=$$(uv311 2>/dev/null || true); fi; \
 	    test -n "$$python" && "$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || continue; \
 	    echo "making $(VENV) with $$python ($$("$$python" --version))"; \
+	    "$$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
+	        echo "PyBullet has no binary wheel for this Python and is built from source: this needs a C++ compiler and takes about ten minutes."; \
 	    "$$python" -m venv $(VENV) || { echo "that Python cannot make virtual environments; on Debian: apt install python3.11-venv" >&2; rm -rf $(VENV); exit 1; }; \
 	    exit 0; \
 	done; \
-	echo "planlang needs Python 3.11 or newer; none found (tried python3.11, python3, python)" >&2; exit 1
+	echo "planlang needs Python 3.11 or newer; none found (tried python3.11, uv, python3, python)" >&2; exit 1
 
-# Stamps: what is installed in .venv follows pyproject.toml.
+# Stamps: what is installed in .venv follows pyproject.toml. Installing takes minutes: pip lists what it is busy with.
+INSTALL = $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --editable
+
 $(VENV)/.run-stamp: pyproject.toml | $(BIN)/python
 	@echo "installing planlang and what it needs into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@$(INSTALL) .
 	@touch $@
 
 $(VENV)/.dev-stamp: pyproject.toml | $(BIN)/python
 	@echo "installing planlang and its development tools into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@$(INSTALL) '.[dev]'
 	@touch $@ $(VENV)/.run-stamp
 
 demo: $(VENV)/.run-stamp
@@ -70,7 +77,7 @@ counts: $(VENV)/.dev-stamp
 
 $(VENV)/.bench-stamp: $(VENV)/.dev-stamp
 	@echo "installing what is measured against into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	@$(INSTALL) '.[bench]'
 	@touch $@
 
 bench: $(VENV)/.bench-stamp
@@ -82,7 +89,7 @@ bench: $(VENV)/.bench-stamp
 
 $(VENV)/.pr2-stamp: $(VENV)/.bench-stamp
 	@echo "installing the shape of the PR2, 430 MB, into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[pr2]'
+	@$(INSTALL) '.[pr2]'
 	@touch $@
 
 ROOMS ?= 200
@@ -96,7 +103,7 @@ bench-locations: $(VENV)/.pr2-stamp
 # Plans that recurse without end come last: Python stops tracing when they overflow.
 coverage: $(VENV)/.dev-stamp
 	$(BIN)/coverage run -m pytest -p no:cacheprovider -m "not hypothesis" tests/planlang/language \
-	    tests/planlang/kernel/test_[c-z]*.py tests/planlang/kernel/test_bad_plans.py
+	    tests/planlang/runs tests/planlang/kernel/test_[c-z]*.py tests/planlang/kernel/test_bad_plans.py
 	$(BIN)/coverage report
 
 mutants: $(VENV)/.dev-stamp

@@ -36,7 +36,6 @@ from planlang.kernel import (
     Status,
     StepLimit,
     StuckTask,
-    Trace,
     VirtualHost,
     checkpoint,
     in_thread,
@@ -46,63 +45,43 @@ from planlang.kernel import (
     sleep,
     wait_for,
 )
-from planlang.language import (
+from planlang.language.branches import seq, try_each_in_order, try_in_order, unwind_protect
+from planlang.language.budgets import budget, timeout
+from planlang.language.executive import Executive, ProcessModule
+from planlang.language.goals import achieve, holds, whenever
+from planlang.language.location import at_location
+from planlang.language.machine import state_machine
+from planlang.language.ordering import given, partial_order
+from planlang.language.parallel import par, par_each, pursue, race, try_all
+from planlang.language.performing import Request, monitor, perform, perform_async, perform_or, with_requests
+from planlang.language.plans import Plan, plan
+from planlang.language.policies import Policy, with_policies
+from planlang.language.recovery import (
     PROPAGATE,
     RETRY,
-    Executive,
-    Handle,
-    Plan,
-    Policy,
-    ProcessModule,
     Recovery,
-    Request,
     Return,
-    TaskNode,
-    TaskTree,
-    achieve,
-    at_location,
-    budget,
-    evaporate,
     explain,
-    given,
-    holds,
-    ignore,
-    join,
-    look_and_repeat,
-    look_from_another_place,
-    monitor,
-    on_suspension,
-    par,
-    par_each,
-    partial_order,
-    perform,
-    perform_async,
-    perform_or,
-    plan,
-    pursue,
-    race,
-    repeat,
     retry,
+    with_failure_handling,
+)
+from planlang.language.resources import using
+from planlang.language.running import run
+from planlang.language.strategies import ignore, look_and_repeat, look_from_another_place, recovery_strategy
+from planlang.language.tags import (
+    Handle,
+    evaporate,
+    join,
+    on_suspension,
     retry_after_suspension,
-    run,
-    seq,
-    state_machine,
     suspend,
     tag,
     task,
     task_suspended,
-    timeout,
-    try_all,
-    try_each_in_order,
-    try_in_order,
-    unwind_protect,
-    using,
     wake_up,
-    whenever,
-    with_failure_handling,
-    with_policies,
-    with_requests,
 )
+from planlang.language.tasktree import TaskNode, TaskTree
+from planlang.runs import Trace
 
 __all__ = [
     "PROPAGATE",
@@ -177,7 +156,7 @@ __all__ = [
     "plan",
     "pursue",
     "race",
-    "repeat",
+    "recovery_strategy",
     "retry",
     "retry_after_suspension",
     "rng",

@@ -189,7 +189,7 @@ CODES: dict[str, str] = {
     "R040": "two base motions are not ordered",
     "R041": "an order was added because a step is performed from the place of a base motion",
     "R042": "an ordering is missing that was probably meant",
-    "R043": "a recovery names a strategy or a failure that the plan language does not have",
+    "R043": "a recovery names an unknown strategy or failure, or gives no proper number",
     "R044": "a recovery that tries the next place handles or raises other failures than a location scope does",
     "R045": "steps that need the same resource of the robot are not ordered",
     "R046": "nothing defines what is required, no robot can have it, or it depends on itself",
@@ -282,7 +282,7 @@ CODES: dict[str, str] = {
     "C011": "the recipe of a plan was not found, or cannot be read",
     "C012": "recordings need a package that is not installed",
     "C013": "there is no display for a window",
-    "C014": "the suffix of a graph's file names no format",
+    "C014": "the file name of a graph names no known format",
     "C015": "no fix with this code waits for acceptance",
     "C016": "a fix was left out, as it is not safe or cannot be written into the text",
 }

@@ -60,7 +60,7 @@ LONGEST = (
     "executive/motion/test_arm_path.py",
     "executive/locations/test_rooms.py",
     "executive/test_running.py",
-    "repository/test_readme.py",
+    "repository/test_documentation.py",
     "executive/test_whole_runs.py",
     "planlang/ontology/test_writing.py",
     "planlang/language/test_law.py",

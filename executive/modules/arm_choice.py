@@ -1,43 +1,44 @@
-"""Which arm a plan uses where it leaves the choice: chosen once in each strand of the run, and kept there."""
+"""Which arm a plan uses where it leaves the choice: chosen once in each branch of the run, and kept there."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from planlang.language.strands import Strand, strands
+from planlang.kernel import Task
+from planlang.language.parallel import concurrent_branches
 
 ALONE = ""
-"""The strand where no plan is running."""
+"""The branch where no plan is running."""
 MOST = 256
-"""Choices that are remembered; strands that have ended are forgotten first."""
+"""Choices that are remembered; branches that have ended are forgotten first."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Choice:
     arm: str
-    strand: Strand | None
+    branch: Task | None
     """None if it was read from a snapshot, or no plan is running."""
 
     @property
     def over(self) -> bool:
-        return self.strand is not None and self.strand.over
+        return self.branch is not None and self.branch.dead
 
 
 @dataclass(slots=True)
 class ArmChoices:
-    """Strand -> the arm that was chosen in it last.
+    """Branch -> the arm that was chosen in it last.
 
-    Two strands that go on side by side may use two arms. A strand without a choice goes on with that of what has ended
-    inside of it, else with that of the strand around it, and leaves arms alone that others have chosen.
+    Two branches that go on side by side may use two arms. A branch without a choice goes on with that of what has ended
+    inside of it, else with that of the branch around it, and leaves arms alone that others have chosen.
     """
 
     made: dict[str, _Choice] = field(default_factory=dict)
     """In the order of the last choices; by path."""
 
     def choose(self, arm: str) -> None:
-        """The strand that runs uses this arm from now on."""
-        mine = next(iter(strands()), None)
+        """The branch that runs uses this arm from now on."""
+        mine = next(iter(concurrent_branches()), None)
         path = ALONE if mine is None else mine.path
         self.made.pop(path, None)
         self.made[path] = _Choice(arm, mine)
@@ -46,8 +47,8 @@ class ArmChoices:
             del self.made[next(ended, next(iter(self.made)))]
 
     def mine(self) -> str | None:
-        """The arm of the strand that runs, None while there is no choice."""
-        around = [strand.path for strand in strands()] or [ALONE]
+        """The arm of the branch that runs, None while there is no choice."""
+        around = [branch.path for branch in concurrent_branches()] or [ALONE]
         if around[0] in self.made:
             return self.made[around[0]].arm
         inner = [c.arm for path, c in self.made.items() if c.over and _inside(path, around[0])]
@@ -56,8 +57,8 @@ class ArmChoices:
         return next((self.made[path].arm for path in around[1:] if path in self.made), None)
 
     def others(self) -> frozenset[str]:
-        """Arms that strands beside the one that runs have chosen and may be in the middle of using."""
-        around = [strand.path for strand in strands()] or [ALONE]
+        """Arms that branches beside the one that runs have chosen and may be in the middle of using."""
+        around = [branch.path for branch in concurrent_branches()] or [ALONE]
         beside = (
             choice.arm
             for path, choice in self.made.items()

@@ -53,7 +53,7 @@ class Quick(Protocol):
 
 @cache
 def bisection(pieces: int) -> NDArray[np.int32]:
-    """Return the inner points 1 .. pieces - 1 of a way in so many pieces, middle first, then the middles of the rest."""
+    """Return the inner points 1 .. pieces - 1 of a way in so many pieces, middle first, then the rest's middles."""
     order: list[int] = []
     spans = [(0, pieces)]
     for low, high in spans:

@@ -6,8 +6,9 @@ What is left an exact query of PyBullet has to decide; where it finds a hit, :me
 bodies farther apart from then on.
 
 Many configurations are checked in one call, in three stages whose costs grow and whose numbers shrink: balls around
-mover and obstacle, the ball around the mover against each piece, each sphere against the pieces that are left. Searches
-for base poses ask about many bases at once by :meth:`QuickCheck.hit`, planners of arm motions about edges from one base.
+mover and obstacle, the ball around the mover against each piece, each sphere against the pieces that are left.
+Searches for base poses ask about many bases at once by :meth:`QuickCheck.hit`, planners of arm motions about edges
+from one base.
 """
 
 from __future__ import annotations

@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.errors import NoSuchChain
 from executive.motion.row_function import RowFunction
-from executive.motion.symbolic import ROTATION_WEIGHT, SymbolicChain
-from executive.motion.urdf import KINDS, Joint, Variable, joints_between, read_joints
+from executive.motion.symbolic import ROTATION_WEIGHT, SymbolicChain, Variable
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
+from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, joints_between, read_urdf
 
 POSITION_TOLERANCE = 1e-4
 """How far a solution's tip may be from its target [m]: a tenth of what grasps and contacts notice."""
@@ -85,10 +84,10 @@ class Chain:
     ) -> Chain:
         """Read a chain; ``locked`` joints keep the position given, or the one nearest to zero within their limits.
 
-        Raises :class:`BadRobotDescription` for a file that is not a usable URDF, :class:`NoSuchChain` for links that
+        Raises BadInput for a file that is not a usable URDF, :class:`NoSuchChain` for links that
         do not form a chain with at least one moving joint of the kinds revolute, continuous and prismatic.
         """
-        every = read_joints(Path(path))
+        every = read_urdf(Path(path)).joints
         joints = joints_between(every, base_link, tip_link)
         links = [joint.child for joint in every]
         at = dict(locked) if isinstance(locked, Mapping) else dict.fromkeys(locked, 0.0)
@@ -140,10 +139,9 @@ class Chain:
             while len(_FUNCTIONS) >= MOST_CHAINS:
                 del _FUNCTIONS[next(iter(_FUNCTIONS))]
             symbolic = SymbolicChain.of(self._joints, self._variables, self.dof)
-            limits = (
-                np.where(self.continuous, end, limit) for end, limit in ((-np.inf, self.lower), (np.inf, self.upper))
-            )
-            known = _FUNCTIONS[self.digest] = ChainFunctions(symbolic, *limits)
+            lower = np.where(self.continuous, -np.inf, self.lower)
+            upper = np.where(self.continuous, np.inf, self.upper)
+            known = _FUNCTIONS[self.digest] = ChainFunctions(symbolic, lower, upper)
         return known
 
     def fk(self, q: ArrayLike) -> Array:
@@ -280,9 +278,9 @@ class InverseKinematics:
         """Solve for targets (m, 4, 4) in the base frame, each from its seeds (m, s, d) in order until one converges.
 
         Returns q (m, d) and ok (m,): where ok, the tip is within 0.1 mm and 1 mrad of the target and the joints are
-        within their limits; elsewhere q is the nearest that a seed has led to. Continuous joints come out within half a turn of the
-        first seed. Seeds outside of the limits begin at the limit. A target's result does not depend on the others.
-        A rotation R that is one but for rounding, R R^T within ``IMPROPER`` of 1, means the nearest; ValueError for
+        within their limits; elsewhere q is the nearest that a seed has led to. Continuous joints come out within half
+        a turn of the first seed. Seeds outside of the limits begin at the limit. A target's result does not depend on
+        the others. A rotation R that is one but for rounding, R R^T within ``IMPROPER`` of 1, means the nearest; ValueError for
         others, reflections too, and for numbers that are not finite.
         """
         poses, starts = np.asarray(targets, float), np.asarray(seeds, float)

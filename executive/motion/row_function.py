@@ -1,10 +1,10 @@
 """A scalar function of casadi applied to many rows at once, on casadi's virtual machine: nothing is compiled.
 
 The virtual machine takes about 8 ns for an instruction on numbers, and about 80 ns and 1 ns a row for one on vectors.
-So for many rows the same instructions are written down once more, on vectors: a step of inverse kinematics of an arm of
-8 joints (1,238 instructions) then takes 1.2 us a row instead of 10 us, about as long as compiled C (docs/benchmarks.md).
-Each row passes through the same operations in the same order in both, so that its result does not depend on how many
-rows there are.
+So for many rows the same instructions are written down once more, on vectors: a step of inverse kinematics of an arm
+of 8 joints (1,238 instructions) then takes 1.2 us a row instead of 10 us, little more than compiled C
+(docs/benchmarks.md). Each row passes through the same operations in the same order in both, so that its result does not
+depend on how many rows there are.
 """
 
 from __future__ import annotations

@@ -15,9 +15,9 @@ from typing import Any
 import casadi
 import numpy as np
 
-from executive.motion.urdf import Joint, Variable, displacement
 from planlang.geometry import Array
 from planlang.geometry.matrices import cross_matrix, product
+from planlang.geometry.urdf import Joint, displacement
 
 ROTATION_WEIGHT = 0.5
 """Metres per radian in the error: about the length of a forearm, so that both parts change alike."""
@@ -27,6 +27,15 @@ LARGEST_STEP = 0.8
 """Largest move of a joint in one step [rad, m]: beyond it the linearised rotation means nothing."""
 HALF_TURN = 1e-6
 """Nearer to half a turn than this the part of a rotation that tells the axis of other turns all but vanishes [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """How a joint of a chain gets its position: ``multiplier * q[index] + offset``; index None is a fixed position."""
+
+    index: int | None
+    multiplier: float = 1.0
+    offset: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

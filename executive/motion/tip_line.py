@@ -89,7 +89,7 @@ def _in_steps(
 ) -> TipLine:
     """Go from a configuration (d,) through poses (n, 4, 4)."""
     waypoints, steps = [q], len(poses)
-    for i, pose in enumerate(poses):
+    for i in range(steps):
         if i % AHEAD == 0:  # the next few start from here: near enough, and one call for all
             ahead = poses[i : i + AHEAD]
             found, reached = ik.solve(ahead, np.broadcast_to(q, (len(ahead), 1, len(q))))

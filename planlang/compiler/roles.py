@@ -7,12 +7,12 @@ its own. Unordered primitives need no such order: process modules take turns by 
 
 from __future__ import annotations
 
-from planlang.compiler.naming import snake_case
+from planlang.compiler.names import snake_case
 from planlang.compiler.terms import Terms, callees_first
 from planlang.designators import local_name
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
-from planlang.recipe.precedence import Precedence
+from planlang.recipe.order.graph import Precedence
 
 ROLES = ("base", "torso", "arm", "gripper", "head")
 """The order in which a plan names roles; others follow by name."""

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping
-from functools import cache
-from typing import Any
+from collections.abc import Awaitable, Callable, Iterable, Mapping
+from functools import cache, partial
+from typing import Any, TypeVar
 
-from planlang.kernel.park import here
-from planlang.kernel.tree import name_of
+from planlang.failures import CompositeFailure, PlanFailure
+from planlang.kernel import checkpoint, shield
+from planlang.kernel.core import here
+from planlang.kernel.primitives import called, in_node, node
+from planlang.kernel.tree import Node, name_of
 from planlang.misuse import Usage, WrongType, contrast, discard
+
+A = TypeVar("A")
+V = TypeVar("V")
 
 Branch = Callable[[], Awaitable[Any]]
 """A zero-argument async callable: a plan, a partial, a lambda that returns a coroutine."""
@@ -48,3 +54,78 @@ def evaporating() -> bool:
 @cache
 def _usage(construct: str) -> Usage:
     return Usage(f"await {construct}", {"branch": "reach"})
+
+
+_UNWIND_PROTECT = Usage("await unwind_protect", {"body": "reach", "cleanup": "retract"}, {"within": "30"})
+_TRY_EACH = Usage("await try_each_in_order", {"values": "cups", "body": "reach"})
+
+
+async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> list[Any]:
+    """Run branches one after another; returns the list of their results; the first failure is raised at once."""
+    result: list[Any] = await node("seq", name or "seq", partial(_each, named_branches("seq", branches, named, name)))
+    return result
+
+
+async def _each(branches: Iterable[tuple[str, Branch]]) -> list[Any]:
+    results = [await node("branch", name, partial(called, branch)) for name, branch in branches]
+    if not results:
+        await checkpoint()
+    return results
+
+
+async def try_in_order(
+    *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
+) -> V:
+    """Try branches one after another; returns the result of the first that succeeds.
+
+    A failed branch is fully unwound before the next starts. When all fail: CompositeFailure in order.
+    """
+    kind = "try_in_order"
+    result: V = await node(kind, name or kind, partial(_first, named_branches(kind, branches, named, name)))
+    return result
+
+
+async def try_each_in_order(values: Iterable[A], body: Callable[[A], Awaitable[V]]) -> V:
+    """Try ``body(value)`` for one value after another; returns the first result.
+
+    When all fail, or there is no value: CompositeFailure in order.
+    """
+    _TRY_EACH.branch("body", body)
+    _TRY_EACH.iterable("values", values, "an iterable of values")
+    name, kind = name_of(body), "try_each_in_order"
+    result: V = await node(kind, kind, partial(_first, ((name, partial(body, value)) for value in values)))
+    return result
+
+
+async def _first(branches: Iterable[tuple[str, Branch]]) -> Any:
+    failures: list[PlanFailure] = []
+    names: list[str] = []
+    for name, branch in branches:
+        attempt = Node(here()[1].node, "branch", name)
+        try:
+            return await in_node(attempt, partial(called, branch))
+        except PlanFailure as failure:
+            if evaporating():
+                raise
+            failures.append(failure)
+            names.append(attempt.name)
+    if not failures:
+        await checkpoint()
+    raise CompositeFailure(failures=tuple(failures), names=tuple(names))
+
+
+async def unwind_protect(
+    body: Callable[[], Awaitable[V]], cleanup: Callable[[], Awaitable[Any]], *, within: float = 10.0
+) -> V:
+    """Run a body, then ``cleanup`` in any case: after success, failure and evaporation, shielded from evaporation.
+
+    A cleanup longer than ``within`` seconds of plan time is a programming error, CleanupOverrun. A failure of the
+    cleanup replaces the outcome, as in ``finally``; in an evaporated task it is recorded.
+    """
+    _UNWIND_PROTECT.branches(body=body, cleanup=cleanup)
+    _UNWIND_PROTECT.seconds("within", within)
+    try:
+        return await called(body)  # type: ignore[no-any-return]
+    finally:
+        with shield(within):
+            await called(cleanup)

@@ -4,17 +4,89 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextvars import ContextVar
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from planlang.failures import BudgetExceeded, PlanFailure
-from planlang.kernel import Task, checkpoint
-from planlang.kernel.journal import note
-from planlang.kernel.park import deliver, here, park
-from planlang.language.bounds import Limited
+from planlang.failures import BudgetExceeded, PlanFailure, Timeout
+from planlang.kernel import All, Task, checkpoint
+from planlang.kernel.cancel import deliver
+from planlang.kernel.core import here, park
+from planlang.kernel.primitives import charge as note_charge
+from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.misuse import Usage
 
+if TYPE_CHECKING:
+    from planlang.kernel.timers import Timer
+
 V = TypeVar("V")
+
+_TIMEOUT = Usage("await timeout", {"seconds": "2", "body": "reach"})
+
+
+class Limited(All):
+    """One branch with a deadline, which stands still while the owner is held."""
+
+    expired = False
+    timer: Timer | None = None
+
+    def __init__(self, kind: str, steps: int | None, body: Branch) -> None:
+        super().__init__(kind)
+        self.steps = steps
+        self.body = body
+        self.result: Any = None
+
+    def begin(self) -> None:
+        self.start(self.body, name_of(self.body), 0)
+        if self.steps is not None:
+            self.timer = self.scheduler.deadline(self.owner, self.steps, self.expire)
+
+    def expire(self) -> None:
+        """The allowance is used up."""
+        if not self.over:
+            self.expired = True
+            self.close()
+
+    def decide(self, dead: list[Task]) -> None:
+        super().decide(dead)
+        self.result = dead[0].result
+
+    async def execute(self) -> Any:
+        try:
+            return await super().execute()
+        finally:
+            if self.timer is not None:
+                self.timer.drop()
+
+    def failure(self) -> PlanFailure:
+        """What is raised when the time is over."""
+        raise NotImplementedError
+
+    def finish(self) -> Any:
+        if self.expired:
+            raise self.attach(self.failure())
+        self.raise_failure()
+        return self.result
+
+
+class _Timeout(Limited):
+    def __init__(self, seconds: float, steps: int, body: Branch) -> None:
+        super().__init__("timeout", steps, body)
+        self.seconds = seconds
+
+    def failure(self) -> PlanFailure:
+        return Timeout(seconds=self.seconds, construct=f"{name_of(self.body)} in {self.path}")
+
+
+async def timeout(seconds: float, body: Callable[[], Awaitable[V]]) -> V:
+    """Run a body; when it has not ended after ``seconds`` of plan time it is evaporated, and Timeout is raised.
+
+    A body that is dead when all other tasks of that step have come to rest was in time.
+    """
+    _TIMEOUT.branch("body", body)
+    result: V = await _Timeout(seconds, here()[0].steps(seconds, _TIMEOUT), body).execute()
+    return result
+
+
 _BUDGET = Usage("await budget", {"body": "reach"}, {"seconds": "30", "attempts": "3"})
 
 
@@ -70,7 +142,7 @@ async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None,
 
 def spend(part: str, steps: int) -> None:
     """Note in the budgets around the running task where time went."""
-    note("spent", part, steps)
+    note_charge("spent", part, steps)
     for around in _around():
         around.spent[part] = around.spent.get(part, 0) + steps
 
@@ -126,7 +198,7 @@ def charge(spent: Mapping[str, int], used: Mapping[str, int]) -> None:
 def _charge(used: Mapping[str, int]) -> None:
     """Take attempts, by construct, from the budgets around the running task; one that is used up has none to give."""
     for construct, number in used.items():
-        note("used", construct, number)
+        note_charge("used", construct, number)
     for around in _around():
         for construct, number in used.items():
             around.used[construct] = around.used.get(construct, 0) + number

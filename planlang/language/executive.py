@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, Protocol
 
 from planlang.designators import Action, Condition, Location
+from planlang.kernel import PlanStructureError
+from planlang.kernel.core import serving
+from planlang.misuse import contrast
 
 if TYPE_CHECKING:
     from planlang.protocols import Solution
@@ -69,3 +73,21 @@ class Executive(Protocol):
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
         """Give the executive a way to write its own events (belief changes, solutions) into the trace."""
+
+
+current: ContextVar[Executive | None] = ContextVar("executive", default=None)
+
+
+def executive_for(construct: str) -> Executive:
+    """The current executive; PlanStructureError when the plan runs without one."""
+    executive = current.get()
+    if executive is None:
+        serving()  # without a plan there is more to say
+        raise PlanStructureError(
+            contrast(
+                f"{construct} needs an executive: run(plan, host=..., executive=...)",
+                "run(serve, host=host)",
+                "run(serve, host=host, executive=executive)",
+            )
+        )
+    return executive

@@ -8,10 +8,13 @@ from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence, Se
 from functools import partial
 from itertools import pairwise
 from types import FunctionType
-from typing import Any
+from typing import Any, TypeVar
 
+from planlang.designators import Location, Object
 from planlang.kernel import All, Task
 from planlang.misuse import Usage, WrongType, WrongValue, contrast
+
+T = TypeVar("T")
 
 _PARTIAL_ORDER = Usage(
     "await partial_order",
@@ -196,3 +199,18 @@ def _those_before(step: int, asked: set[int], before: list[list[int]]) -> set[in
         found.update(layer)
         missing.difference_update(layer)
     return asked - missing
+
+
+def given(result: Any, otherwise: T) -> T:
+    """The result of an earlier step if it is the kind of thing that is needed, else what is known without it.
+
+    A module may return an Object that says more about what it has found than the plan knew, also where the plan knew
+    a name only, and any Location where it knew one, or only a name for one. A step that makes several things may return
+    a mapping from their names (``{"EggYolk": yolk, "EggShell": shell}``). What returns something else, such as a pose,
+    or nothing, hands on no designator, and ``otherwise`` is used.
+    """
+    if isinstance(result, Mapping):
+        result = result.get(otherwise if isinstance(otherwise, str) else getattr(otherwise, "name", None))
+    is_named = isinstance(otherwise, str) and isinstance(result, (Object, Location))
+    is_place = isinstance(otherwise, Location) and isinstance(result, Location)
+    return result if is_named or is_place or isinstance(result, type(otherwise)) else otherwise

@@ -7,9 +7,9 @@ from functools import partial
 from typing import Any, TypeVar, overload
 
 from planlang.failures import CompositeFailure, PlanFailure
-from planlang.kernel import All, Scope, Task, failure_of
-from planlang.kernel.task import FAILED, SUCCEEDED
-from planlang.kernel.tree import name_of
+from planlang.kernel import All, Scope, failure_of
+from planlang.kernel.core import Task, running
+from planlang.kernel.tree import FAILED, SUCCEEDED, name_of
 from planlang.language.branches import Branch, named_branches
 from planlang.misuse import Usage
 
@@ -18,6 +18,7 @@ B = TypeVar("B")
 C = TypeVar("C")
 D = TypeVar("D")
 V = TypeVar("V")
+
 _PAR_EACH = Usage("await par_each", {"values": "cups", "body": "reach"}, {"limit": "2"})
 
 
@@ -231,3 +232,21 @@ async def par_each(values: Iterable[A], body: Callable[[A], Awaitable[V]], limit
 
 SIDE_BY_SIDE = (_Par, _ParEach, _Pursue, _TryAll)
 """Scopes whose branches have nothing to do with each other."""
+
+
+def concurrent_branches() -> tuple[Task, ...]:
+    """Return the branches in which the running task stands, innermost first, that go on side by side with others.
+
+    These are the branches of par, par_each, pursue, race and try_all, and last the run itself. Steps of a
+    partial_order do not count: they belong together, as what one has begun another may go on with. Empty where no plan
+    is running.
+    """
+    scheduler = running.scheduler
+    task = None if scheduler is None else scheduler.current
+    found: list[Task] = []
+    while task is not None:
+        group = task.group
+        if group is None or isinstance(group, SIDE_BY_SIDE):
+            found.append(task)
+        task = None if group is None else group.owner
+    return tuple(found)

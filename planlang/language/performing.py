@@ -5,24 +5,71 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable
 from contextvars import ContextVar
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from planlang.designators import Action, local_name
-from planlang.failures import ActionUnresolvable, PlanFailure
-from planlang.kernel import Fluent, PlanStructureError
-from planlang.kernel.calling import called
-from planlang.kernel.journal import taken_over
-from planlang.kernel.park import here as at
-from planlang.kernel.primitives import inside, record
+from planlang.failures import ActionUnresolvable, ObjectUndeliverable, PlanFailure
+from planlang.kernel import All, Fluent, PlanStructureError, Status, Task, checkpoint, wait_for
+from planlang.kernel.core import here
+from planlang.kernel.primitives import called, node, record
+from planlang.kernel.signals import Expression
+from planlang.kernel.tree import name_of
+from planlang.language.branches import Branch
 from planlang.language.budgets import spend
-from planlang.language.context import current, executive_for
-from planlang.language.place import place
+from planlang.language.executive import current, executive_for
 from planlang.language.resources import using
-from planlang.language.restarting import Restarting
-from planlang.misuse import Usage
+from planlang.language.tags import Handle, Restarting, join
+from planlang.misuse import Usage, WrongType, contrast, written
 
 if TYPE_CHECKING:
+    from planlang.designators import Action
     from planlang.language.executive import Executive, ProcessModule
+
+V = TypeVar("V")
+
+
+class Place:
+    """``displaced`` iff a nested scope has moved the base and left it elsewhere; :meth:`establish` goes back.
+
+    ``failure`` is the one for which the body runs again, None on the first run.
+    """
+
+    __slots__ = ("_go", "_now", "_released", "displaced", "failure")
+
+    def __init__(self, go: Callable[[], Awaitable[None]]) -> None:
+        self._go = go
+        self._released: set[Action] = set()
+        self._now: set[Action] = set()
+        self.displaced = False
+        self.failure: PlanFailure | None = None
+
+    def again(self, failure: PlanFailure) -> None:
+        """The body runs again because of a failure."""
+        self._released |= self._now
+        self._now.clear()
+        self.failure = failure
+
+    def refusal(self, action: Action, executive: Executive) -> ObjectUndeliverable | None:
+        """The failure of an action that would let go, a second time, of what is still to be delivered."""
+        held = tuple(executive.held()) if action in self._released else ()
+        if not held:
+            return None
+        what = ", ".join(held)
+        refused = ObjectUndeliverable(f"{what} is still held, and {action} would let it go again", what=what)
+        refused.__cause__ = self.failure
+        return refused
+
+    def released(self, action: Action) -> None:
+        """An action that lets go has been performed."""
+        self._now.add(action)
+
+    async def establish(self) -> None:
+        """Go back to this place."""
+        await self._go()
+        self.displaced = False
+
+
+place: ContextVar[Place | None] = ContextVar("place", default=None)
 
 
 _PERFORM = Usage("await perform", {"action": 'action("Reaching")'}, {"name": '"reach"'})
@@ -55,18 +102,12 @@ async def perform(action: Action, name: str | None = None) -> Any:
     """
     check_action(_PERFORM, action, name)
     path_element = name or action.name or local_name(action.type)
-    if (before := taken_over("perform", path_element)) is not None:
-        scheduler, _ = at()
-        began = scheduler.now
-        try:
-            return await before
-        finally:
-            spend(path_element, scheduler.now - began)
     executive = executive_for("perform")
     module = module_for(executive, action)
     if module is None:
-        with inside("perform", path_element, action=action):
-            raise ActionUnresolvable(designator=str(action))
+        return await node(
+            "perform", path_element, partial(_fail, ActionUnresolvable(designator=str(action))), action=action
+        )
     resources = tuple(module.resources(action))
     here = place.get()
     if here is not None and here.displaced and "base" not in resources:
@@ -74,12 +115,15 @@ async def perform(action: Action, name: str | None = None) -> Any:
         await here.establish()
     releases = here is not None and executive.releases(action)
     if here is not None and releases and (refused := here.refusal(action, executive)) is not None:
-        with inside("perform", path_element, action=action):
-            raise refused
+        return await node("perform", path_element, partial(_fail, refused), action=action)
     result = await _Perform(path_element, action, module, resources).execute()
     if here is not None and releases:
         here.released(action)
     return result
+
+
+async def _fail(failure: PlanFailure) -> NoReturn:
+    raise failure
 
 
 async def perform_or(action: Action, branch: Callable[[], Awaitable[Any]]) -> Any:
@@ -135,3 +179,116 @@ async def _request(module: ProcessModule, action: Action, resources: tuple[str, 
                     f"declared: {', '.join(kind.__name__ for kind in module.failures) or 'none'}"
                 ) from failure
             raise
+
+
+_WITH_REQUESTS = Usage("await with_requests", {"body": "serve"})
+_PERFORM_ASYNC = Usage("await perform_async", {"action": 'action("Reaching")'}, {"name": '"reach"'})
+_MONITOR = Usage("await monitor", {"request": "await perform_async(action(...))"})
+
+
+class Request(Handle):
+    """An asynchronous request. As a handle it can be observed, joined, suspended, woken up and evaporated."""
+
+    def __init__(self, action: Action, task: Task) -> None:
+        if not isinstance(task, Task):
+            message, code = "a request is made by perform_async()", f"Request({written(action)}, ...)"
+            raise WrongType(contrast(message, code, _PERFORM_ASYNC.shown("action")))
+        super().__init__(task.name, task)
+        self.action = action
+        self.made = task
+
+
+async def with_requests(body: Callable[[], Awaitable[V]]) -> V:
+    """Run a body that may make asynchronous requests with :func:`perform_async`; returns its result.
+
+    Requests finish or fail one by one, without effect on the body. When the body has succeeded, those that are left
+    are waited for; then the first failure that was not monitored is raised, later ones as its siblings. When the body
+    fails or is evaporated, the requests that are left are cancelled. A programming error ends everything.
+    """
+    _WITH_REQUESTS.branch("body", body)
+    scope = _Requests(body)
+    token = _requests.set(scope)
+    try:
+        result: V = await scope.execute()
+    finally:
+        _requests.reset(token)
+    return result
+
+
+async def perform_async(action: Action, name: str | None = None) -> Request:
+    """Ask a process module to perform an action, and go on; :func:`monitor` the request for its outcome.
+
+    Suspending or evaporating the caller does to the request what it does to :func:`perform`. The request does not
+    take part in resources that the caller holds at the time: holding the arm while monitoring a request for the arm
+    is a deadlock.
+    """
+    check_action(_PERFORM_ASYNC, action, name)
+    executive_for("perform_async")
+    scope = _requests.get()
+    if scope is None or here()[1] is not scope.body_task:
+        raise PlanStructureError(
+            "perform_async() outside of a with_requests() block of this branch\n"
+            f"  wrong: request = await perform_async({action})\n"
+            "  right: async def body(): request = await perform_async(...); ...; await monitor(request)\n"
+            "         await with_requests(body)"
+        )
+    await checkpoint()
+    queued: Fluent[bool] = Fluent(False, "a place in the queue")
+    request = scope.request(partial(_perform, action, name, queued), action)
+    await wait_for(queued | Expression(lambda status: status.final, "the end of", request.status))
+    return request
+
+
+async def monitor(request: Request) -> Any:
+    """Wait until an asynchronous request has ended; returns its result, or raises its failure, the same object.
+
+    It waits for no other request, and raises no other's failure.
+    """
+    _MONITOR.instance("request", request, Request, "a request")
+    return await join(request)
+
+
+async def _perform(action: Action, name: str | None, queued: Fluent[bool]) -> Any:
+    asked.set(queued)
+    return await perform(action, name)
+
+
+class _Requests(All):
+    body_task: Task | None = None
+
+    def __init__(self, body: Branch) -> None:
+        super().__init__("with_requests")
+        self.body = body
+        self.requests: list[Request] = []
+
+    def begin(self) -> None:
+        self.body_task = self.start(self.body, name_of(self.body), 0)
+
+    def request(self, branch: Branch, action: Action) -> Request:
+        """Start a request."""
+        if self.over:
+            raise PlanStructureError(
+                "perform_async() in the cleanup of its with_requests() block\n"
+                f"  wrong: await perform_async({action})\n"
+                f"  right: await perform({action})"
+            )
+        task = self.start(branch, "request", len(self.requests) + 1)
+        request = Request(action, task)
+        self.requests.append(request)
+        return request
+
+    def decide(self, dead: list[Task]) -> None:
+        if not dead[0].index:
+            super().decide(dead[:1])
+
+    def finish(self) -> Any:
+        self.raise_failure()
+        lost = [one.made for one in self.requests if one.made.outcome is Status.FAILED and not one.joined]
+        if lost:
+            self.fail(lost)
+            self.raise_failure()
+        assert self.body_task is not None
+        return self.body_task.result
+
+
+_requests: ContextVar[_Requests | None] = ContextVar("requests", default=None)

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from planlang.failures import PlanFailure, matches
-from planlang.kernel.calling import called, given
-from planlang.kernel.journal import taken_over
-from planlang.kernel.park import here
-from planlang.kernel.primitives import inside, record
+from planlang.failures import (
+    CompositeFailure,
+    PlanFailure,
+    matches,
+)
+from planlang.kernel.core import here
+from planlang.kernel.primitives import called, given, node, record
 from planlang.language.branches import evaporating
 from planlang.language.budgets import take_attempt
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_iterable, written
@@ -32,6 +35,7 @@ _RECOVERY = Usage(
         "otherwise": "ObjectUnfetchable",
     },
 )
+_EXPLAIN = Usage("explain", {"failure": "failure"})
 _WITH_FAILURE_HANDLING = Usage("await with_failure_handling", {"body": "grasp", "recovery": "Recovery(GraspMissed)"})
 _ALTERNATIVES = "a mapping from keywords of the body to functions that make the values"
 _OTHERWISE = "None, a failure class, a function that makes a failure from one, or Return(value)"
@@ -62,7 +66,7 @@ Otherwise = type[PlanFailure] | Callable[[PlanFailure], PlanFailure] | Return[An
 
 
 async def retry(failure: PlanFailure) -> Decision:
-    """Run the body again, nothing else."""
+    """Run the body again, and do nothing before."""
     return RETRY
 
 
@@ -160,17 +164,18 @@ async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: 
     _WITH_FAILURE_HANDLING.branch("body", body)
     for recovery in recoveries:
         _WITH_FAILURE_HANDLING.instance("recovery", recovery, Recovery, "a Recovery")
-    if (before := taken_over("with_failure_handling", "with_failure_handling")) is not None:
-        return await before  # type: ignore[no-any-return]
-    with inside("with_failure_handling", "with_failure_handling") as node:
-        entries = [_Entry(recovery) for recovery in recoveries]
-        try:
-            node.result = await _attempts(body, entries)
-        finally:
-            for entry in entries:
-                if entry.timer is not None:
-                    entry.timer.drop()
-    return node.result  # type: ignore[no-any-return]
+    kind = "with_failure_handling"
+    return await node(kind, kind, partial(_handled, body, recoveries))  # type: ignore[no-any-return]
+
+
+async def _handled(body: Callable[..., Awaitable[Any]], recoveries: Iterable[Recovery]) -> Any:
+    entries = [_Entry(recovery) for recovery in recoveries]
+    try:
+        return await _attempts(body, entries)
+    finally:
+        for entry in entries:
+            if entry.timer is not None:
+                entry.timer.drop()
 
 
 async def _attempts(body: Callable[..., Awaitable[V]], entries: list[_Entry]) -> Any:
@@ -256,3 +261,30 @@ def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]
         wrong = _RECOVERY.shown("otherwise", "lambda failure: None")
         raise WrongType(contrast(message, wrong, _RECOVERY.shown("otherwise"))) from failure
     raise raised from failure
+
+
+def explain(failure: BaseException) -> str:
+    """Several lines: the failure, where in the plan, what it was raised from, what else failed with it."""
+    _EXPLAIN.instance("failure", failure, BaseException, "a failure, or another exception")
+    lines: list[str] = []
+    links = list(failure.chain()) if isinstance(failure, PlanFailure) else [failure]
+    for number, link in enumerate(links):
+        lead = "" if number == 0 else "because of "
+        lines.extend(_explain_one(link, lead, "  " * number))
+    return "\n".join(lines)
+
+
+def _explain_one(link: BaseException, lead: str, indent: str) -> Iterator[str]:
+    message = str(link)
+    yield f"{indent}{lead}{type(link).__name__}: {message}" if message else f"{indent}{lead}{type(link).__name__}"
+    if not isinstance(link, PlanFailure):
+        return
+    if link.where is not None:
+        yield f"{indent}  in {link.where}"
+    if isinstance(link, CompositeFailure):
+        for name, member in zip(link.names, link.failures, strict=True):
+            yield f"{indent}  branch {name}: {type(member).__name__}: {member}"
+    for name, sibling in link.siblings:
+        yield f"{indent}  at the same time, {name}: {type(sibling).__name__}: {sibling}"
+    for cleanup in link.cleanup_failures:
+        yield f"{indent}  during cleanup: {type(cleanup).__name__}: {cleanup}"

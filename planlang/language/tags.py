@@ -4,22 +4,46 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from contextvars import ContextVar
 from typing import Any, TypeVar
 
 from planlang.failures import BranchEvaporated, PlanFailure
-from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, Task, suspension, wait_for
-from planlang.kernel.expressions import Expression, Signal
-from planlang.kernel.park import here, serving
-from planlang.kernel.suspension import Recheck
+from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, Task, cancel, wait_for
+from planlang.kernel.core import here, serving
+from planlang.kernel.signals import Expression, Signal, Wait
+from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
-from planlang.language.plans import Frame, frame
 from planlang.misuse import Usage
 
 V = TypeVar("V")
+
 _TAG = Usage("await tag", {"name": '"reach"', "body": "reach"})
 _HANDLE = Usage("Handle", {"name": '"reach"'})
 _TASK = Usage("task", {"name": '"reach"'})
 _ON_SUSPENSION = Usage("async with on_suspension", {"function": "stop"})
+
+
+class Frame:
+    """One entry of a plan function: the tags in it, and what plans inside it have asked for and nobody knew yet."""
+
+    __slots__ = ("asked", "outer", "tags")
+
+    def __init__(self, outer: Frame | None) -> None:
+        self.outer = outer
+        self.tags: dict[str, Handle] = {}
+        self.asked: dict[str, dict[Handle, None]] = {}
+
+    def leave(self) -> None:
+        """The plan function has ended: nothing it has asked for has to be found any more."""
+        around = self.outer
+        while around is not None:
+            for name, handle in self.tags.items():
+                if name in around.asked:
+                    around.asked[name].pop(handle, None)
+            around = around.outer
+
+
+frame: ContextVar[Frame | None] = ContextVar("frame", default=None)
 
 
 class Handle:
@@ -29,6 +53,8 @@ class Handle:
         _HANDLE.text("name", name)
         self.name = name
         self._task: Task | None = None
+        self.bindings = 0
+        """How many tasks it has stood for."""
         self._status: Fluent[Status] = Fluent(Status.CREATED, f"the status of {name}")
         self._suspensions = 0
         self._evaporated = False
@@ -43,17 +69,18 @@ class Handle:
         """Stand for this task from now on."""
         scheduler = here()[0]
         self._task = task
+        self.bindings += 1
         if task.watched is None:
             task.watched = self._status
         else:
             task.watched.watch(_Mirror(scheduler, self, task))
         self._status.set(task.status)
         for _ in range(self._suspensions):
-            suspension.suspend(scheduler, task)
+            cancel.suspend(scheduler, task)
         self._suspensions = 0
         if self._evaporated:
             self._evaporated = False
-            scheduler.evaporate(task)
+            cancel.evaporate(scheduler, task)
 
     @property
     def status(self) -> Fluent[Status]:
@@ -89,7 +116,7 @@ class Handle:
 
     def _suspend(self) -> bool:
         if self._task is not None:
-            return suspension.suspend(serving(), self._task)
+            return cancel.suspend(serving(), self._task)
         if self._evaporated:
             return False
         self._suspensions += 1
@@ -97,7 +124,7 @@ class Handle:
 
     def _wake_up(self) -> bool:
         if self._task is not None:
-            return suspension.wake_up(serving(), self._task)
+            return cancel.wake_up(serving(), self._task)
         if not self._suspensions:
             return False
         self._suspensions -= 1
@@ -105,7 +132,7 @@ class Handle:
 
     def _evaporate(self) -> bool:
         if self._task is not None:
-            return serving().evaporate(self._task)
+            return cancel.evaporate(serving(), self._task)
         changed, self._evaporated, self._suspensions = not self._evaporated, True, 0
         return changed
 
@@ -113,7 +140,7 @@ class Handle:
         return f"<task {self.path or self.name}, {self._status.value.value}>"
 
 
-class _Mirror(Recheck):
+class _Mirror(Wait):
     """Shows the status of a task in a further handle of it."""
 
     def __init__(self, scheduler: Scheduler, handle: Handle, task: Task) -> None:
@@ -233,12 +260,14 @@ def evaporate(handle: Handle) -> bool:
 async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
     """``async with task_suspended(h):`` holds the task while the block runs, and always wakes it up."""
     _check_handle("async with task_suspended", handle)
-    held = handle._task
-    changed = suspend(handle)
+    # What is held is the task that the handle stands for, or the first that it will stand for. One that is tagged so
+    # later is not, and may be held by somebody else.
+    last = handle.bindings + (handle._task is None)
+    suspend(handle)
     try:
         yield handle
     finally:
-        if changed and (held is None or held is handle._task):
+        if handle.bindings <= last:
             wake_up(handle)
 
 
@@ -265,3 +294,55 @@ def _frame() -> Frame:
     found = frame.get()
     assert found is not None  # run() has set it
     return found
+
+
+_RETRY_AFTER_SUSPENSION = Usage("await retry_after_suspension", {"body": "reach"})
+
+
+class Restarting(All):
+    """One branch, evaporated with its cleanup when the owner is held, and started anew when it is woken up."""
+
+    interrupted = False
+
+    def __init__(self, kind: str, name: str, body: Branch, body_name: str) -> None:
+        super().__init__(kind, name)
+        self.body = body
+        self.body_name = body_name
+        self.result: Any = None
+
+    def begin(self) -> None:
+        hooks = self.owner.hooks
+        if hooks is None:
+            hooks = self.owner.hooks = []
+        hooks.append(self._held)
+        self.start(self.body, self.body_name, 0)
+
+    def _held(self) -> None:
+        for task in tuple(self.live):
+            self.interrupted = cancel.evaporate(self.scheduler, task) or self.interrupted
+
+    def decide(self, dead: list[Task]) -> None:
+        if self.interrupted and dead[0].outcome is Status.EVAPORATED:
+            self.interrupted = False
+            self.start(self.body, self.body_name, 0)  # held as long as the owner is
+            return
+        super().decide(dead)
+        self.result = dead[0].result
+
+    def finish(self) -> Any:
+        self.raise_failure()
+        return self.result
+
+    async def execute(self) -> Any:
+        try:
+            return await super().execute()
+        finally:
+            if self.owner.hooks is not None and self._held in self.owner.hooks:
+                self.owner.hooks.remove(self._held)
+
+
+async def retry_after_suspension(body: Callable[[], Awaitable[V]]) -> V:
+    """Run a body; when it is suspended it is evaporated with its cleanup, and runs from the start when woken up."""
+    _RETRY_AFTER_SUSPENSION.branch("body", body)
+    result: V = await Restarting("retry_after_suspension", "retry_after_suspension", body, name_of(body)).execute()
+    return result

@@ -18,14 +18,14 @@ from hypothesis import strategies as st
 
 from planlang import Action, Condition, Location, PlanFailure, VirtualHost, run, sleep
 from planlang.compiler import compile_recipe
-from planlang.compiler.canonical import canonical
+from planlang.compiler.compile import canonical
 from planlang.compiler.emit import emit
 from planlang.compiler.lowering import Lowering
 from planlang.designators import local_name
 from planlang.ontology import Ontology, load
 from planlang.protocols import Solution
 from planlang.recipe import Actions, Ordering, Recipe, RecipeSet, Source, Step
-from planlang.recipe.graph import order_graph
+from planlang.recipe.order.graph import order_graph
 
 BASE = "http://planlang.org/test#"
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"

@@ -11,10 +11,10 @@ import pytest
 
 from planlang import a_location, an_object
 from planlang.compiler import CompiledPlan, compile_recipe
-from planlang.compiler.graphs import svg, task_graph
+from planlang.compiler.drawing import svg, task_graph
 from planlang.designators import a_posture
 from planlang.failures import ObjectNotFound
-from planlang.kernel.recorded import RecordedRun
+from planlang.runs import RecordedRun
 from planlang.testing import Script, explore, run_plan
 
 SHELF = a_location(in_reach_of=an_object("Cupboard"))

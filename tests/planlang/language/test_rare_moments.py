@@ -47,7 +47,6 @@ from planlang.failures import (
     ObjectUnreachable,
     PlanFailure,
 )
-from planlang.kernel import CutShort
 
 CUP = an_object("Cup", "http://example.org/map#cup1")
 TABLE = an_object("Table", "http://example.org/map#table1")
@@ -89,8 +88,7 @@ def test_a_retry_in_the_cleanup_of_a_branch_that_is_evaporated_takes_no_budget_w
         await sleep(0.5)
         return "won"
 
-    with pytest.warns(CutShort):
-        assert go(partial(budget, partial(pursue, winner, loser), attempts=0)) == "won"
+    assert go(partial(budget, partial(pursue, winner, loser), attempts=0)) == "won"
 
 
 def test_what_a_shield_keeps_goes_on_retrying_after_its_budget_is_used_up() -> None:

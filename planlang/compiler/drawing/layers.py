@@ -1,0 +1,252 @@
+"""A layered layout of an acyclic graph: ranks by longest path, order within a rank by barycentre.
+
+After K. Sugiyama, S. Tagawa, M. Toda, "Methods for visual understanding of hierarchical system structures" (1981).
+Boxes are rectangles of any size; all lengths are in pixels, x to the right, y down.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right, insort
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+SWEEPS = 12
+"""Sweeps down and up; Sugiyama and others find that few drawings become better after that many."""
+
+MOST_BENDS = 5000
+"""Bends of arrows that pass by ranks; beyond it long arrows go straight, as sweeps would take seconds."""
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Layers:
+    """Where everything is: the top left corner of each box, the points of each edge, and the size of the whole.
+
+    An edge starts at the bottom of its first box and ends at the top of its second. Between its points 1 and 2, 3 and
+    4, ... it changes ranks, and is best drawn as a curve; the other parts are upright.
+    """
+
+    corners: tuple[Point, ...]
+    routes: tuple[tuple[Point, ...], ...]
+    width: float
+    height: float
+
+
+@dataclass(slots=True)
+class _Item:
+    """A box, or a bend of an edge that passes by a rank."""
+
+    width: float
+    height: float
+    rank: int
+    above: list[int] = field(default_factory=list)
+    below: list[int] = field(default_factory=list)
+    x: float = 0.0
+    """Of the centre."""
+
+
+def layered(
+    sizes: Sequence[tuple[float, float]],
+    edges: Sequence[tuple[int, int]],
+    *,
+    gap: float = 28,
+    rank_gap: float = 34,
+) -> Layers:
+    """Lay out boxes of the given sizes (width, height); edges are pairs of indices and have no cycle.
+
+    Boxes without any edge stand to the right, in columns.
+    """
+    linked = {index for edge in edges for index in edge}
+    ranks = _ranks(len(sizes), edges)
+    items = [_Item(width, height, rank) for (width, height), rank in zip(sizes, ranks, strict=True)]
+    chains = _chains(items, edges)
+    for chain in chains:
+        for upper, lower in pairwise(chain):
+            if items[lower].rank == items[upper].rank + 1:
+                items[upper].below.append(lower)
+                items[lower].above.append(upper)
+    layers: list[list[int]] = [[] for _ in range(max((ranks[index] for index in linked), default=-1) + 1)]
+    for index, item in enumerate(items):
+        if index in linked or index >= len(sizes):
+            layers[item.rank].append(index)
+    layers = _ordered(items, layers)
+    _place(items, layers, gap)
+    tops: list[float] = []
+    bottoms: list[float] = []
+    for layer in layers:
+        tops.append(bottoms[-1] + rank_gap if bottoms else 0.0)
+        bottoms.append(tops[-1] + max(items[index].height for index in layer))
+    height = bottoms[-1] if bottoms else 0.0
+    width = max((item.x + item.width / 2 for layer in layers for item in (items[i] for i in layer)), default=0.0)
+    corners = {index: (items[index].x - items[index].width / 2, tops[ranks[index]]) for index in linked}
+    free = [index for index in range(len(sizes)) if index not in linked]
+    corners |= _columns(sizes, free, width + (2 * gap if linked else 0.0), height, gap)
+    right = max((x + sizes[index][0] for index, (x, _) in corners.items()), default=0.0)
+    low = max((y + sizes[index][1] for index, (_, y) in corners.items()), default=0.0)
+    routes = _routes(items, chains, tops, bottoms)
+    return Layers(tuple(corners[index] for index in range(len(sizes))), routes, max(width, right), max(height, low))
+
+
+def _ranks(number: int, edges: Sequence[tuple[int, int]]) -> list[int]:
+    """The longest path that leads to each box."""
+    below: list[list[int]] = [[] for _ in range(number)]
+    missing = [0] * number
+    for before, after in edges:
+        below[before].append(after)
+        missing[after] += 1
+    ranks = [0] * number
+    ready = [index for index in range(number) if not missing[index]]
+    for index in ready:
+        for after in below[index]:
+            ranks[after] = max(ranks[after], ranks[index] + 1)
+            missing[after] -= 1
+            if not missing[after]:
+                ready.append(after)
+    if len(ready) != number:
+        raise ValueError("the graph has a cycle: there is no longest path")
+    return ranks
+
+
+def _chains(items: list[_Item], edges: Sequence[tuple[int, int]]) -> list[list[int]]:
+    """For each edge the items that it goes through; bends are appended to ``items``."""
+    has_bends = sum(items[after].rank - items[before].rank - 1 for before, after in edges) <= MOST_BENDS
+    chains = []
+    for before, after in edges:
+        chain = [before]
+        for rank in range(items[before].rank + 1, items[after].rank) if has_bends else ():
+            chain.append(len(items))
+            items.append(_Item(8.0, 0.0, rank))
+        chains.append([*chain, after])
+    return chains
+
+
+def _ordered(items: list[_Item], layers: list[list[int]]) -> list[list[int]]:
+    """The layers sorted by barycentres, downwards and upwards by turns; the arrangement with the fewest crossings."""
+    best, fewest = layers, _crossings(items, layers)
+    current = layers
+    for sweep in range(SWEEPS):
+        if not fewest:
+            break
+        down = sweep % 2 == 0
+        position = {index: place for layer in current for place, index in enumerate(layer)}
+        new: list[list[int]] = []
+        for layer in current if down else current[::-1]:
+            keys = {}
+            for index in layer:
+                neighbours = items[index].above if down else items[index].below
+                centre = sum(position[other] for other in neighbours) / len(neighbours) if neighbours else None
+                keys[index] = position[index] if centre is None else centre
+            layer = sorted(layer, key=keys.__getitem__)
+            position.update((index, place) for place, index in enumerate(layer))
+            new.append(layer)
+        current = new if down else new[::-1]
+        crossings = _crossings(items, current)
+        if crossings < fewest:
+            best, fewest = current, crossings
+    return best
+
+
+def _crossings(items: list[_Item], layers: list[list[int]]) -> int:
+    """How many pairs of edges between neighbouring layers cross: inversions of the places of their lower ends."""
+    total = 0
+    for upper, lower in pairwise(layers):
+        position = {index: place for place, index in enumerate(lower)}
+        seen: list[int] = []
+        for index in upper:
+            ends = sorted(position[other] for other in items[index].below)
+            total += sum(len(seen) - bisect_right(seen, place) for place in ends)
+            for place in ends:
+                insort(seen, place)
+    return total
+
+
+def _place(items: list[_Item], layers: list[list[int]], gap: float) -> None:
+    """Put each item below or above its neighbours as well as its layer's order allows; the leftmost edge is x = 0."""
+    for layer in layers:
+        x = 0.0
+        for index in layer:
+            items[index].x = x + items[index].width / 2
+            x += items[index].width + gap
+    for sweep in range(SWEEPS):
+        down = sweep % 2 == 0
+        for layer in layers if down else layers[::-1]:
+            wanted = []
+            for index in layer:
+                neighbours = items[index].above if down else items[index].below
+                xs = [items[other].x for other in neighbours]
+                wanted.append(sum(xs) / len(xs) if xs else items[index].x)
+            steps = [(items[a].width + items[b].width) / 2 + gap for a, b in pairwise(layer)]
+            for index, x in zip(layer, _separated(wanted, steps), strict=True):
+                items[index].x = x
+    left = min((items[index].x - items[index].width / 2 for layer in layers for index in layer), default=0.0)
+    for layer in layers:
+        for index in layer:
+            items[index].x -= left
+
+
+def _separated(wanted: Sequence[float], steps: Sequence[float]) -> list[float]:
+    """The positions nearest to the wanted ones (least squares) of which each is at least a step after the one before.
+
+    Without the steps this is isotonic regression, solved by pooling adjacent violators.
+    """
+    offsets = [0.0]
+    for step in steps:
+        offsets.append(offsets[-1] + step)
+    pools: list[tuple[float, int]] = []
+    for value, offset in zip(wanted, offsets, strict=False):
+        mean, size = value - offset, 1
+        while pools and pools[-1][0] > mean:
+            other, number = pools.pop()
+            mean, size = (mean * size + other * number) / (size + number), size + number
+        pools.append((mean, size))
+    flat = [mean for mean, size in pools for _ in range(size)]
+    return [value + offset for value, offset in zip(flat, offsets, strict=False)]
+
+
+def _columns(
+    sizes: Sequence[tuple[float, float]], free: Sequence[int], x: float, height: float, gap: float
+) -> dict[int, Point]:
+    """Boxes that nothing orders, in columns from ``x`` on, as high as the rest or about as high as they are wide."""
+    area = sum((sizes[index][0] + gap) * (sizes[index][1] + gap) for index in free)
+    limit = max(height, area**0.5)
+    found: dict[int, Point] = {}
+    y = column = 0.0
+    for index in free:
+        if y > 0 and y + sizes[index][1] > limit:
+            x, y, column = x + column + gap, 0.0, 0.0
+        found[index] = (x, y)
+        y += sizes[index][1] + gap
+        column = max(column, sizes[index][0])
+    return found
+
+
+def _routes(
+    items: list[_Item], chains: list[list[int]], tops: list[float], bottoms: list[float]
+) -> tuple[tuple[Point, ...], ...]:
+    starts, ends = _ports(items, chains, out=True), _ports(items, chains, out=False)
+    routes = []
+    for number, chain in enumerate(chains):
+        first, last = items[chain[0]], items[chain[-1]]
+        points = [(starts[number], tops[first.rank] + first.height), (starts[number], bottoms[first.rank])]
+        for index in chain[1:-1]:
+            bend = items[index]
+            points += [(bend.x, tops[bend.rank]), (bend.x, bottoms[bend.rank])]
+        points.append((ends[number], tops[last.rank]))
+        routes.append(tuple(points))
+    return tuple(routes)
+
+
+def _ports(items: list[_Item], chains: list[list[int]], *, out: bool) -> dict[int, float]:
+    """Where each edge leaves its first box, or meets its last: side by side in the order of where they lead."""
+    at: dict[int, list[int]] = {}
+    for number, chain in enumerate(chains):
+        at.setdefault(chain[0 if out else -1], []).append(number)
+    ports: dict[int, float] = {}
+    for index, numbers in at.items():
+        numbers.sort(key=lambda number: items[chains[number][1 if out else -2]].x)
+        between = min(22.0, items[index].width * 0.7 / len(numbers))
+        for place, number in enumerate(numbers):
+            ports[number] = items[index].x + (place - (len(numbers) - 1) / 2) * between
+    return ports

@@ -1,0 +1,202 @@
+"""The documentation shows what the program does: outputs of commands, diagnostic codes, folders, links.
+
+``python tests/repository/test_documentation.py`` writes the outputs and the table of codes anew. A line ``...`` in an
+output stands for any number of lines. Numbers are compared only when the pages are written.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import runpy
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from planlang.diagnostics import CODES
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+README = CHECKOUT / "README.md"
+CODES_PAGE = CHECKOUT / "docs" / "codes.md"
+PAGES = {page.name: page.read_text(encoding="utf-8") for page in (README, *sorted(CHECKOUT.glob("docs/*.md")))}
+OF_THEIR_OWN = ("locations.md",)
+"""Pages whose outputs another test compares."""
+PACKAGES = ("planlang", "executive", "sim")
+
+BLOCK = re.compile(r"```console\n\$ planlang (.+)\n((?:(?!```).*\n)*)```")
+ELISION = "...\n"
+ROW = re.compile(r"^\| `([A-Z]\d{3})` \| (.+?) \|$", flags=re.MULTILINE)
+
+
+def output(command: str, folder: Path) -> str:
+    """What ``planlang`` with these arguments prints in a folder, stdout and stderr in the order of writing."""
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONUNBUFFERED": "1"}
+    ended = subprocess.run(
+        [sys.executable, "-m", "executive", *shlex.split(command)],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    return ended.stdout
+
+
+def agrees(shown: str, real: str) -> bool:
+    """Whether an output is as a page shows it, ``...`` standing for any lines."""
+    parts = [re.escape(part) for part in shown.split(ELISION)]
+    return re.fullmatch(r"(?:.*\n)*?".join(parts), real) is not None
+
+
+def shape(text: str) -> str:
+    """An output without its numbers, which may differ in the last digits from machine to machine."""
+    return re.sub(r" +", " ", re.sub(r"(?<![\w@.])-?\d+(\.\d+)?", "#", text))
+
+
+def fitted(shown: str, real: str) -> str:
+    """A new output in the place of an old one; where that left lines out, the new one leaves the same ones out.
+
+    As many lines as before are kept at each end; an excerpt between two ``...`` is looked for, numbers aside, and
+    LookupError tells one that is no longer there.
+    """
+    first, *excerpts = shown.split(ELISION)
+    if not excerpts:
+        return real
+    lines = real.splitlines(keepends=True)
+    *middle, last = excerpts
+    end = first.count("\n")
+    parts = ["".join(lines[:end])]
+    for excerpt in middle:
+        number, shapes = excerpt.count("\n"), shape(excerpt)
+        places = range(end, len(lines) - number + 1)
+        start = next((place for place in places if shape("".join(lines[place : place + number])) == shapes), None)
+        if start is None:
+            raise LookupError(f"choose an excerpt of the new output by hand, in the place of\n{excerpt}")
+        end = start + number
+        parts.append("".join(lines[start:end]))
+    parts.append("".join(lines[len(lines) - last.count("\n") :]))
+    return ELISION.join(parts)
+
+
+def prepare(command: str, folder: Path, corpus: Path) -> bool:
+    """Put what a command reads into its folder: a trace, real OWL files; False when these are not at hand."""
+    if command.startswith("replay"):
+        output("run serve_a_drink --trace run.jsonl", folder)
+    for name in re.findall(r"\S+@\S+", command):
+        found = next(corpus.rglob(name), None)
+        if found is None:
+            return False
+        (folder / name).symlink_to(found)
+    return True
+
+
+def code_table() -> str:
+    """The rows of the table of codes."""
+    return "\n".join(f"| `{code}` | {meaning} |" for code, meaning in sorted(CODES.items()))
+
+
+def shown_outputs() -> dict[str, list[str]]:
+    """Command -> its output as the pages show it; a command stands on several pages, and runs once."""
+    commands: dict[str, list[str]] = {}
+    for name, page in PAGES.items():
+        for command, shown in BLOCK.findall(page) if name not in OF_THEIR_OWN else ():
+            commands.setdefault(command, []).append(shown)
+    return commands
+
+
+@pytest.mark.parametrize("command", shown_outputs())
+def test_an_output_in_the_documentation_is_what_its_command_prints(
+    command: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    corpus = request.getfixturevalue("corpus") if "@" in command else tmp_path
+    assert prepare(command, tmp_path, corpus), "the corpus lacks a file that the documentation uses"
+    real = output(command, tmp_path)
+    for shown in shown_outputs()[command]:
+        assert agrees(shape(shown), shape(real)), f"planlang {command} prints:\n{real}"
+
+
+def test_a_new_output_keeps_what_was_shown_of_the_old_one() -> None:
+    old = "a 1\n...\nc 1\nd 1\n...\nf 1\n"
+    new = "a 2\nb 2\nc 2\nd 2\ne 2\nf 2\n"
+    assert fitted(old, new) == "a 2\n...\nc 2\nd 2\n...\nf 2\n"
+    assert fitted("...\nd 1\n...\n", new) == "...\nd 2\n...\n"
+    assert fitted("a 1\n", new) == new
+    with pytest.raises(LookupError, match="by hand"):
+        fitted("...\nx 1\n...\n", new)
+
+
+def test_the_recipes_in_the_documentation_are_bundled_ones() -> None:
+    files = (CHECKOUT / "recipes" / "serve_a_drink.omn", CHECKOUT / "ontologies" / "environments" / "hospital_room.omn")
+    bundled = "".join(path.read_text(encoding="utf-8") for path in files)
+    blocks = re.findall(r"```manchester\n(.+?)```", "".join(PAGES.values()), flags=re.DOTALL)
+    assert blocks
+    for block in blocks:
+        for part in block.split("...\n"):
+            assert part in bundled
+
+
+def test_the_plan_tests_in_the_readme_pass(tmp_path: Path) -> None:
+    blocks = re.findall(r"```python\n(.+?)```", PAGES["README.md"], flags=re.DOTALL)
+    tests = [block for block in blocks if "def test_" in block]
+    assert tests
+    for number, block in enumerate(tests):
+        path = tmp_path / f"test_readme_{number}.py"
+        path.write_text(block, encoding="utf-8")
+        names = runpy.run_path(str(path))
+        for name, value in names.items():
+            if name.startswith("test_"):
+                value()
+
+
+def test_the_table_of_codes_is_the_programs() -> None:
+    assert ROW.findall(PAGES["codes.md"]) == sorted(CODES.items()), f"docs/codes.md should say:\n{code_table()}"
+
+
+def test_every_code_that_the_program_says_is_explained_and_every_explained_code_is_said() -> None:
+    said: set[str] = set()
+    lists = {CHECKOUT / "planlang" / "diagnostics.py", CHECKOUT / "planlang" / "recipe" / "fixes" / "codes.py"}
+    for package in PACKAGES:
+        for path in sorted((CHECKOUT / package).rglob("*.py")):
+            if path not in lists:
+                said.update(re.findall(r'"([A-Z]\d{3})"', path.read_text("utf-8")))
+    assert sorted(said - set(CODES)) == [], "said, not explained in planlang/diagnostics.py"
+    assert sorted(set(CODES) - said) == [], "explained, never said"
+
+
+def test_every_file_and_folder_that_a_page_names_is_there() -> None:
+    for page in (README, CHECKOUT / "CONTRIBUTING.md", CHECKOUT / "SECURITY.md", *CHECKOUT.glob("docs/*.md")):
+        text = page.read_text(encoding="utf-8")
+        links = {link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in link}
+        assert [link for link in sorted(links) if link and not (page.parent / link).exists()] == [], page.name
+    listed = re.findall(r"^([a-z_]+/[a-z_/]*) {2,}", PAGES["architecture.md"], flags=re.MULTILINE)
+    assert listed
+    assert [folder for folder in listed if not (CHECKOUT / folder).is_dir()] == []
+
+
+def rewrite() -> None:
+    """Write outputs that no longer agree, and the table of codes, into the pages."""
+    import tempfile
+
+    corpus = CHECKOUT.parent / "shared" / "corpus"
+
+    def renewed(block: re.Match[str]) -> str:
+        command, shown = block.groups()
+        with tempfile.TemporaryDirectory() as folder:
+            if not prepare(command, Path(folder), corpus):
+                return block.group()
+            real = output(command, Path(folder))
+        return block.group() if agrees(shown, real) else f"```console\n$ planlang {command}\n{fitted(shown, real)}```"
+
+    for page in (README, *CHECKOUT.glob("docs/*.md")):
+        if page.name not in OF_THEIR_OWN:
+            page.write_text(BLOCK.sub(renewed, PAGES[page.name]), encoding="utf-8")
+    head, _, _ = PAGES["codes.md"].partition("| code | meaning |\n|---|---|\n")
+    CODES_PAGE.write_text(f"{head}| code | meaning |\n|---|---|\n{code_table()}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    rewrite()
