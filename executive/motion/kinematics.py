@@ -280,8 +280,8 @@ class InverseKinematics:
         Returns q (m, d) and ok (m,): where ok, the tip is within 0.1 mm and 1 mrad of the target and the joints are
         within their limits; elsewhere q is the nearest that a seed has led to. Continuous joints come out within half
         a turn of the first seed. Seeds outside of the limits begin at the limit. A target's result does not depend on
-        the others. A rotation R that is one but for rounding, R R^T within ``IMPROPER`` of 1, means the nearest; ValueError for
-        others, reflections too, and for numbers that are not finite.
+        the others. A rotation R that is one but for rounding, R R^T within ``IMPROPER`` of 1, means the nearest;
+        ValueError for others, reflections too, and for numbers that are not finite.
         """
         poses, starts = np.asarray(targets, float), np.asarray(seeds, float)
         d = self.chain.dof
