@@ -166,7 +166,7 @@ class Chain:
         Both in the axes of the base.
         """
         (rows,) = self.functions.jacobian(self._rows(q).T)
-        return rows.T.reshape(-1, 6, self.dof)
+        return rows.T.reshape(rows.shape[1], 6, self.dof)
 
     def within(self, q: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
         """Which configurations (n, d) keep all limits; continuous joints have none."""
