@@ -1,5 +1,7 @@
 """The plan language: the names a plan author imports, nothing else."""
 
+from typing import TYPE_CHECKING
+
 from planlang.designators import (
     Action,
     Condition,
@@ -182,3 +184,16 @@ __all__ = [
     "with_policies",
     "with_requests",
 ]
+
+
+if TYPE_CHECKING:
+    __version__: str
+else:  # for mypy every name would be one of planlang's
+
+    def __getattr__(name: str) -> str:
+        """Look up ``__version__`` when it is asked for: that reads files, which ``import planlang`` need not."""
+        if name != "__version__":
+            raise AttributeError(f"module 'planlang' has no attribute {name!r}")
+        from importlib.metadata import version
+
+        return version("planlang")

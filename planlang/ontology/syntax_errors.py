@@ -84,7 +84,9 @@ def _expected(problem: UnexpectedInput, parser: Lark) -> tuple[list[str], list[s
     names = names or getattr(problem, "expected", None) or ()
     order = {name: place for place, name in enumerate(_SPOKEN)}
     keywords, spoken = [], []
-    for name in sorted(names, key=lambda name: (order.get(name, len(order)), name)):
+    for name in sorted(
+        (name for name in names if not name.startswith("SIMPLE")), key=lambda name: (order.get(name, len(order)), name)
+    ):
         pattern = None if name == "$END" else parser.get_terminal(name).pattern
         if isinstance(pattern, PatternStr):
             keywords.append(pattern.value)

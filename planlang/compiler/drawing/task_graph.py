@@ -11,7 +11,7 @@ from html import escape
 from itertools import count
 from textwrap import wrap
 
-from planlang.designators import RELATIONS, local_name
+from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.recipe.model import (
     Description,
@@ -29,6 +29,7 @@ from planlang.recipe.model import (
     Transition,
 )
 from planlang.recipe.order.graph import recipe_order
+from planlang.relations import RELATIONS
 
 
 class Order(Enum):
@@ -260,7 +261,7 @@ def _filler(filler: Filler) -> str:
             return filler.name if filler.iri is not None else f"any {filler.name}"
         case Place():
             said = " and ".join(
-                f"{RELATIONS[relation]} {_reference(reference)}" for relation, reference in filler.relations
+                f"{RELATIONS[relation].owl} {_reference(reference)}" for relation, reference in filler.relations
             )
             return f"{filler.name} ({said or 'posture'})"
         case Name():

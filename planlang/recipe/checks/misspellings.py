@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from difflib import SequenceMatcher, get_close_matches
 from functools import cached_property
 
-from planlang.designators import RELATIONS, local_name
+from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import Ontology, shorten
 from planlang.ontology.terms import (
@@ -38,6 +38,7 @@ from planlang.recipe.readers.data_flow import OUTPUTS
 from planlang.recipe.readers.workflow import RELATIONS as INTERVALS
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import MEANINGS, WORDS, ending_of, is_word, words_of
+from planlang.relations import owl_properties
 
 _W3C = (OWL, RDF, RDFS, XSD)
 _NAMING = (
@@ -197,8 +198,8 @@ def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
     if not unknown:
         return
     listed = {local_name(name): name for name in _vocabulary(ontology)}
-    neighbours = Neighbours((*listed, *WORDS, *RELATIONS.values()))
-    spoken = (*WORDS, *RELATIONS.values(), *map(local_name, action_properties(ontology)))
+    neighbours = Neighbours((*listed, *WORDS, *owl_properties()))
+    spoken = (*WORDS, *owl_properties(), *map(local_name, action_properties(ontology)))
     for number, row in unknown.items():
         written = ontology.store.name(number) or ""
         space, short = _space(written), local_name(written)

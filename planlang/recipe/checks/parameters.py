@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import chain
 
-from planlang.designators import RELATIONS, local_name
+from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import BNode, Literal, Ontology, Term, shorten
 from planlang.ontology.terms import OWL, TYPE, XSD, is_vocabulary
@@ -35,6 +35,7 @@ from planlang.recipe.readers.data_flow import OUTPUTS, made
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import Filling, is_word
 from planlang.recipe.units import dimension_of, si_unit, unit, unit_of
+from planlang.relations import RELATIONS
 
 DATA_PROPERTY = OWL + "DatatypeProperty"
 AGENTS = frozenset({"performedBy", "doneBy"})
@@ -135,7 +136,7 @@ def _references(ontology: Ontology, filling: Filling, reported: set[Term]) -> It
         for relation, other in references_of_unknown_kind(ontology, filling.term):
             if other not in reported:
                 reported.add(other)
-                what = f"{RELATIONS[relation]} of the place `{local_name(filling.term)}`"
+                what = f"{RELATIONS[relation].owl} of the place `{local_name(filling.term)}`"
                 yield _of_unknown_kind(ontology, what, other, ontology.span(filling.term) or filling.span)
 
 

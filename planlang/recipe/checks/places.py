@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterator
 from functools import cache
 
-from planlang.designators import RELATIONS, local_name
+from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Severity, Span, error, warning
 from planlang.ontology import Ontology, expand
 from planlang.ontology.terms import COMMENT, LABEL, OWL, TYPE
@@ -17,6 +17,7 @@ from planlang.recipe.checks.misspellings import guess
 from planlang.recipe.fillers import is_place, is_relation, read_thing, references
 from planlang.recipe.model import Place, Recipe, Step
 from planlang.recipe.readers.data_flow import made
+from planlang.relations import owl_properties
 from planlang.resources import bundled
 
 ANNOTATION_PROPERTY = OWL + "AnnotationProperty"
@@ -41,7 +42,7 @@ def _unrelated(actions: Actions, owner: Step | Recipe, place: Place, span: Span 
         return
     where = actions.ontology.span(place.iri) or span
     nothing = "anything" if not any(references(actions.ontology, place.iri)) else "anything that is somewhere"
-    advice = f"give `{place.name}` one of {', '.join(RELATIONS.values())}"
+    advice = f"give `{place.name}` one of {', '.join(owl_properties())}"
     if isinstance(owner, Step) and actions.is_base_motion(owner):
         message = f"`{owner.name}` moves the base to `{place.name}`, which has no relation to {nothing}"
         yield error("R036", message, where, advice)
@@ -62,8 +63,8 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
         if is_relation(property_name) or ANNOTATION_PROPERTY in ontology.values(property_name, TYPE):
             continue
         short = local_name(property_name)
-        meant = guess(property_name, map(expand, RELATIONS.values()), least=0.75)
-        advice = f"did you mean {meant}?" if meant else f"relations are {', '.join(RELATIONS.values())}"
+        meant = guess(property_name, map(expand, owl_properties()), least=0.75)
+        advice = f"did you mean {meant}?" if meant else f"relations are {', '.join(owl_properties())}"
         message = f"{short} of the place `{place.name}` is left out: it is no relation"
         yield warning("R038", message, span, advice, meant)
 

@@ -11,7 +11,7 @@ from itertools import islice
 import numpy as np
 
 from executive.belief import MapObject, SemanticMap
-from executive.locations import ReachSolution
+from executive.locations import HandSolution
 from executive.modules.platform import Platform
 from executive.robots import Robot, bind_robot
 from executive.runs.assembly import platform_of
@@ -112,7 +112,7 @@ class Stage:
             self.world.set_configuration(before)
             self.platform.sync()
 
-    def _claim(self, way: ReachSolution, solution: Solution) -> Claim:
+    def _claim(self, way: HandSolution, solution: Solution) -> Claim:
         plan, arm, platform = way.plan, way.arm, self.platform
         gripper = platform.hands.gripper(arm)
         fingers = gripper.opened if plan.opened and gripper is not None else {}

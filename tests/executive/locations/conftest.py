@@ -9,7 +9,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from executive.locations import ReachSolution
+from executive.locations import HandSolution
 from executive.robots import Robot
 from planlang.geometry import Array
 from sim import PyBulletWorld
@@ -158,7 +158,7 @@ class Judge:
         info = pybullet.getJointInfo(self.uid, self.joints[joint], physicsClientId=self.client)
         return float(info[8]), float(info[9])
 
-    def assert_possible(self, way: ReachSolution, base: tuple[float, float, float], stage: Stage) -> None:
+    def assert_possible(self, way: HandSolution, base: tuple[float, float, float], stage: Stage) -> None:
         """The joint values of a way put the tip where its poses say, within the limits, and nothing touches."""
         arm = self.robot.arm(way.arm.name)
         joints = dict(stage.planning.configuration().joints)
