@@ -27,6 +27,7 @@ from planlang.outputs import replace as write_complete
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.words import GRASP_FORMS
 from planlang.relations import RELATIONS
+from sim import PyBulletWorld
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,9 @@ def locate(options: LocateOptions) -> Answer:
             asked = write_thing(location.device).removeprefix("the ")
             return _missing(f"{robot.name} has no {asked}; its arms: {arms}", found)
         world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
-        platform = platform_of(robot, semantic_map, world, world, 0)
+        truth = PyBulletWorld(world.scene, robot.body())  # which is as believed: nothing moves
+        stack.callback(truth.close)
+        platform = platform_of(robot, semantic_map, truth, world, 0)
         meant = _meant([*references(location), *([] if what is None else [what])], lexicon, platform)
         found.extend(_choices(meant, lexicon, platform))
         build_maps(platform, options.progress)  # last: for a new robot it takes minutes

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 
@@ -24,19 +24,8 @@ from executive.robots.arms import ArmModel
 from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
 from planlang.geometry import Array
 from planlang.language.executive import ProcessModule
-from planlang.protocols import Solution
+from planlang.protocols import RestorableWorld, Solution
 from planlang.runs.codec import dump, load
-
-
-@runtime_checkable
-class RestorableWorld(Protocol):
-    """A world whose state can be restored: a simulator."""
-
-    def snapshot(self) -> dict[str, Any]:
-        """Return the state as JSON."""
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Continue from a snapshot; raises ValueError for one that does not fit."""
 
 
 class RobotExecutive:

@@ -21,7 +21,7 @@ from planlang.geometry import Array, Pose
 from planlang.ontology import Ontology, expand, load
 from planlang.protocols import Configuration, Solution
 from planlang.resources import bundled
-from sim import Body, PyBulletWorld
+from sim import Body, PlanningWorld
 from tests.benchmarks.locations.oracle import Claim
 from tests.benchmarks.locations.rooms import PLACE, Room
 
@@ -60,7 +60,7 @@ class Stage:
 
     def __init__(self, room: Room, robot: Robot) -> None:
         self.room, self.robot = room, robot
-        self.world = PyBulletWorld(room.scene(), robot.body())
+        self.world = PlanningWorld(room.scene(), robot.body())
         things = SemanticMap(None, vocabulary(), tuple(map(_thing, room.bodies)), ())
         self.platform: Platform = platform_of(robot, things, self.world, self.world, 0)
 
