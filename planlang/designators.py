@@ -12,31 +12,7 @@ from numbers import Real
 
 from planlang.lengths import metres
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
-
-RELATIONS: dict[str, str] = {
-    "in_reach_of": "inReachOf",
-    "visible_from": "visibleFrom",
-    "above": "aboveOf",
-    "on": "on-Physical",
-    "in_": "in-ContGeneric",
-    "in_center_of": "inCenterOf",
-    "in_front_of": "inFrontOf-Generally",
-    "behind": "behind-Generally",
-    "left_of": "toTheLeftOf",
-    "right_of": "toTheRightOf",
-    "next_to": "toTheSideOf",
-    "near": "near",
-    "far_from": "farFrom",
-    "facing": "facing",
-    "clear_of": "clearOf",
-}
-"""Relation of a location -> the local name of its OWL property."""
-
-SYNONYMS: dict[str, str] = {"visible": "visible_from"}
-"""Another word for a relation -> the one that is kept."""
-
-MEASURED: tuple[str, ...] = ("above", "in_front_of", "behind", "left_of", "right_of", "next_to", "near", "far_from")
-"""Relations that may be bounded: the distance [m] between the outlines seen from above; of ``above`` the height."""
+from planlang.relations import RELATIONS, measured, named
 
 GRASPS: tuple[str, ...] = ("side", "tilted", "top")
 """Classes of grasps, by where the hand comes from."""
@@ -98,10 +74,11 @@ class Device(Object):
 
 @dataclass(frozen=True, slots=True)
 class Relation:
-    """One conjunct of a location: ``name`` is a key of :data:`RELATIONS`.
+    """One conjunct of a location: ``name`` is a key of :data:`planlang.relations.RELATIONS`.
 
-    A relation of :data:`MEASURED` may be bounded: a distance of at most ``within`` and at least ``beyond`` [m]. A
-    ``negated`` relation holds where the relation, with its bounds, does not.
+    A relation that has a distance may be bounded: at most ``within`` and at least ``beyond`` [m], between the outlines
+    seen from above; for ``above`` the height. A ``negated`` relation holds where the relation, with its bounds, does
+    not.
     """
 
     name: str
@@ -304,15 +281,15 @@ def a_location(
     ``a_location(in_reach_of=patient, not_=a_location(near=door))``. Raises ValueError for what is none of these.
     """
     conjuncts: list[Relation] = []
-    for said, references in relations.items():
-        key = SYNONYMS.get(said, said)
-        if key not in RELATIONS:
-            message = f"unknown relation {key!r}; valid relations: {', '.join(RELATIONS)}"
-            raise WrongValue(contrast(message, f"a_location({key}=bottle)", "a_location(in_reach_of=bottle)"))
+    for keyword, references in relations.items():
+        relation = named(keyword)
+        if relation is None:
+            message = f"unknown relation {keyword!r}; valid relations: {', '.join(RELATIONS)}"
+            raise WrongValue(contrast(message, f"a_location({keyword}=bottle)", "a_location(in_reach_of=bottle)"))
         if isinstance(references, (Object, Location)):
             references = (references,)
-        _LOCATION.iterable(said, references, "an object or a location, or a tuple of them")
-        conjuncts.extend(Relation(key, reference) for reference in references)
+        _LOCATION.iterable(keyword, references, "an object or a location, or a tuple of them")
+        conjuncts.extend(Relation(relation.name, reference) for reference in references)
     if within is not None or beyond is not None:
         conjuncts = _bounded(conjuncts, within, beyond)
     if not isinstance(not_, Location):
@@ -327,18 +304,18 @@ def a_location(
 
 
 def _bounded(relations: list[Relation], within: float | str | None, beyond: float | str | None) -> list[Relation]:
-    measured = [relation for relation in relations if relation.name in MEASURED]
-    if len(measured) != 1:
-        said = ", ".join(map(str, measured)) or "none"
+    bounded = [relation for relation in relations if RELATIONS[relation.name].measured]
+    if len(bounded) != 1:
+        here = ", ".join(map(str, bounded)) or "none"
         raise ValueError(
-            f"within and beyond bound one relation, of {', '.join(MEASURED)}; here there are: {said}. Join bounds of "
+            f"within and beyond bound one relation, of {', '.join(measured())}; here there are: {here}. Join bounds of "
             "several with &: a_location(near=bed, within=1.0) & a_location(near=door, within=2.0)"
         )
     at_most, at_least = _length("within", within), _length("beyond", beyond)
     if at_most is not None and at_least is not None and at_least > at_most:
         raise ValueError(f"nothing is beyond {at_least} m and within {at_most} m")
     return [
-        replace(relation, within=at_most, beyond=at_least) if relation in measured else relation
+        replace(relation, within=at_most, beyond=at_least) if relation in bounded else relation
         for relation in relations
     ]
 

@@ -13,7 +13,7 @@ from planlang.designators import Object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.ontology import expand
-from sim import PyBulletWorld
+from sim import PlanningWorld
 
 LEANING = 0.05
 """How far a top may lean and still count as level [rad]: a bottle put down on it stays where it is."""
@@ -144,7 +144,7 @@ class Door:
 class BelievedBodies:
     """The bodies that the robot believes in, asked by name."""
 
-    def __init__(self, world: PyBulletWorld, belief: Belief) -> None:
+    def __init__(self, world: PlanningWorld, belief: Belief) -> None:
         self._world, self._belief = world, belief
 
     def bind(self, what: Object) -> str:

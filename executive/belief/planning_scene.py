@@ -14,13 +14,13 @@ from executive.robots import Robot
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Device
 from planlang.geometry import Array
-from sim import PyBulletWorld
+from sim import PlanningWorld
 
 
 class RobotArms:
     """The robot's arms, with where they are and what they are believed to hold."""
 
-    def __init__(self, world: PyBulletWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
+    def __init__(self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
         self._world, self._robot, self._belief = world, robot, belief
         self.all: tuple[ArmModel, ...] = tuple(arms)
         """In the robot's order."""
@@ -57,7 +57,7 @@ class PlanningScene:
     """
 
     def __init__(
-        self, world: PyBulletWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel], gaze: Gaze | None
+        self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel], gaze: Gaze | None
     ) -> None:
         self.world, self.robot, self.belief = world, robot, belief
         self.bodies = BelievedBodies(world, belief)

@@ -19,7 +19,7 @@ from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved
 from planlang.protocols import Configuration, Contact
-from sim import PyBulletWorld
+from sim import PlanningWorld
 from sim.bodies import FLOOR
 
 CLOSING_STEPS = 24
@@ -29,7 +29,7 @@ CLOSING_STEPS = 24
 class SceneCollisions:
     """Collisions of the robot, with what it holds, in the planning world; what does not change is kept."""
 
-    def __init__(self, world: PyBulletWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
+    def __init__(self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
         self._world, self._robot, self._belief, self._arms = world, robot, belief, tuple(arms)
         self._bodies: tuple[object, Boxes, Solids] | None = None
         self._floor: tuple[object, Floor] | None = None

@@ -18,7 +18,7 @@ from executive.robots import Robot
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
 from planlang.protocols import Configuration
-from sim import PyBulletWorld
+from sim import PlanningWorld
 
 SEEN_SHARE = 0.3
 """Share of an object that must be visible for a base pose to count as one from where it is seen."""
@@ -112,7 +112,7 @@ class Unseen:
         return np.asarray(known[index.ravel()])
 
 
-def still_pieces(world: PyBulletWorld, neck: Iterable[str]) -> Solids:
+def still_pieces(world: PlanningWorld, neck: Iterable[str]) -> Solids:
     """The pieces that are no further than the neck, in the robot's present posture, in the base frame."""
     robot = world.robot
     moved = frozenset[int]().union(*(robot.moved_by(name) for name in neck))
@@ -140,7 +140,7 @@ class Visibility:
     """What can be seen in the planning world, by the robot's camera on its neck."""
 
     def __init__(
-        self, world: PyBulletWorld, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None
+        self, world: PlanningWorld, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None
     ) -> None:
         self._world, self._robot, self._belief, self._bodies, self.gaze = world, robot, belief, bodies, gaze
 

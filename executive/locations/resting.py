@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
+from executive.locations.demands import ThingDemand
 from executive.locations.rejections import Rejections
-from executive.locations.relations import ThingDemand
 from executive.motion import clearance_at
 from planlang.geometry import Array, Pose
 

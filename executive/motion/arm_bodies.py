@@ -22,7 +22,7 @@ from executive.motion.link_shapes import Shaped, thing_in
 from executive.motion.solids import Solids
 from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration
-from sim import PyBulletWorld, Solid
+from sim import PlanningWorld, Solid
 from sim.contact import SUPPORT_DEPTH
 
 GROUND_SIZE = (60.0, 60.0, 0.1)
@@ -127,7 +127,7 @@ class ArmShapes:
     """One chain of a world's robot: with which of its moving joints each solid link goes, and what must not touch."""
 
     def __init__(
-        self, world: PyBulletWorld, links: Sequence[Shaped], chain: Chain, base_link: str, tip_link: str
+        self, world: PlanningWorld, links: Sequence[Shaped], chain: Chain, base_link: str, tip_link: str
     ) -> None:
         """``links``: all solid links, in their order."""
         robot = world.robot
@@ -165,13 +165,13 @@ class ArmShapes:
         self.tip: tuple[Array, int] = np.linalg.inv(frames[last - FIRST_JOINT]) @ poses, last
         """Where the tip is in the frame with which it goes (4, 4), and which that is."""
 
-    def frame_of(self, world: PyBulletWorld, link: str) -> int:
+    def frame_of(self, world: PlanningWorld, link: str) -> int:
         """The number of the frame with which a link goes."""
         robot = world.robot
         above = (robot.link_names[index] for index in robot.ancestors(robot.links[link]))
         return next((self._carriers[name] for name in above if name in self._carriers), BASE)
 
-    def now(self, world: PyBulletWorld, joints: Mapping[str, float] | None = None) -> ArmBodies:
+    def now(self, world: PlanningWorld, joints: Mapping[str, float] | None = None) -> ArmBodies:
         """The robot, and what it holds, as it is now but for some joints; those of the chain may be anywhere."""
         robot = world.robot
         there, from_base, placed = self._placed(world, joints)
@@ -209,7 +209,7 @@ class ArmShapes:
 
     @staticmethod
     def still(
-        world: PyBulletWorld, several: Sequence[ArmShapes], joints: Mapping[str, float] | None = None
+        world: PlanningWorld, several: Sequence[ArmShapes], joints: Mapping[str, float] | None = None
     ) -> ArmBodies:
         """All that moves with one or more chains of one robot, as it is now but for some joints.
 
@@ -247,7 +247,7 @@ class ArmShapes:
             whole=False,
         )
 
-    def _placed(self, world: PyBulletWorld, joints: Mapping[str, float] | None) -> tuple[Configuration, Array, Array]:
+    def _placed(self, world: PlanningWorld, joints: Mapping[str, float] | None) -> tuple[Configuration, Array, Array]:
         """The robot as it is but for some joints, the map (4, 4) and the solid links (n, 4, 4) in the base frame."""
         there = Configuration(AT_ORIGIN, {**world.configuration().joints, **(joints or {})})
         from_base = np.asarray(np.linalg.inv(world.link_pose(self._base_link, there).matrix()), np.float64)
@@ -280,7 +280,7 @@ class _Part:
     exact: bool
 
 
-def _held(world: PyBulletWorld) -> dict[str, tuple[str, Array]]:
+def _held(world: PlanningWorld) -> dict[str, tuple[str, Array]]:
     """Held objects: the link that holds each, and its pose (4, 4) there."""
     return {
         name: (link, (world.link_pose(link).inverse() @ world.pose(name)).matrix())

@@ -12,7 +12,7 @@ from executive.motion.hulls import Hull
 from executive.motion.solids import Solids
 from executive.motion.spheres import Faceted, Spheres, kept_spheres
 from planlang.geometry import Array, Pose
-from sim import Hulled, PyBulletWorld, Solid, hull_of
+from sim import Hulled, PlanningWorld, Solid, hull_of
 
 _PLAIN = ("box", "cylinder", "sphere")
 """Kinds that pieces can be."""
@@ -63,13 +63,13 @@ class Shaped:
         return all(shape.kind in _PLAIN for shape in self.shapes)
 
 
-def links_of(world: PyBulletWorld) -> tuple[Shaped, ...]:
+def links_of(world: PlanningWorld) -> tuple[Shaped, ...]:
     """The solid links of a world's robot, in their order."""
     robot = world.robot
     return tuple(Shaped(name, robot.hulls(number)) for number, name in enumerate(robot.solid_names))
 
 
-def thing_in(world: PyBulletWorld, name: str) -> Shaped:
+def thing_in(world: PlanningWorld, name: str) -> Shaped:
     """A body of a world."""
     return Shaped(name, [hull_of(part.kind, _even(part.kind, part.size), at) for part, at in world.pieces(name)])
 

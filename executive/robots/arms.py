@@ -14,7 +14,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.geometry.urdf import Joint, displacement, joints_between, read_urdf
 from planlang.protocols import Configuration
-from sim import PyBulletWorld
+from sim import PlanningWorld
 
 SAMPLES = 400
 """Random configurations from which the length of an arm is measured."""
@@ -116,7 +116,7 @@ class ArmModel:
         return np.asarray(hand if held is None else np.minimum(hand, held.lowest_of(rotations)))
 
 
-def arm_models(robot: Robot, world: PyBulletWorld) -> tuple[ArmModel, ...]:
+def arm_models(robot: Robot, world: PlanningWorld) -> tuple[ArmModel, ...]:
     """All arms of a robot, in its order; ``world`` tells which links belong to a hand."""
     return tuple(_model(robot, arm, world) for arm in robot.arms)
 
@@ -144,7 +144,7 @@ def _pose(joints: Sequence[Joint], positions: Mapping[str, float]) -> Array:
     return pose
 
 
-def _model(robot: Robot, arm: Arm, world: PyBulletWorld) -> ArmModel:
+def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
     chain = Chain.from_urdf(robot.urdf, robot.base_link, arm.tip)
     middle = np.clip((chain.lower + chain.upper) / 2, -np.pi, np.pi)
     seeds = [middle]
@@ -174,7 +174,7 @@ def _model(robot: Robot, arm: Arm, world: PyBulletWorld) -> ArmModel:
     )
 
 
-def _shoulders(robot: Robot, arm: Arm, chain: Chain, world: PyBulletWorld) -> tuple[Array, Array]:
+def _shoulders(robot: Robot, arm: Arm, chain: Chain, world: PlanningWorld) -> tuple[Array, Array]:
     """Where the arm begins, in the base frame, at the lowest and the highest posture of what carries it."""
     found = []
     for ends in (chain.lower, chain.upper):

@@ -10,7 +10,8 @@ from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.phrases.lexicon import DEVICES, Lexicon
-from planlang.phrases.words import ARTICLES, BLOCKING, FORMS, RELATION_OF, plain
+from planlang.phrases.words import ARTICLES, forms, opposites, plain
+from planlang.relations import RELATIONS
 
 _MOST = 24
 """Nouns that are listed at most."""
@@ -18,7 +19,7 @@ _ALIKE = 0.7
 _GOES_ON = ("AND", "BUT", "COMMA", "WITH", "GRASP", "RPAR", "$END")
 """What may follow where a noun may have ended."""
 SPOKEN: Mapping[str, str] = {
-    **dict.fromkeys(("NOT", "RELATION", "BLOCKING", "LIMIT", "WITHIN", "BEYOND"), "a relation"),
+    **dict.fromkeys(("NOT", "RELATION", "OPPOSITE", "LIMIT", "WITHIN", "BEYOND"), "a relation"),
     "LENGTH": "a length",
     **dict.fromkeys(("ARTICLE", "WORD"), "a thing"),
     **dict.fromkeys(("A_PLACE", "LPAR"), "a place"),
@@ -54,8 +55,8 @@ def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
     begun = _clause_before(phrase, offset)
     if begun is not None and "WORD" in expected:
         said = re.sub(rf"\s+({'|'.join(ARTICLES)})$", "", phrase[begun:offset].strip(), flags=re.IGNORECASE)
-        alike = get_close_matches(plain(said), list(RELATION_OF), n=1, cutoff=_ALIKE)
-        if alike and alike[0] != plain(said) and plain(said) not in BLOCKING:
+        alike = get_close_matches(plain(said), list(forms()), n=1, cutoff=_ALIKE)
+        if alike and alike[0] != plain(said) and plain(said) not in opposites():
             return _unknown_relation(said, alike[0], _span(phrase, begun, file))
     found = "the phrase ends" if at_end else f"unexpected {phrase[offset:].split()[0]!r}"
     is_arm = re.search(rf"\bwith(\s+({'|'.join(ARTICLES)}))?\s*$", phrase[:offset], re.IGNORECASE) is not None
@@ -74,10 +75,10 @@ def unknown_noun(
     parts = words.split()
     for number in range(1, len(parts)):
         whole = f"{relation} {' '.join(parts[:number])}"
-        alike = get_close_matches(plain(whole), list(RELATION_OF), n=1, cutoff=0.8)
+        alike = get_close_matches(plain(whole), list(forms()), n=1, cutoff=0.8)
         if alike:
             return _unknown_relation(whole, alike[0], _at(said, file))
-    inner = next((form for form in RELATION_OF if f" {form} " in f" {plain(words)} "), None)
+    inner = next((form for form in forms() if f" {form} " in f" {plain(words)} "), None)
     known = list(lexicon.known())
     listed = ", ".join(known[:_MOST]) + (f" and {len(known) - _MOST} more" if len(known) > _MOST else "")
     guess = lexicon.similar(words)
@@ -121,7 +122,7 @@ def _most_similar(words: Sequence[str]) -> tuple[str, str | None]:
     best: tuple[float, str, str | None] = (_ALIKE, words[0], None)
     for number in range(1, min(5, len(words) + 1)):
         said = plain(" ".join(words[:number]))
-        for form in RELATION_OF:
+        for form in forms():
             alike = SequenceMatcher(None, said, form).ratio()
             if alike > best[0]:
                 best = (alike, " ".join(words[:number]), form)
@@ -132,7 +133,7 @@ def _most_similar(words: Sequence[str]) -> tuple[str, str | None]:
 
 
 def _relations() -> str:
-    return f"relations: {', '.join(forms[0] for forms in FORMS.values())}; within 30 cm of; not ..."
+    return f"relations: {', '.join(relation.forms[0] for relation in RELATIONS.values())}; within 30 cm of; not ..."
 
 
 def _expected(problem: UnexpectedInput, before: str) -> set[str]:

@@ -9,12 +9,13 @@ from importlib.resources import files
 
 from lark import Lark, Token, Tree, UnexpectedInput
 
-from planlang.designators import MEASURED, Device, Location, Object, Relation
+from planlang.designators import Device, Location, Object, Relation
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.lengths import metres
 from planlang.phrases import mistakes
 from planlang.phrases.lexicon import DEVICES, KINDS, Lexicon
-from planlang.phrases.words import BLOCKING, DEEPEST, FORMS, GRASP_FORMS, LIMITS, LONGEST, RELATION_OF, pattern, plain
+from planlang.phrases.words import DEEPEST, GRASP_FORMS, LIMITS, LONGEST, forms, opposites, pattern, plain
+from planlang.relations import RELATIONS, measured
 
 _COMMENT = re.compile(r"<[^<>\s]*>|(#[^\n]*)")
 
@@ -54,19 +55,23 @@ def _parsed(phrase: str, start: str, file: str) -> Tree[Token]:
         raise BadInput([mistakes.explain(problem, phrase, file)]) from None
 
 
-@cache
 def parser() -> Lark:
-    """The parser of phrases, its words taken from the tables."""
+    """Return the parser of phrases, with the words of all relations that there are now."""
+    return _parser(tuple(forms()), tuple(opposites()))
+
+
+@cache
+def _parser(said: tuple[str, ...], opposite: tuple[str, ...]) -> Lark:
+    """The parser of phrases in which relations, and what says their opposites, are said like this."""
     grammar = files("planlang.phrases").joinpath("location.lark").read_text(encoding="utf-8")
-    grasps = tuple(form for forms in GRASP_FORMS.values() for form in forms)
-    relations = tuple(form for form in RELATION_OF if not form.startswith("not "))
-    for name, forms, priority in (
-        ("RELATION", relations, 5),
-        ("BLOCKING", BLOCKING, 5),
-        ("LIMIT", tuple(LIMITS), 5),
-        ("GRASP", grasps, 5),
-    ):
-        grammar += f"\n{name}.{priority}: /(?:{pattern(forms)})\\b/i"
+    tables = {
+        "RELATION": tuple(form for form in said if not form.startswith("not ")),
+        "OPPOSITE": opposite,
+        "LIMIT": tuple(LIMITS),
+        "GRASP": tuple(form for some in GRASP_FORMS.values() for form in some),
+    }
+    for name, words in tables.items():
+        grammar += f"\n{name}.5: /(?:{pattern(words)})\\b/i"
     return Lark(grammar, parser="lalr", start=["start", "only_thing"], propagate_positions=True)
 
 
@@ -121,9 +126,9 @@ class _Reader:
         nothing = Object("Thing")
         match tree.data, tree.children:
             case "relation", [word]:
-                return Relation(RELATION_OF[plain(str(word))], nothing)
-            case "blocking", _:
-                return Relation("clear_of", nothing, negated=True)
+                return Relation(forms()[plain(str(word))], nothing)
+            case "opposite", [word]:
+                return Relation(opposites()[plain(str(word))], nothing, negated=True)
             case "near", [_, Token() as length, _]:
                 return self._bounded("near", nothing, within=self.length(length))
             case "far", [_, Token() as length, _]:
@@ -134,11 +139,11 @@ class _Reader:
                     "near" if bound == "within" else "far_from", nothing, **{bound: self.length(length)}
                 )
             case "measured", [Tree() as measure, Token() as word]:
-                name = RELATION_OF[plain(str(word))]
+                name = forms()[plain(str(word))]
                 bounds = self.measure(measure)
-                if name not in MEASURED:
-                    help = f"what has a distance: {', '.join(FORMS[name][0] for name in MEASURED)}"
-                    self.wrong("P006", f"{FORMS[name][0]!r} has no distance that could be bounded", word, help)
+                if not RELATIONS[name].measured:
+                    help = f"relations with a distance: {', '.join(RELATIONS[name].forms[0] for name in measured())}"
+                    self.wrong("P006", f"{RELATIONS[name].forms[0]!r} has no distance to bound", word, help)
                     return None
                 return self._bounded(name, nothing, **bounds)
         raise AssertionError(tree.data)

@@ -6,7 +6,8 @@ from decimal import Decimal
 
 from planlang.designators import Device, Location, Object, Relation
 from planlang.phrases.lexicon import DEVICES, KINDS, Lexicon
-from planlang.phrases.words import FORMS, GRASP_FORMS
+from planlang.phrases.words import GRASP_FORMS
+from planlang.relations import RELATIONS
 
 _DEVICE_WORDS = {device: words for words, device in DEVICES.items()}
 _REACHING = ("in_reach_of", "in_center_of")
@@ -52,7 +53,7 @@ def _clause(relation: Relation, lexicon: Lexicon) -> str:
 
 
 def _said(relation: Relation) -> str:
-    form = FORMS[relation.name][0]
+    form = RELATIONS[relation.name].forms[0]
     match relation:
         case Relation(within=None, beyond=None):
             return form

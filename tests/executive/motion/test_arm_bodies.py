@@ -18,7 +18,7 @@ from executive.motion.solids import Solids
 from executive.robots import bind_robot
 from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration
-from sim import Body, PyBulletWorld, Scene
+from sim import Body, PlanningWorld, Scene
 
 ROOM = (
     Body("room", Pose((0.0, 0.0, 1.3)), (5.0, 5.0, 2.6), "room"),
@@ -34,7 +34,7 @@ ROOM = (
 class Reacher:
     """A robot in a room, and the chain of its first arm."""
 
-    world: PyBulletWorld
+    world: PlanningWorld
     chain: Chain
     base_link: str
     tip: str
@@ -57,7 +57,7 @@ class Reacher:
 def reacher(request: pytest.FixtureRequest) -> Iterator[Reacher]:
     """A robot of primitives and one of meshes before the same table."""
     robot = bind_robot(request.param)
-    world = PyBulletWorld(Scene(ROOM, (-2.5, -2.5, 2.5, 2.5), (-0.15, 0.1, 0.2)), robot.body())
+    world = PlanningWorld(Scene(ROOM, (-2.5, -2.5, 2.5, 2.5), (-0.15, 0.1, 0.2)), robot.body())
     chain = Chain.from_urdf(robot.urdf, robot.base_link, robot.arms[0].tip)
     yield Reacher(world, chain, robot.base_link, robot.arms[0].tip, robot.arms[0].joints)
     world.close()

@@ -1,12 +1,14 @@
-"""Places for the base from which ways of a hand are reachable, by inverting reachability maps.
+"""Base poses from which grasp candidates are reachable, by inverting reachability maps.
 
-For a way whose tip heads for g at the point p, a row of the map with the tip at c and heading y (in the torso frame)
-is used from the base at p - Rz(g) v with yaw g - y, where v = Rz(-y) c does not depend on the world: looking at all
-rows of a way costs a rotation of constants and a look at the field of room.
+For a candidate whose tip heads for g at the point p, a row of the map with the tip at c and heading y (in the torso
+frame) is used from the base at p - Rz(g) v with yaw g - y, where v = Rz(-y) c does not depend on the world: looking at
+all rows of a candidate costs a rotation of constants and a look at the field of room (Vahrenkamp et al., Robot
+placement based on reachability inversion, ICRA 2013).
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,9 +16,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.free_floor import Field
+from executive.belief.free_floor import CELL, HAIR, Field, Floor
+from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.inverse_map import SQUARE_BITS, InverseMaps, Rows
-from executive.locations.ways import CLASSES, Ways
+from executive.locations.reachability import YAWS
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
@@ -37,14 +40,14 @@ Misses = Callable[[Array], NDArray[np.bool_]]
 
 
 @dataclass(slots=True)
-class Candidates:
+class BaseCandidates:
     """m places, each for one arm and one of its ways."""
 
     bases: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """(m, 3)."""
     scores: Array = field(default_factory=lambda: np.zeros(0))
     arms: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
-    ways: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
+    candidates: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
     rows: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
     """Rows of the map of the way's class."""
     torsos: Array = field(default_factory=lambda: np.zeros(0))
@@ -62,14 +65,14 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.scores)
 
-    def chosen(self, index: Indices) -> Candidates:
+    def chosen(self, index: Indices) -> BaseCandidates:
         """Some of them."""
         return replace(
             self,
             bases=self.bases[index],
             scores=self.scores[index],
             arms=self.arms[index],
-            ways=self.ways[index],
+            candidates=self.candidates[index],
             rows=self.rows[index],
             torsos=self.torsos[index],
             ranks=self.ranks[index],
@@ -84,7 +87,7 @@ class Candidates:
 
 
 def invert(
-    hands: Sequence[tuple[ArmModel, Ways]],
+    hands: Sequence[tuple[ArmModel, GraspCandidates]],
     inverse: InverseMaps,
     room: Field,
     conjuncts: Sequence[Conjunct],
@@ -94,7 +97,7 @@ def invert(
     least: float,
     rows: int,
     each: int,
-) -> Candidates:
+) -> BaseCandidates:
     """Places for some arms and their ways.
 
     Of each way those ``each`` with the best score are kept, well spread. ``conjuncts`` are the others.
@@ -102,20 +105,24 @@ def invert(
     not see what it has to. ``least`` and ``rows`` bound the rows of the maps by score, and by number for each torso
     position.
     """
-    found = Candidates()
+    found = BaseCandidates()
     parts: list[_Part] = []
-    for number, (arm, ways) in enumerate(hands):
+    for number, (arm, candidates) in enumerate(hands):
         alike: dict[tuple[float, int, int], list[int]] = {}
-        heights = ways.points[:, 2].round(6).tolist()
-        for way, kind in enumerate(zip(heights, ways.grasps.tolist(), ways.rolls.tolist(), strict=True)):
-            alike.setdefault(kind, []).append(way)
+        heights = candidates.points[:, 2].round(6).tolist()
+        for candidate, kind in enumerate(
+            zip(heights, candidates.grasps.tolist(), candidates.rolls.tolist(), strict=True)
+        ):
+            alike.setdefault(kind, []).append(candidate)
         for (z, grasp, roll), mine in alike.items():
             chosen = inverse(arm, CLASSES[grasp]).rows(z, roll, least, rows)
             chosen = chosen.of(lifted(arm, chosen.torsos))
             if not len(chosen.row):
                 continue
             for some in blocks(len(mine), max(1, AT_ONCE // len(chosen.row))):
-                part = _Part.of(ways, np.array(mine[some], np.intp), chosen, room, conjuncts, misses, each, number)
+                part = _Part.of(
+                    candidates, np.array(mine[some], np.intp), chosen, room, conjuncts, misses, each, number
+                )
                 parts.append(part)
     found.without_room = sum(part.without_room for part in parts)
     for part in parts:
@@ -125,10 +132,10 @@ def invert(
     found.crowded = [(score, base) for _, _, score, base in sorted(crowded, key=lambda place: place[:2])]
     if not parts:
         return found
-    arms = np.concatenate([np.full(len(part.ways), part.number, np.intp) for part in parts])
-    whole = np.concatenate([part.ways for part in parts])
+    arms = np.concatenate([np.full(len(part.candidates), part.number, np.intp) for part in parts])
+    whole = np.concatenate([part.candidates for part in parts])
     order = np.lexsort((whole, arms))
-    found.arms, found.ways = arms[order], whole[order]
+    found.arms, found.candidates = arms[order], whole[order]
     found.bases = np.concatenate([part.bases for part in parts])[order]
     found.scores = np.concatenate([part.scores for part in parts])[order]
     found.rows = np.concatenate([part.rows for part in parts])[order]
@@ -145,7 +152,7 @@ class _Part:
     """Of the arm."""
     bases: Array
     scores: Array
-    ways: Indices
+    candidates: Indices
     rows: Indices
     torsos: Array
     ranks: Indices
@@ -153,11 +160,11 @@ class _Part:
     unwanted: Counter[str]
     unseen: int
     crowded: list[tuple[int, float, Array]]
-    """Ways without any place that has room: their number, the score and place of the best row."""
+    """Candidates without any place that has room: their number, the score and place of the best row."""
 
     @staticmethod
     def of(
-        ways: Ways,
+        candidates: GraspCandidates,
         index: Indices,
         chosen: Rows,
         room: Field,
@@ -167,43 +174,47 @@ class _Part:
         number: int,
     ) -> _Part:
         """All rows (n) for all ways (w) at once, looked up in the field in its own cells."""
-        factors = room.looked_up(ways.points[index, :2], ways.headings[index], chosen.v)
+        factors = room.looked_up(candidates.points[index, :2], candidates.headings[index], chosen.v)
         free = np.count_nonzero(factors, axis=1)
         without_room = int(np.minimum(factors.shape[1] - free, COUNTED).sum())
         crowded = [
             (
-                way,
-                float(ways.weights[way]) * float(chosen.score[0]),
-                _bases(ways, np.array([way]), chosen, np.zeros(1, int))[0],
+                candidate,
+                float(candidates.weights[candidate]) * float(chosen.score[0]),
+                _bases(candidates, np.array([candidate]), chosen, np.zeros(1, int))[0],
             )
-            for way in index[free == 0].tolist()
+            for candidate in index[free == 0].tolist()
         ]
         if not free.all():
             index, factors = index[free > 0], factors[free > 0]
         scores = factors * chosen.score
-        scores *= ways.weights[index, None]
+        scores *= candidates.weights[index, None]
         unwanted = Counter[str]()
         if conjuncts and len(index):
-            way, row = np.nonzero(factors)
-            bases, weight, left = _bases(ways, index[way], chosen, row), np.ones(len(way)), np.ones(len(way), bool)
+            candidate, row = np.nonzero(factors)
+            bases, weight, left = (
+                _bases(candidates, index[candidate], chosen, row),
+                np.ones(len(candidate)),
+                np.ones(len(candidate), bool),
+            )
             for reason, weigh in conjuncts:
                 weight *= weigh(bases)
                 refused = left & (weight <= 0)
                 left ^= refused
-                unwanted[reason] += _counted(way[refused])
-            scores[way, row] *= weight
+                unwanted[reason] += _counted(candidate[refused])
+            scores[candidate, row] *= weight
         unseen = 0
         if misses is not None and len(index):
-            way, row = np.nonzero(scores)
-            missed = misses(_bases(ways, index[way], chosen, row))
-            scores[way[missed], row[missed]] = 0.0
-            unseen = _counted(way[missed])
-        way, row, ranks = _best(scores, chosen.squares, each)
+            candidate, row = np.nonzero(scores)
+            missed = misses(_bases(candidates, index[candidate], chosen, row))
+            scores[candidate[missed], row[missed]] = 0.0
+            unseen = _counted(candidate[missed])
+        candidate, row, ranks = _best(scores, chosen.squares, each)
         return _Part(
             number,
-            _bases(ways, index[way], chosen, row),
-            scores[way, row],
-            index[way],
+            _bases(candidates, index[candidate], chosen, row),
+            scores[candidate, row],
+            index[candidate],
             chosen.row[row],
             chosen.torso[row],
             ranks,
@@ -214,17 +225,17 @@ class _Part:
         )
 
 
-def _counted(ways: Indices) -> int:
+def _counted(candidates: Indices) -> int:
     """How many places, of each of which (m,) tells the way, are counted."""
-    return int(np.minimum(np.bincount(ways), COUNTED).sum())
+    return int(np.minimum(np.bincount(candidates), COUNTED).sum())
 
 
-def _bases(ways: Ways, index: Indices, chosen: Rows, row: Indices) -> Array:
+def _bases(candidates: GraspCandidates, index: Indices, chosen: Rows, row: Indices) -> Array:
     """Bases (m, 3) from which ways (m,) are reached by rows (m,)."""
-    heading = ways.headings[index]
+    heading = candidates.headings[index]
     c, s = np.cos(heading), np.sin(heading)
     x, y = chosen.v[row, 0], chosen.v[row, 1]
-    points = ways.points[index]
+    points = candidates.points[index]
     return np.stack([points[:, 0] - (c * x - s * y), points[:, 1] - (s * x + c * y), heading - chosen.yaw[row]], axis=1)
 
 
@@ -236,23 +247,75 @@ def _best(scores: Array, squares: Indices, each: int) -> tuple[Indices, Indices,
     if 8 * each < scores.shape[1]:
         worse = TIE * np.arange(scores.shape[1]) - scores
         top = np.argpartition(worse, 8 * each - 1, axis=1)[:, : 8 * each]
-        way, place = np.nonzero(np.take_along_axis(scores, top, 1))
-        row = top[way, place]
+        candidate, place = np.nonzero(np.take_along_axis(scores, top, 1))
+        row = top[candidate, place]
     else:
-        way, row = np.nonzero(scores)
+        candidate, row = np.nonzero(scores)
     # ways are told apart by twice their number: scores are less than 1
-    order = np.argsort(2.0 * way + (TIE * row - scores[way, row]))
-    way, row = way[order], row[order]
-    again = np.ones(len(way), np.intp)
-    again[np.unique((way << SQUARE_BITS) + squares[row], return_index=True)[1]] = 0
-    order = np.argsort(2 * way + again, kind="stable")
-    way, row = way[order], row[order]
-    rank = np.arange(len(way)) - np.searchsorted(way, way)
+    order = np.argsort(2.0 * candidate + (TIE * row - scores[candidate, row]))
+    candidate, row = candidate[order], row[order]
+    again = np.ones(len(candidate), np.intp)
+    again[np.unique((candidate << SQUARE_BITS) + squares[row], return_index=True)[1]] = 0
+    order = np.argsort(2 * candidate + again, kind="stable")
+    candidate, row = candidate[order], row[order]
+    rank = np.arange(len(candidate)) - np.searchsorted(candidate, candidate)
     kept = rank < each
-    return way[kept], row[kept], rank[kept]
+    return candidate[kept], row[kept], rank[kept]
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:
     """Slices of so many rows, one after another."""
     for first in range(0, count, size):
         yield slice(first, min(first + size, count))
+
+
+FINER = 2
+"""Places on the side of a cell, and headings for each of a map: what is moved by less than the distance of a map's
+places can mostly be reached from its postures.
+"""
+HALF = 1 << 12
+"""More cells than a place is away in any direction."""
+
+
+def moved_to_room(found: BaseCandidates, floor: Floor, middle: Array, yaw: float, most: int) -> BaseCandidates:
+    """Candidates, each at the nearest place with room of a lattice around ``middle`` (2,) that is turned by ``yaw``.
+
+    Of each way the best are moved, no more than ``most`` in all. Those near to which there is no room are left out, of
+    those that become equal all but the best.
+    """
+    found = found.chosen(np.sort(np.lexsort((-found.scores.round(9), found.ranks))[:most]))
+    c, s = math.cos(yaw), math.sin(yaw)
+    turn = np.array([[c, s], [-s, c]])
+    angle = 2 * math.pi / (FINER * YAWS)
+    local = (found.bases[:, :2] - middle) @ turn.T / CELL
+    cells = np.rint(local + HAIR).astype(np.int64)
+    headings = np.rint((found.bases[:, 2] - yaw) / angle + HAIR).astype(np.int64) % (FINER * YAWS)
+    keys = ((cells[:, 0] + HALF) * 2 * HALF + cells[:, 1] + HALF) * FINER * YAWS + headings
+    _, first, index = np.unique(keys, return_index=True, return_inverse=True)
+    inner = (np.arange(FINER) - (FINER - 1) / 2) / FINER
+    corners = np.stack(np.meshgrid(inner, inner, indexing="ij"), axis=-1).reshape(-1, 2)
+    spots = (cells[first][:, None] + corners) * CELL @ turn + middle  # (k, FINER ** 2, 2)
+    bases = np.concatenate(
+        [spots, np.broadcast_to((headings[first] * angle + yaw)[:, None, None], (*spots.shape[:2], 1))], axis=2
+    )
+    free = floor.holds(bases.reshape(-1, 3)).reshape(bases.shape[:2])
+    away = np.linalg.norm(local[:, None] - cells[:, None] - corners, axis=2).round(9)
+    away = np.where(free[index], away, np.inf)
+    rows, nearest = np.arange(len(found)), np.argmin(away, axis=1)
+    kept = np.flatnonzero(np.isfinite(away[rows, nearest]))
+    index, nearest = index[kept], nearest[kept]
+    moved = replace(found.chosen(kept), bases=bases[index, nearest])
+    return _distinct(moved, index * FINER**2 + nearest)
+
+
+def _distinct(found: BaseCandidates, place: Array) -> BaseCandidates:
+    """Of candidates with the same arm, way, place (m,) and torso the best one, ranked anew."""
+    order = np.lexsort((-found.scores.round(9), found.torsos, place, found.candidates, found.arms))
+    keys = np.column_stack([found.arms, found.candidates, place, found.torsos])[order]
+    first = np.append(True, (np.diff(keys, axis=0) != 0).any(axis=1))[: len(keys)]
+    found = found.chosen(order[first])
+    found = found.chosen(np.lexsort((-found.scores.round(9), found.candidates, found.arms)))
+    candidates = np.column_stack([found.arms, found.candidates])
+    begins = np.append(True, (np.diff(candidates, axis=0) != 0).any(axis=1))[: len(candidates)]
+    rows = np.arange(len(candidates))
+    return replace(found, ranks=rows - np.maximum.accumulate(np.where(begins, rows, 0)))

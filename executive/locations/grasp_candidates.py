@@ -1,7 +1,7 @@
-"""Ways of a hand: for what a relation asks of it, tip poses that do not depend on where the base stands.
+"""Grasp candidates: tip poses, for what a relation asks of a hand, that do not depend on where the base stands.
 
-A way is a short series of tip poses of one rotation; all ways of a reach are kept in arrays, so that reachability maps
-can be inverted for many at once. The *key* pose of a series is the one that the maps are asked about.
+A candidate is a short series of tip poses of one rotation; all candidates of a reach are kept in arrays, so that
+reachability maps can be inverted for many at once. The *key* pose of a series is the one that the maps are asked about.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
-class HandPlan:
+class HandPoses:
     """One way to satisfy a reach: tip poses (k, 4, 4) in order, a label for people, which body the hand may touch."""
 
     label: str
@@ -54,7 +54,7 @@ class HandPlan:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ways:
+class GraspCandidates:
     """n ways; ``key`` is the number of the key pose in each series."""
 
     text: str
@@ -89,13 +89,13 @@ class Ways:
         poses[..., 3, 3] = 1.0
         return poses
 
-    def plan(self, index: int) -> HandPlan:
+    def plan(self, index: int) -> HandPoses:
         """One way by itself."""
         grasp = CLASSES[int(self.grasps[index])].value
         label = f"{self.text}, {grasp}, heading {math.remainder(float(self.headings[index]), 2 * math.pi):.2f}"
-        return HandPlan(label, self.poses([index])[0], self.touches, self.opened)
+        return HandPoses(label, self.poses([index])[0], self.touches, self.opened)
 
-    def chosen(self, index: ArrayLike) -> Ways:
+    def chosen(self, index: ArrayLike) -> GraspCandidates:
         """Some of them, by indices or a mask."""
         rows = np.asarray(index)
         return replace(
@@ -109,15 +109,15 @@ class Ways:
             weights=self.weights[rows],
         )
 
-    def best(self, most: int) -> Ways:
+    def best(self, most: int) -> GraspCandidates:
         """The most natural ones, in that order."""
         return self.chosen(np.argsort(-self.weights.round(6), kind="stable")[:most])
 
 
 @lru_cache(maxsize=8)  # arms of one kind have the same
-def grasp_ways(
+def grasping(
     name: str, block: Block, frame: HandFrame, max_opening: float, classes: tuple[GraspClass, ...], headings: int
-) -> Ways:
+) -> GraspCandidates:
     """Pre-grasp, grasp, lift and retreat; the fingers close horizontally across what fits between them [m]."""
     grasps, yaws, rolls, weights = [], [], [], []
     for grasp in classes:
@@ -144,7 +144,7 @@ def grasp_ways(
     return _ways(f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True)
 
 
-def above_ways(
+def held_above(
     name: str,
     block: Block,
     frame: HandFrame,
@@ -154,7 +154,7 @@ def above_ways(
     *,
     inset: float,
     fine: bool,
-) -> Ways:
+) -> GraspCandidates:
     """Hand level over the block's top, so that what it holds would come down whole on it; near the edges first.
 
     ``heights``: of the lowest point over the top, least and greatest [m]; ``lowest``: where that is, relative to the
@@ -177,15 +177,15 @@ def above_ways(
 def _over_the_edge(block: Block, places: Array, headings: Array) -> Array:
     """How far inside the edge places (m, 2) are, seen along each heading (h,) from where the hand comes, (m, h)."""
     local = block.to_local(places)
-    ways = headings - block.yaw
-    back = -np.stack([np.cos(ways), np.sin(ways)], axis=1)
+    candidates = headings - block.yaw
+    back = -np.stack([np.cos(candidates), np.sin(candidates)], axis=1)
     half = np.array([block.half_x, block.half_y])
     with np.errstate(divide="ignore", invalid="ignore"):
         out = (np.sign(back)[None] * half - local[:, None]) / back[None]
     return np.asarray(np.where(np.abs(back)[None] < 1e-9, np.inf, out).min(axis=2))
 
 
-def offer_ways(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool) -> Ways:
+def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool) -> GraspCandidates:
     """Hand level, what it holds inside the person's comfort zone, coming from where they face."""
     points = zone.points()
     points = points if fine else points[np.argsort(-zone.margins(points).round(6), kind="stable")[:16]]
@@ -197,7 +197,7 @@ def offer_ways(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None
     return found.best(1200 if fine else 64)
 
 
-def place_ways(name: str, centres: Array, frame: HandFrame, held: Held, *, fine: bool) -> Ways:
+def placing(name: str, centres: Array, frame: HandFrame, held: Held, *, fine: bool) -> GraspCandidates:
     """Over a place and down on it, for what is held: its centre comes to ``centres`` (m, 3), upright."""
     count = HEADINGS if fine else HEADINGS // 2
     turns: Array = np.asarray(np.arange(count) * (2 * math.pi / count), np.float64)
@@ -207,7 +207,7 @@ def place_ways(name: str, centres: Array, frame: HandFrame, held: Held, *, fine:
     rotations = _turned(turns[turn] - heading) @ base
     points = centres[at] - held.offsets(rotations)
     offsets = np.tile(np.array([[0.0, 0.0, LOWERING], [0.0, 0.0, 0.0]]), (len(at), 1, 1))
-    return Ways(
+    return GraspCandidates(
         f"put on {name}",
         points,
         rotations,
@@ -220,7 +220,7 @@ def place_ways(name: str, centres: Array, frame: HandFrame, held: Held, *, fine:
     ).best(1200 if fine else 64)
 
 
-def retreat_ways(name: str, grasp: Array, frame: HandFrame) -> Ways:
+def retreating(name: str, grasp: Array, frame: HandFrame) -> GraspCandidates:
     """Back to where the hand came from with what it holds: along the approach, raised so that it clears its support.
 
     ``grasp`` (4, 4) is the tip pose at which the object was grasped.
@@ -229,7 +229,7 @@ def retreat_ways(name: str, grasp: Array, frame: HandFrame) -> Ways:
     approach = grasp[:3, :3] @ np.asarray(frame.approach)
     rises = np.array([[0.0, 0.0, rise] for rise in LIFTS])
     count = len(rises)
-    return Ways(
+    return GraspCandidates(
         f"lift {name}",
         grasp[:3, 3] + rises,
         np.tile(grasp[:3, :3], (count, 1, 1)),
@@ -253,8 +253,8 @@ def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
     return back
 
 
-def joined(parts: list[Ways]) -> Ways:
-    """Ways of one kind together."""
+def joined(parts: list[GraspCandidates]) -> GraspCandidates:
+    """Candidates of one kind together."""
     first = parts[0]
     return replace(
         first,
@@ -289,22 +289,26 @@ def _level(
     frame: HandFrame,
     held: Held | None,
     lowest: Callable[[Array], Array] | None = None,
-) -> Ways:
+) -> GraspCandidates:
     """Hand level, with either roll, or what it holds upright, its middle at places (m, 3).
 
-    With ``lowest`` (see :func:`above_ways`) it is the lowest point of hand and held object whose height they say.
+    With ``lowest`` (see :func:`held_above`) it is the lowest point of hand and held object whose height they say.
     """
     count = len(places)
     still = np.zeros((count, 1, 3))
     if held is None:
         side = [CLASSES.index(GraspClass.SIDE)] * count
-        ways = joined(
+        candidates = joined(
             [
                 _ways(text, places, still, 0, side, list(headings), [roll] * count, list(weights), frame)
                 for roll in (1, -1)
             ]
         )
-        return ways if lowest is None else replace(ways, points=_raised(ways.points, lowest(ways.rotations)))
+        return (
+            candidates
+            if lowest is None
+            else replace(candidates, points=_raised(candidates.points, lowest(candidates.rotations)))
+        )
     base, grasp, heading, roll = _held_upright(frame, held)
     rotations = _turned(headings - heading) @ base
     points = places - held.offsets(rotations)
@@ -312,7 +316,7 @@ def _level(
         points[:, 2] = places[:, 2]
         points = _raised(points, lowest(rotations))
     rolls, grasps = np.full(count, roll, np.intp), np.full(count, grasp, np.intp)
-    return Ways(text, points, rotations, still, 0, grasps, headings, rolls, weights)
+    return GraspCandidates(text, points, rotations, still, 0, grasps, headings, rolls, weights)
 
 
 def _raised(points: Array, lowest: Array) -> Array:
@@ -356,11 +360,11 @@ def _ways(
     *,
     touches: str | None = None,
     opened: bool = False,
-) -> Ways:
+) -> GraspCandidates:
     kinds, heading, roll = np.array(grasps, np.intp), np.array(yaws, float), np.array(rolls, np.intp)
     rotations = np.zeros((len(kinds), 3, 3))
     for index, grasp in enumerate(CLASSES):
         mine = np.flatnonzero(kinds == index)
         rotations[mine] = grasp.rotations(heading[mine], roll[mine], frame)
     natural = np.array(weights, float)
-    return Ways(text, points, rotations, offsets, key, kinds, heading, roll, natural, touches, opened)
+    return GraspCandidates(text, points, rotations, offsets, key, kinds, heading, roll, natural, touches, opened)
