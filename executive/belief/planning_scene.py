@@ -82,7 +82,3 @@ class PlanningScene:
         """Return the robot's configuration as a value that can be compared."""
         now = self.world.configuration()
         return now.base, tuple(now.joints.items())
-
-    def kinematics(self) -> str:
-        """Return how kinematics are computed, "compiled" or "interpreted": answers differ in their last digits."""
-        return " and ".join(sorted({arm.solver.chain.backend.kind for arm in self.arms.all})) or "none"
