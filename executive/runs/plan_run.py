@@ -223,7 +223,7 @@ class Run:
             "urdf_sha256": sha256(robot.urdf),
             "map": semantic_map.iri,
             "map_sha256": [document.sha256 for document in semantic_map.ontology.documents],
-            "versions": {**_versions(), "kinematics": platform.scene.kinematics()},
+            "versions": _versions(),
         }
         if self.registry.identity:
             header["modules"] = self.registry.identity

@@ -8,7 +8,7 @@ from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RANGE, RDF, RDFS, TYPE, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
-from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, Filling, filled, is_word
+from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
 from planlang.recipe.units import dimension_of, unit, unit_of
 from planlang.relations import of_owl_property
 
@@ -270,16 +270,21 @@ def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> It
 
     Superclasses and equivalent classes count alike. What the bundled vocabulary says about its own classes does not.
     """
-    yield [filling for filling in more if not is_word(filling.property, *NO_PARAMETERS)]
+    yield [filling for filling in more if _may_fill(filling.property)]
     cls = iri
     if not ontology.is_class(iri):
         cls = action_class(ontology, iri) or iri
-        yield [filling for filling in _facts(ontology, iri) if not is_word(filling.property, *NO_PARAMETERS)]
+        yield [filling for filling in _facts(ontology, iri) if _may_fill(filling.property)]
     key = ("fillings", cls)
     if key not in ontology.kept:
         ancestors = ontology.ancestors(cls)
         ontology.kept[key] = [level for ancestor in ancestors if (level := _restricted(ontology, ancestor))]
     yield from ontology.kept[key]
+
+
+def _may_fill(property_name: str) -> bool:
+    """True for a property (IRI) that may say on what an action acts; others say how, when or with what right."""
+    return not is_word(property_name, *NO_PARAMETERS, *REGISTERED_WORDS)
 
 
 def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
@@ -289,7 +294,7 @@ def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
     if found is None:
         is_said = shorten(cls) == cls or ontology.main(cls)
         every = filled(ontology.restrictions(cls)) if is_said else ()
-        found = known[cls] = [filling for filling in every if not is_word(filling.property, *NO_PARAMETERS)]
+        found = known[cls] = [filling for filling in every if _may_fill(filling.property)]
     return found
 
 
@@ -325,7 +330,9 @@ def unread_facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
     """The facts of an individual that neither fill a property of actions nor say how it is performed."""
     for triple in ontology.triples(s=individual):
         name = triple.predicate
-        is_bookkeeping = is_word(name, *NO_PARAMETERS, *READ_BY_DIALECTS) or _is_annotation(ontology, name)
+        is_bookkeeping = is_word(name, *NO_PARAMETERS, *READ_BY_DIALECTS, *REGISTERED_WORDS) or _is_annotation(
+            ontology, name
+        )
         if not is_bookkeeping and not _is_of_actions(ontology, name):
             yield Filling(name, triple.object, triple.span)
 

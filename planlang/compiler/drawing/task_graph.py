@@ -38,7 +38,7 @@ class Order(Enum):
     STATED = "stated"
     """The recipe states it, and it follows from no other."""
     ADDED = "added"
-    """The compiler adds it: what is done from one place is done together."""
+    """The compiler adds it: steps at one place are performed together."""
     TRANSITION = "transition"
     """No order: the one state is left for the other."""
     OVERLAP = "overlap"
@@ -191,7 +191,7 @@ class _Builder:
         for before, after in recipe_order(recipe).reduction():
             yield _arrow(keys, before, after, Order.STATED, _why(stated[before, after]))
         for before, after in self._added.get(recipe.iri, ()):
-            why = "added by the compiler: what is done from one place is done together"
+            why = "added by the compiler: steps at one place are performed together"
             yield _arrow(keys, before, after, Order.ADDED, why)
 
 
