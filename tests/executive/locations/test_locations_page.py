@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from planlang.phrases.words import GRASP_FORMS
+from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.relations import RELATIONS
 
 CHECKOUT = Path(__file__).resolve().parents[3]
