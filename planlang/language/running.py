@@ -112,7 +112,7 @@ def _inside(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive:
 
 
 def _schedule(schedule: Any) -> Schedule:
-    """A schedule, a number of whatever class as int; refuses what is none."""
+    """Return a schedule, a number of whatever class as int; refuses what is none."""
     number = whole_number(schedule)
     if number is not None and number < 0:
         raise RUN.wrong("schedule", schedule, SCHEDULE, WrongValue)
@@ -134,7 +134,7 @@ def _check(executive: object, trace: object, on_start: object) -> None:
 
 
 def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: Schedule) -> dict[str, object]:
-    """What the header of a trace says about a run."""
+    """Return what the header of a trace says about a run."""
     marked = plan
     while isinstance(marked, functools.partial):
         marked = marked.func
