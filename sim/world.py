@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from planlang.protocols import Configuration, Detection, Motion, Trajectory
-from sim import picture, snapshots
+from sim import snapshots
 from sim.kinematic import KinematicScene
+from sim.picture import save_png
 from sim.playback import Playback, advance, begin
 from sim.scene import RobotBody, Scene
 
@@ -98,9 +99,9 @@ class PyBulletWorld(KinematicScene):
         self._here()
         return self._camera.detect(self._optics(), self.robot.link_pose(camera_link))
 
-    def save_picture(self, path: Path | str, width: int = 640, height: int = 480) -> None:
-        """Write :meth:`render` as a PNG file; raises ``OSError`` as writing does."""
-        picture.write(Path(path), self.render(width, height))
+    def save_picture(self, path: Path, of: Collection[str] = (), width: int = 640, height: int = 480) -> None:
+        """Write :meth:`render` as a PNG file; raises OSError as writing does."""
+        save_png(path, self.render(width, height, of=of))
 
     def state(self) -> tuple[object, ...]:
         """Return something hashable that is equal for worlds in which all is at the same place and moves alike."""

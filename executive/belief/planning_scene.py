@@ -42,7 +42,7 @@ class RobotArms:
         return None
 
     def is_held(self, body: str) -> bool:
-        """Whether one of the hands holds a body."""
+        """Return whether one of the hands holds a body."""
         return any((held := self.held(arm.name)) is not None and held.name == body for arm in self.all)
 
     def grasped_at(self, body: str) -> Array:
@@ -82,7 +82,3 @@ class PlanningScene:
         """Return the robot's configuration as a value that can be compared."""
         now = self.world.configuration()
         return now.base, tuple(now.joints.items())
-
-    def kinematics(self) -> str:
-        """Return how kinematics are computed, "compiled" or "interpreted": answers differ in their last digits."""
-        return " and ".join(sorted({arm.solver.chain.backend.kind for arm in self.arms.all})) or "none"

@@ -107,7 +107,7 @@ class Arms:
 
         def touching(q: Array) -> list[tuple[str, str]]:
             # At the start the whole robot is checked; later what stands still cannot touch anything new.
-            among = None if np.array_equal(q, start) else quick.doubtful(q)
+            among = None if np.array_equal(q, start) else quick.doubtful(q[None])[0]
             contacts = control.scene.collisions.contacts(base, arm, q, touches, among=among)
             return [(contact.part, contact.body) for contact in contacts]
 
@@ -128,7 +128,15 @@ class Arms:
         quick = control.scene.collisions.quick_check(arm, touches)
 
         def is_free(row: Array) -> bool:
-            return not control.scene.collisions.contacts(base, arm, row, touches, among=quick.doubtful(row))
+            return all_free(row[None])
+
+        def all_free(rows: Array) -> bool:
+            contacts = control.scene.collisions.contacts
+            return not any(
+                contacts(base, arm, row, touches, among=pairs)
+                for row, pairs in zip(rows, quick.doubtful(rows), strict=True)
+                if pairs is None or pairs
+            )
 
         chain = arm.solver.chain
         beginning, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
@@ -139,6 +147,6 @@ class Arms:
             trajectory = control.timed(arm.joints, line.waypoints, timing)
             rows = trajectory.positions[1:]
             straight = keeps_line(chain.fk(trajectory.positions), beginning, end)
-            if straight and chain.within(rows, 1e-6).all() and all(map(is_free, rows)):
+            if straight and chain.within(rows, 1e-6).all() and all_free(rows):
                 return trajectory
         raise MotionError("in collision or off the line between two steps")
