@@ -5,7 +5,7 @@ Kinematic: nothing has mass, nothing is pushed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from planlang.geometry import Pose
@@ -16,12 +16,11 @@ from sim.camera import Camera, Picture
 from sim.contact import PARTED, Contacts, Held, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
-from sim.people import People
-from sim.person import Reach, parts_of
+from sim.people import People, Reach, parts_of
+from sim.picture import Painter, View
 from sim.rays import Rays
 from sim.robot import Robot
-from sim.scene import CameraModel, RobotBody, Scene
-from sim.view import viewpoint
+from sim.scene import BodyShape, CameraModel, RobotBody, Scene
 
 
 class KinematicScene:
@@ -34,7 +33,7 @@ class KinematicScene:
         """
         self.scene, self.rate = scene, rate
         self._client = connect(gui=gui)
-        persons = {body.name: parts_of(body) for body in scene.bodies if body.shape == "person"}
+        persons = {body.name: parts_of(body) for body in scene.bodies if body.shape is BodyShape.PERSON}
         self._bodies = Bodies(self._client, scene, persons)
         self._camera = Camera(self._client, self._bodies)
         self._people = People(self._bodies, rate)
@@ -198,16 +197,16 @@ class KinematicScene:
         return () if self._robot is None else self._find(self._now, Query())
 
     def render(
-        self,
-        width: int = 640,
-        height: int = 480,
-        eye: Sequence[float] | None = None,
-        target: Sequence[float] | None = None,
+        self, width: int = 640, height: int = 480, view: View | None = None, of: Collection[str] = ()
     ) -> Picture:
-        """(height, width, 3) picture, by default of everything from above a corner; walls in between are left out."""
+        """Return a picture (height, width, 3) from an eye towards a target; walls in between are left out.
+
+        By default it is a close view of things that are asked for ``of``, with the hand and the people at them, else of
+        everything from above a corner.
+        """
         self._here()
-        default_eye, default_target = viewpoint(self._bodies, width / height)
-        return self._camera.render(width, height, eye or default_eye, target or default_target)
+        painter, aspect = Painter(self._bodies, self._people, self._robot), width / height
+        return painter.render(width, height, view or painter.closeup(of, aspect) or painter.overview(aspect))
 
     def state(self) -> tuple[object, ...]:
         """Return something hashable that is equal for worlds in which everything is at the same place."""
