@@ -16,7 +16,7 @@ from executive.belief.free_floor import BasePose
 from executive.locations import Reach, ReachSolution
 from executive.locations.reach import HandTerm
 from executive.locations.ways import HandPlan
-from executive.modules.arm_choice import ArmChoices
+from executive.modules.arms import ArmChoices
 from executive.modules.platform import Platform
 from executive.modules.registry import bundled_modules
 from executive.robots import CARRYING
