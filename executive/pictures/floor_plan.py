@@ -12,8 +12,8 @@ import numpy as np
 from executive.belief.free_floor import BasePose
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.areas import Facing
-from executive.locations.rejections import Judged
-from executive.locations.relations import base_demand, thing_demand
+from executive.locations.demands import base_demand, thing_demand
+from executive.locations.rejections import Validated
 from executive.pictures.drawing import FAINT, FINE, INK, PAPER, Colour, Sheet, blended, font
 from planlang.designators import Location
 from planlang.failures import LocationUnresolvable
@@ -83,7 +83,7 @@ class Resolution:
 
     title: str
     places: Sequence[BasePose]
-    judged: Sequence[Judged]
+    judged: Sequence[Validated]
     scored: Sequence[tuple[Array, Array]] = ()
     """Candidates (m, 3) before they were judged, and their scores (m,)."""
     refused: Sequence[tuple[str, Array]] = ()

@@ -1,7 +1,7 @@
-"""Places for the base from which a hand can do what is asked: candidates of the maps, judged block by block.
+"""Base poses from which a hand can do what is asked: candidates of the maps, validated block by block.
 
-Spheres inside the arm and warm-started inverse kinematics rule out most of them, the planning world judges the rest
-one by one, only as many as are asked for.
+Spheres inside the arm and warm-started inverse kinematics rule out most of them, the planning scene the rest, one by
+one, only as many as are asked for.
 """
 
 from __future__ import annotations
@@ -15,17 +15,22 @@ from numpy.typing import NDArray
 
 from executive.belief.free_floor import BasePose
 from executive.belief.visibility import Unseen
-from executive.locations.between import between
-from executive.locations.blind import Blind
-from executive.locations.candidates import Candidates, Conjunct, Misses, invert
-from executive.locations.effort import Effort
-from executive.locations.hand_ways import ways_of
-from executive.locations.judging import PLACES, BaseJudge, scored, unmet
-from executive.locations.reach import Reach, ReachSolution, hand_is_stopped
+from executive.locations.base_candidates import BaseCandidates, Conjunct, Misses, invert, moved_to_room
+from executive.locations.demands import BaseDemand, Reach
+from executive.locations.grasp_candidates import CLASSES, GraspCandidates
+from executive.locations.hand_predicates import candidates_of
+from executive.locations.hand_solutions import (
+    OFF_LATTICE,
+    ON_LATTICE,
+    HandSolution,
+    arms_have_room,
+    hand_is_stopped,
+    solve,
+    unblocked,
+)
 from executive.locations.rejections import Rejections
-from executive.locations.relations import BaseDemand
-from executive.locations.solving import OFF_LATTICE, ON_LATTICE, arms_have_room, solve, unblocked
-from executive.locations.ways import CLASSES, Ways
+from executive.locations.search_budget import SearchBudget
+from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion, scored, unmet
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
@@ -39,47 +44,53 @@ TRAVEL = 8.0
 """Distance over which a place loses most of its worth [m]."""
 
 
-class ReachingSearch:
+class ReachSearch:
     """One search for places from which all that is wanted can be reached."""
 
     def __init__(
         self,
-        judge: BaseJudge,
+        validator: BaseValidator,
         wanted: Sequence[Reach],
         demand: BaseDemand,
         arms: Sequence[ArmModel],
-        effort: Effort,
+        budget: SearchBudget,
         log: Rejections,
         is_taken: Callable[[BasePose], bool] | None = None,
     ) -> None:
         """``is_taken`` tells of which places nothing needs to be known any more."""
         self.is_taken = is_taken
-        self.judge, self.scene, self.inverse = judge, judge.scene, judge.inverse
-        self.wanted, self.demand, self.arms, self.effort, self.log = wanted, demand, arms, effort, log
+        self.validator, self.scene, self.inverse = validator, validator.scene, validator.inverse
+        self.wanted, self.demand, self.arms, self.budget, self.log = wanted, demand, arms, budget, log
 
     def places(self) -> Iterator[Solution]:
-        """Places from which the first reach is possible by the maps, judged block by block."""
-        scene, judge, effort, log = self.scene, self.judge, self.effort, self.log
+        """Yield places from which the first reach is possible by the maps, judged block by block."""
+        scene, validator, budget, log = self.scene, self.validator, self.budget, self.log
         first = self.wanted[0]
-        asked = [(arm, ways_of(first, arm, scene, log, effort.extent)) for arm in judge.arms_for(first, self.arms)]
-        possible = [(arm, ways) for arm, ways in asked if ways is not None]
+        asked = [
+            (arm, candidates_of(first, arm, scene, log, budget.stage)) for arm in validator.arms_for(first, self.arms)
+        ]
+        possible = [(arm, candidates) for arm, candidates in asked if candidates is not None]
         if not possible:
             return
-        reach = max(self.inverse(arm, CLASSES[g]).reach for arm, ways in possible for g in set(ways.grasps.tolist()))
-        near = _sphere([ways.points for _, ways in possible], reach)
+        reach = max(
+            self.inverse(arm, CLASSES[g]).reach for arm, candidates in possible for g in set(candidates.grasps.tolist())
+        )
+        near = _sphere([candidates.points for _, candidates in possible], reach)
         hands, checks = [], []
-        for arm, ways in possible:
-            check = scene.collisions.arm_check(arm, ways.touches, opened=ways.opened, near=near)
-            if len(free := unblocked(ways, check, log)):
+        for arm, candidates in possible:
+            check = scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened, near=near)
+            if len(free := unblocked(candidates, check, log)):
                 hands.append((arm, free))
                 checks.append(check)
         if not hands:
             return
-        middle = np.mean([ways.points.mean(axis=0) for _, ways in hands], axis=0)
-        spread = max(float(np.linalg.norm(ways.points[:, :2] - middle[:2], axis=1).max()) for _, ways in hands)
+        middle = np.mean([candidates.points.mean(axis=0) for _, candidates in hands], axis=0)
+        spread = max(
+            float(np.linalg.norm(candidates.points[:, :2] - middle[:2], axis=1).max()) for _, candidates in hands
+        )
         floor = scene.collisions.floor()
         room = floor.field((float(middle[0]), float(middle[1])), scene.bodies.block(first.body).yaw, spread + reach)
-        bands = [(reach.body, judge.band(reach, self.arms)) for reach in self.wanted[1:]]
+        bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
         conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
         conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
         found = invert(
@@ -88,10 +99,10 @@ class ReachingSearch:
             room,
             conjuncts,
             scene.collisions.lifted,
-            misses=self._unseen() if effort.fine else None,
-            least=effort.least,
-            rows=effort.rows,
-            each=effort.each,
+            misses=self._unseen() if budget.fine else None,
+            least=budget.least,
+            rows=budget.rows,
+            each=budget.each,
         )
         log.scored.append((found.bases, found.scores))
         log.add("no room for the base", found.without_room)
@@ -99,31 +110,31 @@ class ReachingSearch:
             log.add(reason, number)
         log.add("not visible", found.unseen)
         if not len(found) and not found.without_room and not found.unwanted.total() and not found.unseen:
-            log.add("out of reach", sum(len(ways) for _, ways in hands))
+            log.add("out of reach", sum(len(candidates) for _, candidates in hands))
         if log.explained:
-            judge.name_crowding(found.crowded, log)
+            validator.name_crowding(found.crowded, log)
         if len(found):
             some, stance = False, scene.collisions.stance_check(near)
             for solution in self._in_blocks(found, hands, checks, middle, stance):
                 some = True
                 yield solution
-            if effort.then is not None and not some and self.is_taken is None:
-                moved = between(found, floor, middle[:2], room.yaw, effort.most)
-                then = self._between(effort.then)
+            if budget.then is not None and not some and self.is_taken is None:
+                moved = moved_to_room(found, floor, middle[:2], room.yaw, budget.most)
+                then = self._between(budget.then)
                 yield from then._in_blocks(moved, hands, checks, middle, stance, self._unseen()) if len(moved) else ()
         if not log.explained:
-            judge.name_crowding(found.crowded, log)
+            validator.name_crowding(found.crowded, log)
 
-    def _between(self, effort: Effort) -> ReachingSearch:
-        """The same search for candidates that have been looked at elsewhere already: they are not counted again."""
+    def _between(self, budget: SearchBudget) -> ReachSearch:
+        """Return the same search for candidates that were looked at elsewhere: they are not counted again."""
         log = self.log
         log = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
-        return ReachingSearch(self.judge, self.wanted, self.demand, self.arms, effort, log)
+        return ReachSearch(self.validator, self.wanted, self.demand, self.arms, budget, log)
 
     def _unseen(self) -> Misses | None:
         """Tells from which bases the robot itself is in the way of seeing what has to be seen."""
         view = self.scene.visibility.own_view()
-        names = self.judge.to_see(self.demand)
+        names = self.validator.to_see(self.demand)
         if view is None or not names:
             return None
         each = [Unseen(view, self.scene.bodies.block(name)) for name in names]
@@ -131,37 +142,37 @@ class ReachingSearch:
 
     def _in_blocks(
         self,
-        found: Candidates,
-        hands: Sequence[tuple[ArmModel, Ways]],
+        found: BaseCandidates,
+        hands: Sequence[tuple[ArmModel, GraspCandidates]],
         checks: Sequence[QuickCheck],
         middle: Array,
         stance: QuickCheck,
         misses: Misses | None = None,
     ) -> Iterator[Solution]:
-        scene, effort, log = self.scene, self.effort, self.log
+        scene, budget, log = self.scene, self.budget, self.log
         x, y, _ = scene.base()
-        order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), effort.most)
+        order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), budget.most)
         found = found.chosen(order)
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
         bases = bases.round(PLACES)  # as they are told
         floor, judged, undecided = scene.collisions.floor(), 0, np.ones(len(found), bool)
-        blind = Blind(middle[:2], strict=effort.fine)
+        occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         failed = _Failed()
-        failures: dict[tuple[int, int], tuple[ReachSolution, BasePose]] = {}
+        failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
         stopped: dict[tuple[int, int], bool] = {}
         bodies_around = frozenset(scene.bodies.names())
-        postponed: list[tuple[int, ReachSolution]] = []
+        postponed: list[tuple[int, HandSolution]] = []
 
-        def is_stopped(number: int, way: int) -> bool:
-            """Whether the hand itself is in something, so that no place of a way that has failed before will do."""
-            key = (number, way)
+        def is_stopped(number: int, candidate: int) -> bool:
+            """Return whether the hand itself is in something: then no base pose of a candidate that failed will do."""
+            key = (number, candidate)
             if key in failures and key not in stopped:
                 stopped[key] = hand_is_stopped(*failures[key], scene, checks[number])
             return stopped.get(key, False)
 
         def standing() -> Iterator[NDArray[np.intp]]:
-            """Candidates with room for base and arms, block by block; looked at in ever larger parts."""
-            waiting, first, size = np.zeros(0, np.intp), 0, effort.block
+            """Yield candidates with room for base and arms, block by block; looked at in ever larger parts."""
+            waiting, first, size = np.zeros(0, np.intp), 0, budget.block
             while first < len(found):
                 rows = np.arange(first, min(first + size, len(found)))
                 first, size = first + size, min(2 * size, AT_ONCE)
@@ -171,14 +182,14 @@ class ReachingSearch:
                 rows = rows[roomy]
                 undecided[rows] = arms_have_room(bases[rows], stance, log)
                 waiting = np.append(waiting, rows[undecided[rows]])
-                while len(waiting) >= effort.block or (len(waiting) and first >= len(found)):
-                    yield waiting[: effort.block]
-                    waiting = waiting[effort.block :]
+                while len(waiting) >= budget.block or (len(waiting) and first >= len(found)):
+                    yield waiting[: budget.block]
+                    waiting = waiting[budget.block :]
 
-        def looked_at() -> Iterator[tuple[int, ReachSolution, bool]]:
-            """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
+        def looked_at() -> Iterator[tuple[int, HandSolution, bool]]:
+            """Yield candidates that spheres and inverse kinematics leave; at last those like others that failed."""
             for rows in standing():
-                undecided[rows] = [not is_stopped(int(found.arms[row]), int(found.ways[row])) for row in rows]
+                undecided[rows] = [not is_stopped(int(found.arms[row]), int(found.candidates[row])) for row in rows]
                 rows = rows[undecided[rows]]
                 undecided[rows], joints = self._solved(found, rows, bases, hands, checks)
                 rows = rows[undecided[rows]]
@@ -186,53 +197,58 @@ class ReachingSearch:
                     undecided[rows] = ~misses(bases[rows])
                     rows = rows[undecided[rows]]
                 for row in rows.tolist():
-                    arm, ways = hands[int(found.arms[row])]
-                    solution = ReachSolution(self.wanted[0], arm, ways.plan(int(found.ways[row])), joints[row])
+                    arm, candidates = hands[int(found.arms[row])]
+                    solution = HandSolution(
+                        self.wanted[0], arm, candidates.plan(int(found.candidates[row])), joints[row]
+                    )
                     yield row, solution, True
-            if effort.fine:
+            if budget.fine:
                 for row, solution in postponed:
                     yield row, solution, False
 
         for row, solution, first in looked_at():
-            number, way = int(found.arms[row]), int(found.ways[row])
+            number, candidate = int(found.arms[row]), int(found.candidates[row])
             base = bases[row]
             place = (float(base[0]), float(base[1]), float(base[2]))
-            heading = float(hands[number][1].headings[way])
-            if (self.is_taken is not None and self.is_taken(place)) or is_stopped(number, way):
+            heading = float(hands[number][1].headings[candidate])
+            if (self.is_taken is not None and self.is_taken(place)) or is_stopped(number, candidate):
                 undecided[row] = False
                 continue
-            if first and (failed.near(number, base, heading) or blind.covers(base)):
+            if first and (failed.near(number, base, heading) or occlusion.covers(base)):
                 postponed.append((row, solution))
                 continue
-            if judged >= effort.exact:
+            if judged >= budget.exact:
                 log.add("not looked at", int(undecided.sum()))
                 return
             undecided[row] = False
             score = float(found.scores[row])
-            answer = self.judge.complete(place, score, solution, self.wanted, self.demand, blind, log, checks[number])
+            answer = self.validator.complete(
+                place, score, solution, self.wanted, self.demand, occlusion, log, checks[number]
+            )
             if isinstance(answer, Solution):
                 yield answer
                 continue
             judged += 1
             failed.add(number, base, heading)
             if answer in bodies_around:
-                failures.setdefault((number, way), (solution, place))
+                failures.setdefault((number, candidate), (solution, place))
 
     def _solved(
         self,
-        found: Candidates,
+        found: BaseCandidates,
         rows: NDArray[np.intp],
         bases: Array,
-        hands: Sequence[tuple[ArmModel, Ways]],
+        hands: Sequence[tuple[ArmModel, GraspCandidates]],
         checks: Sequence[QuickCheck],
     ) -> tuple[NDArray[np.bool_], dict[int, Array]]:
-        """Which candidates (rows) have joint values as far as spheres tell, and these (k, d) by row."""
+        """Return which candidates (rows) have joint values as far as spheres tell, and these (k, d) by row."""
         ok = np.zeros(len(rows), bool)
         joints: dict[int, Array] = {}
-        for number, (arm, ways) in enumerate(hands):
-            for grasp in np.unique(ways.grasps):
+        for number, (arm, candidates) in enumerate(hands):
+            for grasp in np.unique(candidates.grasps):
                 mine = np.flatnonzero(
-                    (found.arms[rows] == number) & (ways.grasps[found.ways[rows] % len(ways)] == grasp)
+                    (found.arms[rows] == number)
+                    & (candidates.grasps[found.candidates[rows] % len(candidates)] == grasp)
                 )
                 if not len(mine):
                     continue
@@ -241,8 +257,8 @@ class ReachingSearch:
                 seeds = forward.seeds(found.rows[chosen], found.torsos[chosen])
                 slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
                 solved = solve(
-                    ways,
-                    found.ways[chosen],
+                    candidates,
+                    found.candidates[chosen],
                     bases[chosen],
                     arm,
                     seeds[:, None],
@@ -262,7 +278,7 @@ def _within(centre: tuple[float, float], least: float, most: float, bases: Array
 
 
 def _sphere(points: Sequence[Array], reach: float) -> tuple[Array, float]:
-    """Middle (3,) and radius [m] of all that a robot may meet that reaches tip positions (n, 3)."""
+    """Return middle (3,) and radius [m] of all that a robot may meet that reaches tip positions (n, 3)."""
     every = np.concatenate(points)
     return every[0], float(np.linalg.norm(every - every[0], axis=1).max()) + reach
 
@@ -278,7 +294,7 @@ class _Failed:
         self._places.append((arm, float(base[0]), float(base[1]), heading))
 
     def near(self, arm: int, base: Array, heading: float) -> bool:
-        """Whether a place nearly like this one has failed."""
+        """Return whether a place nearly like this one has failed."""
         x, y = float(base[0]), float(base[1])
         return any(
             number == arm

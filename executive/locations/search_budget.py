@@ -9,7 +9,7 @@ ALL = 1_000_000
 """More rows than a map has, more places than a way."""
 
 
-class Extent(IntEnum):
+class Stage(IntEnum):
     """How many of the ways of a hand are looked at; each has those of the ones before."""
 
     NATURAL = 0
@@ -19,10 +19,10 @@ class Extent(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class SearchBudget:
     """Bounds of one search."""
 
-    extent: Extent
+    stage: Stage
     least: float
     """Score of a map's rows that are used."""
     rows: int
@@ -35,19 +35,19 @@ class Effort:
     """Places whose inverse kinematics is solved at once."""
     exact: int
     """Places that are judged exactly."""
-    then: Effort | None = None
+    then: SearchBudget | None = None
     """Bounds for places between those of the maps, when there is nothing at these: no more is looked for then."""
 
     @property
     def fine(self) -> bool:
         """Whether not only natural ways are looked at."""
-        return self.extent > Extent.NATURAL
+        return self.stage > Stage.NATURAL
 
 
-BETWEEN = Effort(Extent.CLOSEST, least=0.0, rows=2_000, each=ALL, most=12_000, block=512, exact=500)
-EFFORTS = (
-    Effort(Extent.NATURAL, least=0.1, rows=400, each=16, most=384, block=48, exact=40),
-    Effort(Extent.NATURAL, least=0.1, rows=400, each=256, most=6_000, block=48, exact=80),
-    Effort(Extent.ALL, least=0.05, rows=400, each=128, most=12_000, block=128, exact=150),
-    Effort(Extent.CLOSEST, least=0.0, rows=2_000, each=ALL, most=40_000, block=512, exact=500, then=BETWEEN),
+BETWEEN = SearchBudget(Stage.CLOSEST, least=0.0, rows=2_000, each=ALL, most=12_000, block=512, exact=500)
+BUDGETS = (
+    SearchBudget(Stage.NATURAL, least=0.1, rows=400, each=16, most=384, block=48, exact=40),
+    SearchBudget(Stage.NATURAL, least=0.1, rows=400, each=256, most=6_000, block=48, exact=80),
+    SearchBudget(Stage.ALL, least=0.05, rows=400, each=128, most=12_000, block=128, exact=150),
+    SearchBudget(Stage.CLOSEST, least=0.0, rows=2_000, each=ALL, most=40_000, block=512, exact=500, then=BETWEEN),
 )

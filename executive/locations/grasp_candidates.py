@@ -1,7 +1,7 @@
-"""Ways of a hand: for what a relation asks of it, tip poses that do not depend on where the base stands.
+"""Grasp candidates: tip poses, for what a relation asks of a hand, that do not depend on where the base stands.
 
-A way is a short series of tip poses of one rotation; all ways of a reach are kept in arrays, so that reachability maps
-can be inverted for many at once. The *key* pose of a series is the one that the maps are asked about.
+A candidate is a short series of tip poses of one rotation; all candidates of a reach are kept in arrays, so that
+reachability maps can be inverted for many at once. The *key* pose of a series is the one that the maps are asked about.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
-class HandPlan:
+class HandPoses:
     """One way to satisfy a reach: tip poses (k, 4, 4) in order, a label for people, which body the hand may touch."""
 
     label: str
@@ -54,7 +54,7 @@ class HandPlan:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ways:
+class GraspCandidates:
     """n ways; ``key`` is the number of the key pose in each series."""
 
     text: str
@@ -81,7 +81,7 @@ class Ways:
         return len(self.points)
 
     def poses(self, index: ArrayLike) -> Array:
-        """Tip poses (m, k, 4, 4) of ways (m,)."""
+        """Return tip poses (m, k, 4, 4) of ways (m,)."""
         chosen = np.asarray(index, np.intp)
         poses = np.zeros((len(chosen), self.offsets.shape[1], 4, 4))
         poses[..., :3, :3] = self.rotations[chosen][:, None]
@@ -89,14 +89,14 @@ class Ways:
         poses[..., 3, 3] = 1.0
         return poses
 
-    def plan(self, index: int) -> HandPlan:
-        """One way by itself."""
+    def plan(self, index: int) -> HandPoses:
+        """Return one way by itself."""
         grasp = CLASSES[int(self.grasps[index])].value
         label = f"{self.text}, {grasp}, heading {math.remainder(float(self.headings[index]), 2 * math.pi):.2f}"
-        return HandPlan(label, self.poses([index])[0], self.touches, self.opened)
+        return HandPoses(label, self.poses([index])[0], self.touches, self.opened)
 
-    def chosen(self, index: ArrayLike) -> Ways:
-        """Some of them, by indices or a mask."""
+    def chosen(self, index: ArrayLike) -> GraspCandidates:
+        """Return some of them, by indices or a mask."""
         rows = np.asarray(index)
         return replace(
             self,
@@ -109,16 +109,16 @@ class Ways:
             weights=self.weights[rows],
         )
 
-    def best(self, most: int) -> Ways:
-        """The most natural ones, in that order."""
+    def best(self, most: int) -> GraspCandidates:
+        """Return the most natural ones, in that order."""
         return self.chosen(np.argsort(-self.weights.round(6), kind="stable")[:most])
 
 
 @lru_cache(maxsize=8)  # arms of one kind have the same
-def grasp_ways(
+def grasping(
     name: str, block: Block, frame: HandFrame, max_opening: float, classes: tuple[GraspClass, ...], headings: int
-) -> Ways:
-    """Pre-grasp, grasp, lift and retreat; the fingers close horizontally across what fits between them [m]."""
+) -> GraspCandidates:
+    """Return candidates for pre-grasp, grasp, lift and retreat; the fingers close horizontally across the body."""
     grasps, yaws, rolls, weights = [], [], [], []
     for grasp in classes:
         for number in range(headings):
@@ -144,7 +144,7 @@ def grasp_ways(
     return _ways(f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True)
 
 
-def above_ways(
+def held_above(
     name: str,
     block: Block,
     frame: HandFrame,
@@ -154,8 +154,8 @@ def above_ways(
     *,
     inset: float,
     fine: bool,
-) -> Ways:
-    """Hand level over the block's top, so that what it holds would come down whole on it; near the edges first.
+) -> GraspCandidates:
+    """Return candidates level over the block's top, so that what is held comes down whole on it; near the edges first.
 
     ``heights``: of the lowest point over the top, least and greatest [m]; ``lowest``: where that is, relative to the
     tip, for rotations (m, 3, 3); ``inset``: how far from the edges an empty hand stays [m].
@@ -175,18 +175,18 @@ def above_ways(
 
 
 def _over_the_edge(block: Block, places: Array, headings: Array) -> Array:
-    """How far inside the edge places (m, 2) are, seen along each heading (h,) from where the hand comes, (m, h)."""
+    """Return how far inside the edge places (m, 2) are, along each heading (h,) of the hand, (m, h)."""
     local = block.to_local(places)
-    ways = headings - block.yaw
-    back = -np.stack([np.cos(ways), np.sin(ways)], axis=1)
+    candidates = headings - block.yaw
+    back = -np.stack([np.cos(candidates), np.sin(candidates)], axis=1)
     half = np.array([block.half_x, block.half_y])
     with np.errstate(divide="ignore", invalid="ignore"):
         out = (np.sign(back)[None] * half - local[:, None]) / back[None]
     return np.asarray(np.where(np.abs(back)[None] < 1e-9, np.inf, out).min(axis=2))
 
 
-def offer_ways(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool) -> Ways:
-    """Hand level, what it holds inside the person's comfort zone, coming from where they face."""
+def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool) -> GraspCandidates:
+    """Return candidates level, with what is held inside the person's comfort zone, coming from where they face."""
     points = zone.points()
     points = points if fine else points[np.argsort(-zone.margins(points).round(6), kind="stable")[:16]]
     turns = np.array([0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6] if fine else [0.0, 0.8, -0.8])
@@ -197,8 +197,8 @@ def offer_ways(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None
     return found.best(1200 if fine else 64)
 
 
-def place_ways(name: str, centres: Array, frame: HandFrame, held: Held, *, fine: bool) -> Ways:
-    """Over a place and down on it, for what is held: its centre comes to ``centres`` (m, 3), upright."""
+def placing(name: str, centres: Array, frame: HandFrame, held: Held, *, fine: bool) -> GraspCandidates:
+    """Return candidates down onto a place for what is held: its centre comes to ``centres`` (m, 3), upright."""
     count = HEADINGS if fine else HEADINGS // 2
     turns: Array = np.asarray(np.arange(count) * (2 * math.pi / count), np.float64)
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(centres)), np.arange(len(turns)), indexing="ij"))
@@ -207,7 +207,7 @@ def place_ways(name: str, centres: Array, frame: HandFrame, held: Held, *, fine:
     rotations = _turned(turns[turn] - heading) @ base
     points = centres[at] - held.offsets(rotations)
     offsets = np.tile(np.array([[0.0, 0.0, LOWERING], [0.0, 0.0, 0.0]]), (len(at), 1, 1))
-    return Ways(
+    return GraspCandidates(
         f"put on {name}",
         points,
         rotations,
@@ -220,8 +220,8 @@ def place_ways(name: str, centres: Array, frame: HandFrame, held: Held, *, fine:
     ).best(1200 if fine else 64)
 
 
-def retreat_ways(name: str, grasp: Array, frame: HandFrame) -> Ways:
-    """Back to where the hand came from with what it holds: along the approach, raised so that it clears its support.
+def retreating(name: str, grasp: Array, frame: HandFrame) -> GraspCandidates:
+    """Return candidates that go back with what is held: along the approach, raised so that it clears its support.
 
     ``grasp`` (4, 4) is the tip pose at which the object was grasped.
     """
@@ -229,7 +229,7 @@ def retreat_ways(name: str, grasp: Array, frame: HandFrame) -> Ways:
     approach = grasp[:3, :3] @ np.asarray(frame.approach)
     rises = np.array([[0.0, 0.0, rise] for rise in LIFTS])
     count = len(rises)
-    return Ways(
+    return GraspCandidates(
         f"lift {name}",
         grasp[:3, 3] + rises,
         np.tile(grasp[:3, :3], (count, 1, 1)),
@@ -244,7 +244,7 @@ def retreat_ways(name: str, grasp: Array, frame: HandFrame) -> Ways:
 
 
 def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
-    """Where a hand goes with what it has grasped, from approach directions (n, 3): back, and raised by ``rise`` [m].
+    """Return offsets (n, 3) back along approach directions (n, 3) with what is grasped, raised by ``rise`` [m].
 
     What going back along a tilted approach raises counts.
     """
@@ -253,8 +253,8 @@ def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
     return back
 
 
-def joined(parts: list[Ways]) -> Ways:
-    """Ways of one kind together."""
+def joined(parts: list[GraspCandidates]) -> GraspCandidates:
+    """Return candidates of one kind together."""
     first = parts[0]
     return replace(
         first,
@@ -269,7 +269,7 @@ def joined(parts: list[Ways]) -> Ways:
 
 
 def classified(rotation: Array, frame: HandFrame) -> tuple[int, float, int]:
-    """The nearest class of a tip rotation (3, 3): its index in CLASSES, the heading [rad] and the roll."""
+    """Return the nearest class of a tip rotation (3, 3): its index in CLASSES, the heading [rad] and the roll."""
     approach = rotation @ np.asarray(frame.approach)
     closing = rotation @ np.asarray(frame.closing)
     pitch = math.asin(float(np.clip(-approach[2], -1.0, 1.0)))
@@ -289,22 +289,26 @@ def _level(
     frame: HandFrame,
     held: Held | None,
     lowest: Callable[[Array], Array] | None = None,
-) -> Ways:
-    """Hand level, with either roll, or what it holds upright, its middle at places (m, 3).
+) -> GraspCandidates:
+    """Return candidates level, with either roll, or what it holds upright, its middle at places (m, 3).
 
-    With ``lowest`` (see :func:`above_ways`) it is the lowest point of hand and held object whose height they say.
+    With ``lowest`` (see :func:`held_above`) it is the lowest point of hand and held object whose height they say.
     """
     count = len(places)
     still = np.zeros((count, 1, 3))
     if held is None:
         side = [CLASSES.index(GraspClass.SIDE)] * count
-        ways = joined(
+        candidates = joined(
             [
                 _ways(text, places, still, 0, side, list(headings), [roll] * count, list(weights), frame)
                 for roll in (1, -1)
             ]
         )
-        return ways if lowest is None else replace(ways, points=_raised(ways.points, lowest(ways.rotations)))
+        return (
+            candidates
+            if lowest is None
+            else replace(candidates, points=_raised(candidates.points, lowest(candidates.rotations)))
+        )
     base, grasp, heading, roll = _held_upright(frame, held)
     rotations = _turned(headings - heading) @ base
     points = places - held.offsets(rotations)
@@ -312,22 +316,22 @@ def _level(
         points[:, 2] = places[:, 2]
         points = _raised(points, lowest(rotations))
     rolls, grasps = np.full(count, roll, np.intp), np.full(count, grasp, np.intp)
-    return Ways(text, points, rotations, still, 0, grasps, headings, rolls, weights)
+    return GraspCandidates(text, points, rotations, still, 0, grasps, headings, rolls, weights)
 
 
 def _raised(points: Array, lowest: Array) -> Array:
-    """Points (m, 3) higher by as much as the lowest point is below them (m,)."""
+    """Return points (m, 3) higher by as much as the lowest point is below them (m,)."""
     return np.asarray(points - lowest[:, None] * np.array([0.0, 0.0, 1.0]))
 
 
 def _held_upright(frame: HandFrame, held: Held) -> tuple[Array, int, float, int]:
-    """A tip rotation that keeps what is held as it stands, and its class, heading and roll."""
+    """Return a tip rotation that keeps what is held as it stands, and its class, heading and roll."""
     base: Array = held.pose.matrix()[:3, :3].T
     return (base, *classified(base, frame))
 
 
 def _turned(angles: Array) -> Array:
-    """Rotations (m, 3, 3) about the vertical."""
+    """Return rotations (m, 3, 3) about the vertical."""
     turns = np.zeros((len(angles), 3, 3))
     turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angles)
     turns[:, 1, 0] = np.sin(angles)
@@ -337,7 +341,7 @@ def _turned(angles: Array) -> Array:
 
 
 def _directions(grasps: list[int], yaws: list[float]) -> Array:
-    """Approach directions (n, 3)."""
+    """Return approach directions (n, 3)."""
     pitch = np.array([CLASSES[grasp].pitch for grasp in grasps])
     yaw = np.array(yaws, float)
     return np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)], axis=-1).reshape(-1, 3)
@@ -356,11 +360,11 @@ def _ways(
     *,
     touches: str | None = None,
     opened: bool = False,
-) -> Ways:
+) -> GraspCandidates:
     kinds, heading, roll = np.array(grasps, np.intp), np.array(yaws, float), np.array(rolls, np.intp)
     rotations = np.zeros((len(kinds), 3, 3))
     for index, grasp in enumerate(CLASSES):
         mine = np.flatnonzero(kinds == index)
         rotations[mine] = grasp.rotations(heading[mine], roll[mine], frame)
     natural = np.array(weights, float)
-    return Ways(text, points, rotations, offsets, key, kinds, heading, roll, natural, touches, opened)
+    return GraspCandidates(text, points, rotations, offsets, key, kinds, heading, roll, natural, touches, opened)

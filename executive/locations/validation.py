@@ -1,4 +1,4 @@
-"""The exact judgement of places for the base, conjunct by conjunct, cheapest first."""
+"""Exact validation of base poses, conjunct by conjunct, cheapest first."""
 
 from __future__ import annotations
 
@@ -9,24 +9,21 @@ import numpy as np
 
 from executive.belief.free_floor import BasePose
 from executive.belief.planning_scene import PlanningScene
-from executive.locations.areas import Area, Facing
-from executive.locations.blind import Blind
-from executive.locations.doors import Clear
-from executive.locations.effort import Extent
-from executive.locations.hand_ways import ways_of
-from executive.locations.inverse_map import InverseMaps
-from executive.locations.reach import (
-    Reach,
-    ReachSolution,
+from executive.locations.areas import Area, Clear, Facing
+from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
+from executive.locations.hand_predicates import candidates_of
+from executive.locations.hand_solutions import (
+    HandSolution,
     from_base,
     is_among,
     stopped_by,
     stopped_on_the_way,
     touched_at,
+    unblocked,
 )
+from executive.locations.inverse_map import InverseMaps
 from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
-from executive.locations.relations import KINDS, BaseDemand, sides
-from executive.locations.solving import unblocked
+from executive.locations.search_budget import Stage
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
@@ -44,20 +41,47 @@ MOST_REMEMBERED = 64
 """Places of which it is remembered how arms reach from them."""
 
 
-class BaseJudge:
+class SelfOcclusion:
+    """From where the robot's own body hides a thing: told by where the thing is for the robot.
+
+    What hides it at some distance hides what is nearer in that direction; if ``strict`` only places nearly like that
+    are taken as seen through.
+    """
+
+    def __init__(self, what: Array, *, strict: bool) -> None:
+        self._what, self._strict = what, strict
+        self._known: list[tuple[float, float]] = []
+
+    def _seen(self, base: Sequence[float] | Array) -> tuple[float, float]:
+        x, y = float(self._what[0] - base[0]), float(self._what[1] - base[1])
+        return math.hypot(x, y), math.remainder(math.atan2(y, x) - float(base[2]), 2 * math.pi)
+
+    def add(self, base: Sequence[float]) -> None:
+        """The robot hides it from there."""
+        self._known.append(self._seen(base))
+
+    def covers(self, base: Array) -> bool:
+        """Return whether it is probably hidden from a place as well."""
+        away, bearing = self._seen(base)
+        if self._strict:
+            return any(abs(away - d) < 0.03 and abs(bearing - b) < 0.1 for d, b in self._known)
+        return any(away < d + 0.03 and abs(bearing - b) < 0.25 for d, b in self._known)
+
+
+class BaseValidator:
     """Judges places for the base in the believed world, and remembers how arms reach from those it accepts."""
 
     def __init__(self, scene: PlanningScene, inverse: InverseMaps) -> None:
         self.scene, self.inverse = scene, inverse
-        self._reached: dict[tuple[str, BasePose], dict[Reach, ReachSolution]] = {}
+        self._reached: dict[tuple[str, BasePose], dict[Reach, HandSolution]] = {}
 
     def wanted(self, demand: BaseDemand) -> tuple[Reach, ...]:
-        """What has to be reached from the base: not what is in the hand already."""
-        free = (r for r in demand.reaches if r.kind != "retreat" and not self.scene.arms.is_held(r.body))
-        return tuple(sorted(free, key=lambda reach: KINDS.index(reach.kind)))
+        """Return what has to be reached from the base: not what is in the hand already."""
+        free = (r for r in demand.reaches if r.kind is not ReachKind.RETREAT and not self.scene.arms.is_held(r.body))
+        return tuple(sorted(free, key=lambda reach: ORDER.index(reach.kind)))
 
     def arms(self, demand: BaseDemand) -> Sequence[ArmModel]:
-        """The arms one of which does all that is asked, but for what only others can: see :meth:`arms_for`."""
+        """Return the arms one of which does all that is asked, but for what only others can: see :meth:`arms_for`."""
         wanted = self.wanted(demand)
         open_choice = next((reach for reach in wanted if reach.arms is None), None)
         if open_choice is not None:
@@ -66,14 +90,14 @@ class BaseJudge:
         return [arm for arm in self.scene.arms.all if arm.name in named]
 
     def arms_for(self, reach: Reach, arms: Sequence[ArmModel]) -> Sequence[ArmModel]:
-        """Those of some arms that may do a reach; the ones that it names, if it names any.
+        """Return those of some arms that may do a reach; the ones that it names, if it names any.
 
         A thing is grasped with a free hand. All else is about what is held: the arms that hold something do it, if any
         does and none is named.
         """
         if reach.arms is not None:
             arms = [arm for arm in self.scene.arms.all if arm.name in reach.arms]
-        if reach.kind == "grasp":
+        if reach.kind is ReachKind.GRASP:
             return [arm for arm in arms if self.scene.arms.held(arm.name) is None]
         full = [arm for arm in self.scene.arms.all if self.scene.arms.held(arm.name) is not None]
         if reach.arms is not None or not full:
@@ -91,7 +115,7 @@ class BaseJudge:
     def at(
         self, base: BasePose, score: float, demand: BaseDemand, arms: Sequence[ArmModel], log: Rejections
     ) -> Solution | None:
-        """The solution at ``base`` with any of the arms, or None with the reason counted."""
+        """Return the solution at ``base`` with any of the arms, or None with the reason counted."""
         wanted = self.wanted(demand)
         if any(
             math.dist(base[:2], centre) > most or math.dist(base[:2], centre) < least
@@ -103,28 +127,28 @@ class BaseJudge:
         if not wanted:
             return self.answer(base, score, {}, demand, log)
         for arm in arms:
-            reached: dict[Reach, ReachSolution] = {}
+            reached: dict[Reach, HandSolution] = {}
             for reach in wanted:
-                if (way := self._first(reach, base, self.arms_for(reach, [arm]), log)) is None:
+                if (candidate := self._first(reach, base, self.arms_for(reach, [arm]), log)) is None:
                     break
-                reached[reach] = way
+                reached[reach] = candidate
             else:
                 return self.answer(base, score, reached, demand, log)
-        log.judge(base, score, "out of reach")
+        log.remember(base, score, "out of reach")
         return None
 
     def complete(
         self,
         base: BasePose,
         score: float,
-        solution: ReachSolution,
+        solution: HandSolution,
         wanted: Sequence[Reach],
         demand: BaseDemand,
-        blind: Blind,
+        occlusion: SelfOcclusion,
         log: Rejections,
         check: QuickCheck,
     ) -> Solution | str | None:
-        """The exact judgement of a place whose first reach is solved as far as spheres tell, by a check of the arm.
+        """Validate exactly a base pose whose first reach is solved as far as spheres tell, by a check of the arm.
 
         If it will not do because the arm meets something, the name of that.
         """
@@ -132,24 +156,24 @@ class BaseJudge:
         body = touched_at(np.roll(solution.joints, -1, axis=0), solution, base, self.scene, check)
         reason = None if body is None else Reason(COLLISION, body)
         if reason is None:
-            if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, blind):
+            if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, occlusion):
                 return None
             reason = stopped_on_the_way(solution, base, self.scene, check)
         if reason is not None:
             log.count([reason])
-            log.judge(base, score, reason.text, reason.body)
+            log.remember(base, score, reason.text, reason.body)
             return reason.body
         reached = {wanted[0]: solution}
         for reach in wanted[1:]:
             options = self.arms_for(reach, [solution.arm])
-            if (way := self._first(reach, base, options, log)) is None:
-                log.judge(base, score, "out of reach")
+            if (candidate := self._first(reach, base, options, log)) is None:
+                log.remember(base, score, "out of reach")
                 return None
-            reached[reach] = way
+            reached[reach] = candidate
         return self.answer(base, score, reached, demand, log)
 
     def stands(self, base: BasePose, score: float, demand: BaseDemand, log: Rejections) -> bool:
-        """Whether the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
+        """Return whether the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
         scene = self.scene
         place = np.array([base])
         for term in demand.areas:
@@ -158,14 +182,14 @@ class BaseJudge:
         if contacts := scene.collisions.contacts(base):
             body = first_body(contacts)
             log.crowded(body)
-            log.judge(base, score, "no room for the base", body)
+            log.remember(base, score, "no room for the base", body)
             return False
         return True
 
     def sees(
-        self, base: BasePose, score: float, demand: BaseDemand, log: Rejections, blind: Blind | None = None
+        self, base: BasePose, score: float, demand: BaseDemand, log: Rejections, occlusion: SelfOcclusion | None = None
     ) -> bool:
-        """Whether what has to be seen from the base is: what is asked for, and what is going to be handled."""
+        """Return whether what has to be seen from the base is: what is asked for, and what is going to be handled."""
         scene = self.scene
         for name in demand.seen:
             if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in scene.visibility.looked_in_vain(name)):
@@ -176,9 +200,9 @@ class BaseJudge:
                 log.add("not visible")
                 if occluder:
                     log.blocking[occluder] += 1
-                if occluder and blind is not None and occluder not in scene.bodies.names():
-                    blind.add(base)
-                log.judge(base, score, "not visible", occluder or None)
+                if occluder and occlusion is not None and occluder not in scene.bodies.names():
+                    occlusion.add(base)
+                log.remember(base, score, "not visible", occluder or None)
                 return False
         for name in demand.unseen:
             if scene.visibility.hidden(base, name) is None:
@@ -186,70 +210,74 @@ class BaseJudge:
         return True
 
     def to_see(self, demand: BaseDemand) -> tuple[str, ...]:
-        """What has to be seen from the base: what is asked for, and what is going to be handled."""
-        handled = [reach.body for reach in self.wanted(demand) if reach.kind in ("grasp", "offer")]
+        """Return what has to be seen from the base: what is asked for, and what is going to be handled."""
+        handled = [reach.body for reach in self.wanted(demand) if reach.kind in (ReachKind.GRASP, ReachKind.OFFER)]
         return tuple(dict.fromkeys((*demand.seen, *(handled if self.scene.visibility.sighted() else ()))))
 
     def answer(
-        self, base: BasePose, score: float, reached: dict[Reach, ReachSolution], demand: BaseDemand, log: Rejections
+        self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, log: Rejections
     ) -> Solution | None:
-        """A place that all else accepts, unless something is in reach that must not be."""
+        """Return a place that all else accepts, unless something is in reach that must not be."""
         for reach in demand.unreached:
             if self._first(reach, base, self.arms_for(reach, self.scene.arms.all), Rejections()) is not None:
                 _reject(log, base, score, f"{reach.body} is in reach")
                 return None
-        log.judge(base, score)
+        log.remember(base, score)
         if not reached:
             return Solution(base, self.scene.revision(), self._sides(demand))
         arm = next(iter(reached.values())).arm.name
-        for reach, way in reached.items():
-            self._reached.setdefault((way.arm.name, rounded(base)), {})[reach] = way
+        for reach, candidate in reached.items():
+            self._reached.setdefault((candidate.arm.name, rounded(base)), {})[reach] = candidate
         while len(self._reached) > MOST_REMEMBERED:
             del self._reached[next(iter(self._reached))]
-        detail = {"arm": arm, "reaches": [way.plan.label for way in reached.values()], **self._sides(demand)}
+        detail = {
+            "arm": arm,
+            "reaches": [candidate.plan.label for candidate in reached.values()],
+            **self._sides(demand),
+        }
         return Solution(base, self.scene.revision(), detail)
 
     def _sides(self, demand: BaseDemand) -> dict[str, object]:
-        """Whose left and right was meant, where a location names sides."""
+        """Return whose left and right was meant, where a location names sides."""
         return {"frame": said} if (said := sides(demand, self.scene)) else {}
 
-    def _first(self, reach: Reach, base: BasePose, arms: Sequence[ArmModel], log: Rejections) -> ReachSolution | None:
-        """The best way to satisfy a reach from a base with one of some arms."""
+    def _first(self, reach: Reach, base: BasePose, arms: Sequence[ArmModel], log: Rejections) -> HandSolution | None:
+        """Return the best way to satisfy a reach from a base with one of some arms."""
         for arm in arms:
-            for extent in (Extent.NATURAL, Extent.ALL):
+            for stage in (Stage.NATURAL, Stage.ALL):
                 counted = Rejections()
-                ways = ways_of(reach, arm, self.scene, counted, extent)
-                if ways is None:
+                candidates = candidates_of(reach, arm, self.scene, counted, stage)
+                if candidates is None:
                     continue
-                check = self.scene.collisions.arm_check(arm, ways.touches, opened=ways.opened)
-                ways = unblocked(ways, check, counted)
-                way = next(from_base(reach, base, arm, ways, self.scene, self.inverse, counted), None)
-                way = way or self._known(reach, base, arm)
-                if way is not None:
+                check = self.scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened)
+                candidates = unblocked(candidates, check, counted)
+                candidate = next(from_base(reach, base, arm, candidates, self.scene, self.inverse, counted), None)
+                candidate = candidate or self._known(reach, base, arm)
+                if candidate is not None:
                     log.include(counted)
-                    return way
+                    return candidate
             log.include(counted)  # all ways: the natural ones are among them
         return None
 
-    def _known(self, reach: Reach, base: BasePose, arm: ArmModel) -> ReachSolution | None:
-        """How an arm that can do little else from a base reaches from there, if it is known and still does."""
+    def _known(self, reach: Reach, base: BasePose, arm: ArmModel) -> HandSolution | None:
+        """Return how an arm that can do little else from a base reaches from there, if it is known and still does."""
         known = self.reached(arm.name, base).get(reach)
-        ways = None if known is None else ways_of(reach, arm, self.scene, Rejections(), Extent.CLOSEST)
-        if known is None or ways is None or not is_among(known, ways):
+        candidates = None if known is None else candidates_of(reach, arm, self.scene, Rejections(), Stage.CLOSEST)
+        if known is None or candidates is None or not is_among(known, candidates):
             return None
         return known if stopped_by(known, base, self.scene) is None else None
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:
-        """A circle around what a reach is about, outside of which no base can satisfy it: middle, radii [m]."""
+        """Return a circle around what a reach is about, outside of which no base can satisfy it: middle, radii [m]."""
         scene = self.scene
         longest = max((float(np.hypot(*a.shoulder_low[:2])) + a.reach for a in self.arms_for(reach, arms)), default=0.0)
-        if reach.kind == "offer":
+        if reach.kind is ReachKind.OFFER:
             zone = scene.bodies.zone(reach.body)
             x, y, _ = np.mean(zone.shoulders, axis=0)
             return (float(x), float(y)), 0.0, longest + zone.arm_length + 0.5
         block = scene.bodies.block(reach.body)
-        extent = 0.0 if reach.kind == "grasp" else math.hypot(block.half_x, block.half_y)
-        return (block.x, block.y), 0.0, longest + extent + 0.2
+        stage = 0.0 if reach.kind is ReachKind.GRASP else math.hypot(block.half_x, block.half_y)
+        return (block.x, block.y), 0.0, longest + stage + 0.2
 
     def name_crowding(self, crowded: Sequence[tuple[float, Array]], log: Rejections) -> None:
         """Count which bodies take the room of promising places, with their scores; of the best of them."""
@@ -259,38 +287,40 @@ class BaseJudge:
             body = first_body(contacts) if (contacts := self.scene.collisions.contacts(base)) else None
             if body is not None:
                 log.blocking[body] += 1
-            log.judge(base, score, "no room for the base", body)
+            log.remember(base, score, "no room for the base", body)
 
-    def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, ReachSolution]]:
-        """How arms can reach from a place what was asked for when it was found, if that is the last that was found."""
-        return {key: ways for key, ways in self._reached.items() if key[1] == rounded(base)}
+    def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
+        """Return how arms reach from the last base pose that was found what it was found for."""
+        return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
 
-    def reached(self, arm: str, base: BasePose) -> Mapping[Reach, ReachSolution]:
-        """How an arm can reach from a place."""
+    def reached(self, arm: str, base: BasePose) -> Mapping[Reach, HandSolution]:
+        """Return how an arm can reach from a place."""
         return self._reached.get((arm, rounded(base)), {})
 
-    def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[ReachSolution]]) -> None:
+    def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[HandSolution]]) -> None:
         """The inverse of :meth:`reached_from`; nothing else is remembered then."""
-        self._reached = {key: {way.reach: way for way in ways} for key, ways in reached.items()}
+        self._reached = {
+            key: {candidate.reach: candidate for candidate in candidates} for key, candidates in reached.items()
+        }
 
 
 def unmet(term: Area | Facing | Clear) -> str:
-    """What is said of places that a conjunct about the floor refuses."""
+    """Return what is said of places that a conjunct about the floor refuses."""
     return f"not {term.words}".replace("not not ", "")
 
 
 def scored(term: object, bases: Array) -> Array:
-    """The score (n,) of a conjunct about the floor for bases (n, 3)."""
+    """Return the score (n,) of a conjunct about the floor for bases (n, 3)."""
     return term.score(bases if isinstance(term, Facing) else bases[:, :2])  # type: ignore[attr-defined,no-any-return]
 
 
 def _reject(log: Rejections, base: BasePose, score: float, reason: str) -> bool:
     log.add(reason)
-    log.judge(base, score, reason)
+    log.remember(base, score, reason)
     return False
 
 
 def rounded(base: BasePose) -> BasePose:
-    """The same for a place and for where the base stands after it went there."""
+    """Return the same for a place and for where the base stands after it went there."""
     x, y, yaw = base
     return round(x, 4), round(y, 4), round(math.remainder(yaw, 2 * math.pi), 4)
