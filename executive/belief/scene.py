@@ -14,7 +14,7 @@ from planlang.geometry.box import corners
 from planlang.geometry.outline import inside, outline_of
 from planlang.ontology import expand, shorten
 from sim import Body, Scene
-from sim.scene import GRASPABLE_WIDTH
+from sim.scene import GRASPABLE_WIDTH, BodyShape
 
 PENETRATION = 0.02
 """How far a thing may sink into what it stands on [m]."""
@@ -43,7 +43,7 @@ def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None)
     low = float(corners(pose, body.size)[:, 2].min())
     best: tuple[float, str] | None = (0.0, FLOOR) if -PENETRATION <= low <= GAP else None
     for other in scene.bodies:
-        if other.name == name or other.shape in ("marker", "room"):
+        if other.name == name or other.shape in (BodyShape.MARKER, BodyShape.ROOM):
             continue
         place = poses.get(other.name, other.pose)
         top = float(corners(place, other.size)[:, 2].max())
@@ -54,7 +54,7 @@ def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None)
 
 def holds(container: Body, body: Body) -> bool:
     """Whether the centre of a body lies inside the box of another, below its top."""
-    if container.shape in ("marker", "room", "person"):
+    if container.shape in (BodyShape.MARKER, BodyShape.ROOM, BodyShape.PERSON):
         return False
     local = container.pose.inverse() @ body.pose
     half = np.asarray(container.size) / 2
@@ -113,7 +113,7 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
 def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
     shape = _shape(thing, semantic_map)
     cls = next((cls for cls in thing.types if not cls.endswith("#NamedIndividual")), "")
-    movable = shape in ("box", "cylinder") and _movable(thing, semantic_map)
+    movable = shape in (BodyShape.BOX, BodyShape.CYLINDER) and _movable(thing, semantic_map)
     size = thing.size or (0.0, 0.0, 0.0)
     return Body(thing.name, pose, size, shape, thing.iri, shorten(cls), movable)
 
@@ -122,16 +122,16 @@ def _is_a(thing: MapObject, semantic_map: SemanticMap, classes: Iterable[str]) -
     return any(semantic_map.ontology.is_a(cls, expand(name)) for cls in thing.types for name in classes)
 
 
-def _shape(thing: MapObject, semantic_map: SemanticMap) -> str:
+def _shape(thing: MapObject, semantic_map: SemanticMap) -> BodyShape:
     if thing.size is None:
-        return "marker"
+        return BodyShape.MARKER
     if _is_a(thing, semantic_map, ("RoomInAConstruction",)):
-        return "room"
+        return BodyShape.ROOM
     if _is_a(thing, semantic_map, ("Person",)):
-        return "person"
+        return BodyShape.PERSON
     if _is_a(thing, semantic_map, ROUND) and 0.8 < thing.size[0] / thing.size[1] < 1.25:
-        return "cylinder"
-    return "box"
+        return BodyShape.CYLINDER
+    return BodyShape.BOX
 
 
 def _movable(thing: MapObject, semantic_map: SemanticMap) -> bool:
@@ -150,13 +150,13 @@ def _opened(bodies: list[Body], semantic_map: SemanticMap, found: list[Diagnosti
     for body in bodies:
         thing = semantic_map.find(body.iri)
         inside = [other.name for other in bodies if other.movable and other.name != body.name and holds(body, other)]
-        if thing is None or body.shape != "box" or body.movable or not inside:
+        if thing is None or body.shape is not BodyShape.BOX or body.movable or not inside:
             opened.append(body)
             continue
         holder = semantic_map.holder(thing)
         if holder is not None and _is_a(thing, semantic_map, CONTAINERS):
             found.append(note("M013", f"{body.name} is a compartment of {holder.name}: a place, not a box", thing.span))
-            opened.append(Body(body.name, body.pose, body.size, "marker", body.iri, body.type))
+            opened.append(Body(body.name, body.pose, body.size, BodyShape.MARKER, body.iri, body.type))
             continue
         message = f"{', '.join(inside)} inside {body.name}, which is modelled as a solid box: out of reach"
         found.append(warning("M014", message, thing.span, f"place it on {body.name}, or leave {body.name} out"))
@@ -168,7 +168,7 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnost
     """Things that stand nowhere are reported: the simulator keeps them in the air, but it is rarely meant."""
     for body in scene.bodies:
         thing = semantic_map.find(body.iri)
-        if not body.movable or thing is None or any(holds(b, body) for b in scene.bodies if b.shape == "box"):
+        if not body.movable or thing is None or any(holds(b, body) for b in scene.bodies if b.shape is BodyShape.BOX):
             continue
         if support_of(scene, body.name) is None:
             low = float(corners(body.pose, body.size)[:, 2].min())
@@ -180,8 +180,8 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnost
 def _bounds(bodies: Iterable[Body]) -> tuple[float, float, float, float]:
     """Rectangle around the rooms, or around everything with a margin."""
     bodies = tuple(bodies)
-    rooms = [body for body in bodies if body.shape == "room"]
-    points = [footprint(body) for body in (rooms or [b for b in bodies if b.shape != "marker"] or bodies)]
+    rooms = [body for body in bodies if body.shape is BodyShape.ROOM]
+    points = [footprint(body) for body in (rooms or [b for b in bodies if b.shape is not BodyShape.MARKER] or bodies)]
     if not points:
         return (-5.0, -5.0, 5.0, 5.0)
     margin = 0.0 if rooms else MARGIN
@@ -208,14 +208,14 @@ def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, 
     Free: a disc of ``radius`` and :data:`CLEARANCE` [m] touches no body and lies within the room. Of equally near
     places the one with the smallest x, then y is the first. A coarser grid is looked at only when a finer has none.
     """
-    rooms = [body for body in scene.bodies if body.shape == "room"]
+    rooms = [body for body in scene.bodies if body.shape is BodyShape.ROOM]
     x_min, y_min, x_max, y_max = scene.bounds
     centre = np.array(rooms[0].pose.position[:2] if rooms else ((x_min + x_max) / 2, (y_min + y_max) / 2))
     inner = [footprint(room) for room in rooms]
     outer = [
         footprint(body)
         for body in scene.bodies
-        if body.shape not in ("marker", "room") and corners(body.pose, body.size)[:, 2].min() < HEADROOM
+        if body.shape not in (BodyShape.MARKER, BodyShape.ROOM) and corners(body.pose, body.size)[:, 2].min() < HEADROOM
     ]
     found = False
     for reach, spacing in GRIDS:

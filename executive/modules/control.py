@@ -20,7 +20,7 @@ from planlang import Fluent, checkpoint, wait_for
 from planlang.designators import Object
 from planlang.failures import LookingGoalUnreachable, ObjectUnresolvable
 from planlang.geometry import Array, Pose, matrices
-from planlang.protocols import Motion, Trajectory, World
+from planlang.protocols import Motion, MotionState, Trajectory, World
 
 
 @dataclass
@@ -54,7 +54,9 @@ class Control:
         """Command a motion and wait for its end; it is halted when the caller is evaporated or suspended."""
         self.world.start(group, trajectory)
         try:
-            await wait_for(Fluent(read=lambda: self.world.motion(group).state != "moving", name=f"{group} at rest"))
+            await wait_for(
+                Fluent(read=lambda: self.world.motion(group).state is not MotionState.MOVING, name=f"{group} at rest")
+            )
             return self.world.motion(group)
         finally:
             self.world.halt(group)

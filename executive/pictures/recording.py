@@ -15,6 +15,7 @@ import numpy as np
 
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.geometry import Pose
+from planlang.geometry.solid import SolidKind
 
 if TYPE_CHECKING:
     import rerun
@@ -76,9 +77,9 @@ def _piece(part: Part, color: tuple[float, float, float, float] | None, pose: Po
     red, green, blue, opacity = part.color or color or (0.7, 0.65, 0.55, 1.0)
     colour = (round(255 * red), round(255 * green), round(255 * blue), round(255 * opacity))
     x, y, z = part.size
-    if part.kind != "box":
+    if part.kind != SolidKind.BOX:
         x = y = max(x, y)
-    return Shape(part.kind, (x, y, x if part.kind == "sphere" else z), pose, colour)
+    return Shape(part.kind, (x, y, x if part.kind == SolidKind.SPHERE else z), pose, colour)
 
 
 def link_shapes(urdf: Path) -> dict[str, tuple[Shape, ...]]:
@@ -271,9 +272,9 @@ def _drawings(entity: str, shapes: Sequence[Shape]) -> list[tuple[str, Any]]:
             "fill_mode": "solid",
         }
         match kind:
-            case "box":
+            case SolidKind.BOX:
                 drawing: Any = rerun.Boxes3D(sizes=sizes, **placed)
-            case "cylinder":
+            case SolidKind.CYLINDER:
                 drawing = rerun.Cylinders3D(lengths=sizes[:, 2], radii=sizes[:, 0] / 2, **placed)
             case _:
                 drawing = rerun.Ellipsoids3D(half_sizes=sizes / 2, **placed)

@@ -16,8 +16,8 @@ from executive.robots.self_model import Part, claims_of, parts_of, read_self_mod
 from executive.robots.tasks import Match, match, with_remedies
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, load
-from planlang.ontology.described import expression_of, text_of
 from planlang.ontology.expressions import Expression
+from planlang.ontology.writing.expression_text import expression_of, text_of
 from planlang.recipe import Actions, read_recipe
 
 RECIPES = {
