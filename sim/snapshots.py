@@ -21,6 +21,10 @@ from sim.playback import Playback
 from sim.robot import Robot
 
 JSON = dict[str, Any]
+FARTHEST = 1e4
+"""Greatest coordinate [m], angle [rad] or speed [m/s] that is believed: ten kilometres, farther than any map goes."""
+UNIT = 1e-3
+"""How far the length of a quaternion may be from 1: a pose that was written comes back to the last digit."""
 
 
 def configuration(now: Configuration) -> JSON:
@@ -123,6 +127,8 @@ def pose_json(pose: Pose) -> list[float]:
 def pose_of(state: object) -> Pose:
     """The inverse of :func:`pose_json`; raises ValueError."""
     x, y, z, a, b, c, d = _numbers(state, 7)
+    if abs(math.hypot(a, b, c, d) - 1.0) > UNIT:
+        raise ValueError(f"a unit quaternion is expected, not {[a, b, c, d]!r}")
     return Pose((x, y, z), (a, b, c, d))
 
 
@@ -131,6 +137,8 @@ def _numbers(state: object, count: int) -> list[float]:
         raise ValueError(f"{count} numbers are expected, not {state!r}")
     if not all(type(value) in (int, float) and math.isfinite(value) for value in state):
         raise ValueError(f"finite numbers are expected, not {state!r}")
+    if any(abs(value) > FARTHEST for value in state):
+        raise ValueError(f"numbers up to {FARTHEST:g} are expected, not {state!r}")
     return state
 
 

@@ -124,6 +124,8 @@ class PyBulletWorld(KinematicScene):
             steps, groups = int(state["step"]), [str(group) for group in state["groups"]]
         except (KeyError, TypeError, OverflowError) as problem:
             raise ValueError(f"the state of the world is damaged: {problem!r}") from None
+        if steps < 0:
+            raise ValueError(f"the state of the world is damaged: it is {steps} steps old")
         super().restore_state(state)
         self._motions = {group: snapshots.at_rest() for group in groups}
         self.steps = steps
