@@ -57,7 +57,7 @@ def convex_solid(kind: SolidKind, size: Size, pose: Pose) -> ConvexSolid:
 
 
 def _round(radius: float, height: float, *, capped: bool) -> Array:
-    """Points on the rims of a cylinder along z, and on half balls at its ends."""
+    """Return points on the rims of a cylinder along z, and on half balls at its ends."""
     turns = np.arange(AROUND) * 2 * np.pi / AROUND
     ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     tilts = np.arange(AROUND // 4 + 1 if capped else 1) * 2 * np.pi / AROUND
