@@ -415,7 +415,7 @@ class Robot:
         return float(np.linalg.norm(across, axis=1).max())
 
     def hand_corners(self, link: str) -> Array:
-        """Return the corners (n, 3) [m]  of boxes around the pieces of the hand at a link, in its frame, as it is now."""
+        """Return the corners (n, 3) [m] of boxes around the pieces of the hand at a link, in its frame, as it is."""
         back = self.link_pose(link).inverse()
         found = [np.zeros((0, 3))]
         for number in sorted(self.hand_of(link)):
