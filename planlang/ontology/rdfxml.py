@@ -157,8 +157,6 @@ class _Handler:
         parser.EntityDeclHandler = self.entities.declare
         parser.SkippedEntityHandler = self.entities.skip
 
-    # positions and messages
-
     def here(self) -> Span:
         return Span(self.file, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
 
@@ -171,8 +169,6 @@ class _Handler:
     def namespace(self, prefix: str | None, namespace: str | None) -> None:
         if namespace and len(self.prefixes) < MOST_PREFIXES:
             self.prefixes.setdefault(prefix or "", namespace)
-
-    # elements
 
     def _starting(self) -> Callable[[str, list[str]], None]:
         """What expat calls where an element begins.
@@ -427,15 +423,15 @@ class _Handler:
             if parse_type != "Literal":
                 self.warn("O010", f"parseType {parse_type!r} is read as Literal", self.here())
         elif (value := given.get(_RESOURCE)) is not None:
-            self._empty(frame, self._resolve(frame.base, value), given)
+            self._fill_empty(frame, self._resolve(frame.base, value), given)
         elif (value := given.get(_NODE_ID)) is not None:
-            self._empty(frame, self._named_node(value), given)
+            self._fill_empty(frame, self._named_node(value), given)
         elif any(key not in _SYNTAX for key in given):
-            self._empty(frame, self.triples.fresh(), given)
+            self._fill_empty(frame, self.triples.fresh(), given)
         elif datatype is not None:
             frame.datatype = resolve(frame.base, datatype)
 
-    def _empty(self, frame: _Frame, node: int, given: dict[str, str]) -> None:
+    def _fill_empty(self, frame: _Frame, node: int, given: dict[str, str]) -> None:
         frame.filled = True
         self._state(frame, node)
         self._property_attributes(node, given, frame)
