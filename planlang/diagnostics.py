@@ -189,7 +189,7 @@ CODES: dict[str, str] = {
     "R040": "two base motions are not ordered",
     "R041": "an order was added because a step is performed from the place of a base motion",
     "R042": "an ordering is missing that was probably meant",
-    "R043": "a recovery names a strategy or a failure that the plan language does not have",
+    "R043": "a recovery names an unknown strategy or failure, or gives no proper number",
     "R044": "a recovery that tries the next place handles or raises other failures than a location scope does",
     "R045": "steps that need the same resource of the robot are not ordered",
     "R046": "nothing defines what is required, no robot can have it, or it depends on itself",

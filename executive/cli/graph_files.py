@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def check_graph(path: Path | None) -> list[Diagnostic]:
     """An error if the suffix of the file names no format; nothing when no graph is asked for."""
-    from planlang.compiler.graphs import FORMATS
+    from planlang.compiler.drawing import FORMATS
 
     if path is None or path.suffix.lower() in FORMATS:
         return []
@@ -25,6 +25,6 @@ def check_graph(path: Path | None) -> list[Diagnostic]:
 
 def write_graph(path: Path, plan: CompiledPlan) -> None:
     """Draw what a plan was compiled from into a file, or leave the old file as it was."""
-    from planlang.compiler.graphs import FORMATS, task_graph
+    from planlang.compiler.drawing import FORMATS, task_graph
 
     write_text(path, FORMATS[path.suffix.lower()](task_graph(plan.recipes, plan.added, plan.recoveries)))

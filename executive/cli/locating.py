@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from executive.belief import SemanticMap, read_map, scene_of
+from executive.belief.free_floor import BasePose
 from executive.cli.console import DONE, FAILED, MISSING_CAPABILITY, Answer
 from executive.cli.outputs import replace as write_complete
-from executive.locations import TABLE, Base, Rejections
+from executive.locations import TABLE, Rejections
 from executive.locations.idle import without_idle
 from executive.locations.meaningless import LocationMeaningless
 from executive.locations.relations import base_demand, sides, thing_demand
@@ -39,7 +40,7 @@ class LocateOptions:
     ontologies: tuple[Path, ...] = ()
     of: str | None = None
     """A thing that is to be put somewhere; None: the robot's base."""
-    start: Base | None = None
+    start: BasePose | None = None
     count: int = 3
     explain: Path | None = None
 
@@ -105,7 +106,7 @@ def _meant(designators: Iterable[Object], lexicon: Lexicon, platform: Platform) 
     problems = []
     for what in dict.fromkeys(designators):
         try:
-            meant[what] = platform.around.bind(what)
+            meant[what] = platform.scene.bodies.bind(what)
         except ObjectUnresolvable:
             known = ", ".join(platform.belief.names())
             message = f"the map has no {write_thing(what, lexicon).removeprefix('the ')}"
@@ -142,7 +143,7 @@ def _used(location: Location, what: Object | None, platform: Platform) -> Locati
     """The same without arms and grasps that nothing uses."""
     if what is not None:
         return replace(location, device=None, grasp=None)
-    return without_idle(location, platform.around, platform.base()[:2])
+    return without_idle(location, platform.scene, platform.base()[:2])
 
 
 def _idle(said: Location, used: Location) -> Iterator[Diagnostic]:
@@ -197,10 +198,10 @@ def _things(
 
 def _frame(location: Location, what: str | None, platform: Platform) -> dict[str, str]:
     """Whose sides are meant, by what is said of them."""
-    around, (x, y, _) = platform.around, platform.base()
+    scene, (x, y, _) = platform.scene, platform.base()
     if what is None:
-        return sides(base_demand(location, around, (x, y)), around)
-    return sides(thing_demand(location, what, around, (x, y)), around)
+        return sides(base_demand(location, scene, (x, y)), scene)
+    return sides(thing_demand(location, what, scene, (x, y)), scene)
 
 
 def _told(frame: Mapping[str, str], platform: Platform) -> Iterator[str]:

@@ -6,31 +6,13 @@ where that is on the floor, ``ways`` and ``hand_ways`` what a hand does, ``hand_
 ``resting`` where objects can be. ``reachability`` maps what arms reach, ``candidates`` inverts the maps over the free
 ``field``, ``between`` moves what has no room there, ``solving`` finds joint values and rules out collisions by
 ``executive.motion.collision``, ``reach`` judges one base. ``reaching`` and ``standing``, at last ``anywhere``, search
-for places of the base, ``judging`` looks at each exactly; ``resolver`` puts it all together. ``surroundings`` is what
-they need of the believed world, ``rejections`` what they tell when nothing is found, ``picture``, ``floor_plan`` and
-``reach_picture`` draw it.
+for places of the base, ``judging`` looks at each exactly; ``resolver`` puts it all together. ``rejections`` is what
+they tell when nothing is found. The believed world is asked through ``executive.belief.planning_scene``.
 """
 
-from executive.locations.block import Block
-from executive.locations.hand import ComfortZone, HandFrame, Held
 from executive.locations.reach import Reach, ReachSolution
 from executive.locations.rejections import Rejections
 from executive.locations.relations import TABLE
 from executive.locations.resolver import Resolver
-from executive.locations.surroundings import ArmModel, Base, Door, Surroundings
 
-__all__ = [
-    "TABLE",
-    "ArmModel",
-    "Base",
-    "Block",
-    "ComfortZone",
-    "Door",
-    "HandFrame",
-    "Held",
-    "Reach",
-    "ReachSolution",
-    "Rejections",
-    "Resolver",
-    "Surroundings",
-]
+__all__ = ["TABLE", "Reach", "ReachSolution", "Rejections", "Resolver"]

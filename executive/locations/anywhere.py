@@ -13,10 +13,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.belief.free_floor import CELL, Floor
+from executive.belief.planning_scene import PlanningScene
 from executive.locations.areas import FACING, HAIR, Facing
-from executive.locations.field import CELL, Floor
-from executive.locations.relations import BaseDemand, block_of
-from executive.locations.surroundings import Surroundings
+from executive.locations.relations import BaseDemand
 from planlang.geometry import Array
 
 MOST_CELLS = 4096
@@ -37,11 +37,11 @@ SQUARE = 0.3
 """Side of the squares by which places are spread [m]."""
 
 
-def all_places(demand: BaseDemand, around: Surroundings) -> tuple[Array, Array, NDArray[np.intp]]:
+def all_places(demand: BaseDemand, scene: PlanningScene) -> tuple[Array, Array, NDArray[np.intp]]:
     """Bases (n, 3) at which all that is asked of the floor holds; room around each and its square as in the grid."""
-    floor = around.floor()
-    points = _points(demand, floor, around)
-    headings = _headings(demand, points, around)
+    floor = scene.collisions.floor()
+    points = _points(demand, floor, scene)
+    headings = _headings(demand, points, scene)
     bases = np.column_stack([np.repeat(points, headings.shape[1], axis=0), headings.ravel()])
     rows = np.repeat(np.arange(len(points)), headings.shape[1])
     for term in demand.areas:
@@ -56,7 +56,7 @@ def all_places(demand: BaseDemand, around: Surroundings) -> tuple[Array, Array, 
     return bases, room, cells[:, 0] * (1 << 31) + cells[:, 1]
 
 
-def _points(demand: BaseDemand, floor: Floor, around: Surroundings) -> Array:
+def _points(demand: BaseDemand, floor: Floor, scene: PlanningScene) -> Array:
     """Places (n, 2) of which each is the middle of a cell in which the demand may hold."""
     x_min, y_min, x_max, y_max = floor.bounds
     side = max(x_max - x_min, y_max - y_min, FINEST) / FIRST
@@ -65,7 +65,7 @@ def _points(demand: BaseDemand, floor: Floor, around: Surroundings) -> Array:
     steps = np.meshgrid(*(np.arange(count) + 0.5 for count in counts), indexing="ij")
     points: Array = np.stack(steps, axis=-1).reshape(-1, 2) * size + (x_min, y_min)
     while True:
-        points = points[_may_hold(demand, points, float(np.hypot(*size)) / 2, floor, around)]
+        points = points[_may_hold(demand, points, float(np.hypot(*size)) / 2, floor, scene)]
         crowded = 4 * len(points) > MOST_CELLS
         if size.max() <= FINEST or (crowded and size.max() <= COARSE):
             return points
@@ -77,7 +77,7 @@ def _points(demand: BaseDemand, floor: Floor, around: Surroundings) -> Array:
 
 
 def _may_hold(
-    demand: BaseDemand, points: Array, within: float, floor: Floor, around: Surroundings
+    demand: BaseDemand, points: Array, within: float, floor: Floor, scene: PlanningScene
 ) -> NDArray[np.bool_]:
     """Whether the demand may hold within so many metres of points (n, 2), as far as can be told from distances (n,)."""
     good = np.ones(len(points), bool)
@@ -85,8 +85,8 @@ def _may_hold(
         if not isinstance(term, Facing):
             good[good] = term.nearly(points[good], within)
     for name in demand.seen:
-        block = block_of(name, around)
-        good &= np.hypot(points[:, 0] - block.x, points[:, 1] - block.y) <= around.camera_range()[1] + within
+        block = scene.bodies.block(name)
+        good &= np.hypot(points[:, 0] - block.x, points[:, 1] - block.y) <= scene.visibility.camera_range()[1] + within
     faced = [term for term in demand.areas if isinstance(term, Facing) and not term.negated]
     for one, other in itertools.combinations(faced, 2):
         apart = np.abs(np.angle(np.exp(1j * (one.bearing(points) - other.bearing(points)))))
@@ -101,13 +101,13 @@ def _swing(term: Facing, points: Array, within: float) -> Array:
     return np.where(away > within, np.arcsin(np.minimum(within / np.maximum(away, 1e-9), 1.0)), math.pi)
 
 
-def _headings(demand: BaseDemand, points: Array, around: Surroundings) -> Array:
+def _headings(demand: BaseDemand, points: Array, scene: PlanningScene) -> Array:
     """Headings (n, m) at points (n, 2), those towards what a place is about first.
 
     They are the middles between the borders of what is faced; some directions are borders as well, that there are more.
     """
     facing = [term for term in demand.areas if isinstance(term, Facing)]
-    blocks = [*(term.block for term in facing), *(block_of(name, around) for name in demand.seen)]
+    blocks = [*(term.block for term in facing), *(scene.bodies.block(name) for name in demand.seen)]
     blocks += [term.block for term in demand.areas if term.block is not None]
     bearing = np.zeros(len(points))
     if blocks:

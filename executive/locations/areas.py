@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.block import Block
+from executive.belief.believed_bodies import Block
 from planlang.geometry import Array
 
 SIDES: Mapping[str, tuple[float, ...]] = {

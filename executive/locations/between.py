@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from executive.belief.free_floor import CELL, HAIR, Floor
 from executive.locations.candidates import Candidates
-from executive.locations.field import CELL, HAIR, Floor
 from executive.locations.reachability import YAWS
 from planlang.geometry import Array
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.field import Field
+from executive.belief.free_floor import Field
 from executive.locations.inverse_map import SQUARE_BITS, InverseMaps, Rows
-from executive.locations.surroundings import ArmModel
 from executive.locations.ways import CLASSES, Ways
+from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
 TIE = 1e-9

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.block import Block
-from executive.locations.surroundings import Door
+from executive.belief.believed_bodies import Block, Door
 from planlang.geometry import Array
 
 

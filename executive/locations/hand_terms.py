@@ -7,14 +7,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.belief.planning_scene import PlanningScene
 from executive.locations.areas import HEIGHTS, OF_A_THING, area_of
 from executive.locations.bounds import bounds
-from executive.locations.hand import HandTerm, Held
+from executive.locations.reach import HandTerm
 from executive.locations.reachability import GraspClass
-from executive.locations.relations import ThingDemand, block_of, hand_terms, is_held
+from executive.locations.relations import ThingDemand, hand_terms
 from executive.locations.resting import thing_holds
-from executive.locations.surroundings import ArmModel, Surroundings
 from executive.locations.ways import APPROACH, CLASSES, LIFTS, classified
+from executive.robots.arms import ArmModel, Held
 from planlang.designators import Location
 from planlang.geometry import Array, Pose
 
@@ -29,29 +30,29 @@ HAIR = 1e-6
 Mask = NDArray[np.bool_]
 
 
-def hand_holds(location: Location, arm: ArmModel, around: Surroundings, viewer: tuple[float, float]) -> bool:
+def hand_holds(location: Location, arm: ArmModel, scene: PlanningScene, viewer: tuple[float, float]) -> bool:
     """Whether an arm's hand is at a location now; raises LocationUnresolvable for what means nothing of a hand."""
-    terms = hand_terms(location, around, viewer)
-    tip = around.tip(arm)
+    terms = hand_terms(location, scene, viewer)
+    tip = scene.arms.tip(arm)
     points, rotations = tip[None, :3, 3], tip[None, :3, :3]
     if location.grasp is not None and CLASSES[classified(tip[:3, :3], arm.frame)[0]] is not GraspClass(location.grasp):
         return False
-    return all(bool(satisfied(term, points, rotations, arm, around)[0]) for term in terms)
+    return all(bool(satisfied(term, points, rotations, arm, scene)[0]) for term in terms)
 
 
-def satisfied(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, around: Surroundings) -> Mask:
+def satisfied(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene: PlanningScene) -> Mask:
     """For which tip poses, points (n, 3) and rotations (n, 3, 3) in the map, a conjunct holds, (n,)."""
-    return np.asarray(_holds(term, points, rotations, arm, around) != term.negated)
+    return np.asarray(_holds(term, points, rotations, arm, scene) != term.negated)
 
 
-def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, around: Surroundings) -> Mask:
-    held = around.held(arm.name)
+def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene: PlanningScene) -> Mask:
+    held = scene.arms.held(arm.name)
     middles = points if held is None else points + held.offsets(rotations)
-    block = block_of(term.body, around)
-    handled = around.is_graspable(term.body) or is_held(term.body, around)
+    block = scene.bodies.block(term.body)
+    handled = scene.bodies.is_graspable(term.body) or scene.arms.is_held(term.body)
     match term.name:
-        case "in_reach_of" if around.is_person(term.body):
-            zone = around.zone(term.body)
+        case "in_reach_of" if scene.bodies.is_person(term.body):
+            zone = scene.bodies.zone(term.body)
             return np.array([zone.contains(point) for point in middles], bool)
         case "in_reach_of" | "in_center_of" if handled or term.name == "in_center_of":
             return np.asarray(np.linalg.norm(points - block.centre, axis=1) <= AT_CENTRE)
@@ -69,16 +70,16 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, aroun
                 Pose.from_matrix(_matrix(turn @ offset, middle))
                 for turn, middle in zip(rotations, middles, strict=True)
             )
-            return np.array([thing_holds(held.name, pose, held.size, demand, around) for pose in poses], bool)
+            return np.array([thing_holds(held.name, pose, held.size, demand, scene) for pose in poses], bool)
         case "in_front_of" if handled:
             ahead = points + APPROACH * (rotations @ np.asarray(arm.frame.approach)) - block.centre
-            raised = max(LIFTS) if is_held(term.body, around) else 0.0
+            raised = max(LIFTS) if scene.arms.is_held(term.body) else 0.0
             near = np.linalg.norm(ahead[:, :2], axis=1) <= AT_POSE
             return np.asarray(near & (ahead[:, 2] >= -AT_POSE) & (ahead[:, 2] <= raised + AT_POSE))
         case name:
             limits = bounds(term.within, term.beyond, OF_A_THING[name])
-            viewer = term.viewer or around.base()[:2]
-            area = area_of(name, name, term.body, block, around.front(term.body), viewer, 0.0, limits)
+            viewer = term.viewer or scene.base()[:2]
+            area = area_of(name, name, term.body, block, scene.bodies.front(term.body), viewer, 0.0, limits)
             return np.asarray(area.score(middles[:, :2]) > 0)
 
 

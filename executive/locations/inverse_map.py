@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
+from executive.locations.reachability_building import Progress, keep_maps, reachability_maps
 from executive.locations.reachability_sampling import exact_places, is_bound
-from executive.locations.surroundings import ArmModel, Surroundings
+from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
 SPREAD = 0.1
@@ -140,8 +141,10 @@ def inverse_map(facts: tuple[object, ...], prepared: Callable[[], InverseMap]) -
 class InverseMaps:
     """The maps of the arms of one robot, prepared when they are first asked for."""
 
-    def __init__(self, around: Surroundings) -> None:
-        self._around = around
+    def __init__(self, torso: str | None) -> None:
+        """``torso``: the joint that lifts the arms, if there is one."""
+        self._torso = torso
+        self._forward: dict[tuple[str, GraspClass], ReachabilityMap] = {}
         self._known: dict[tuple[str, GraspClass], InverseMap] = {}
 
     def __call__(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
@@ -152,8 +155,15 @@ class InverseMaps:
             self._known[key] = inverse_map(facts, partial(self._prepare, arm, grasp))
         return self._known[key]
 
+    def build(self, arms: Iterable[ArmModel], progress: Progress | None = None) -> None:
+        """Build the maps of arms that are not in the user's cache: later a plan would wait for them.
+
+        ``progress`` is told of those built.
+        """
+        self._forward |= keep_maps(arms, self._torso, progress)
+
     def _prepare(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
-        forward = self._around.reachability(arm, grasp)
+        forward = self._forward.get((arm.name, grasp)) or reachability_maps(arm, self._torso, (grasp,))[grasp]
         return InverseMap(forward, _exact(arm, forward))
 
 

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from executive.belief.free_floor import BasePose
+from executive.belief.planning_scene import PlanningScene
 from executive.locations.areas import Area, Facing
 from executive.locations.blind import Blind
 from executive.locations.doors import Clear
@@ -23,10 +25,10 @@ from executive.locations.reach import (
     touched_at,
 )
 from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
-from executive.locations.relations import KINDS, BaseDemand, block_of, is_held, sides
+from executive.locations.relations import KINDS, BaseDemand, sides
 from executive.locations.solving import unblocked
-from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.motion import QuickCheck
+from executive.robots.arms import ArmModel
 from planlang.designators import Location
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
@@ -45,13 +47,13 @@ MOST_REMEMBERED = 64
 class BaseJudge:
     """Judges places for the base in the believed world, and remembers how arms reach from those it accepts."""
 
-    def __init__(self, around: Surroundings, inverse: InverseMaps) -> None:
-        self.around, self.inverse = around, inverse
-        self._reached: dict[tuple[str, Base], dict[Reach, ReachSolution]] = {}
+    def __init__(self, scene: PlanningScene, inverse: InverseMaps) -> None:
+        self.scene, self.inverse = scene, inverse
+        self._reached: dict[tuple[str, BasePose], dict[Reach, ReachSolution]] = {}
 
     def wanted(self, demand: BaseDemand) -> tuple[Reach, ...]:
         """What has to be reached from the base: not what is in the hand already."""
-        free = (r for r in demand.reaches if r.kind != "retreat" and not is_held(r.body, self.around))
+        free = (r for r in demand.reaches if r.kind != "retreat" and not self.scene.arms.is_held(r.body))
         return tuple(sorted(free, key=lambda reach: KINDS.index(reach.kind)))
 
     def arms(self, demand: BaseDemand) -> Sequence[ArmModel]:
@@ -59,9 +61,9 @@ class BaseJudge:
         wanted = self.wanted(demand)
         open_choice = next((reach for reach in wanted if reach.arms is None), None)
         if open_choice is not None:
-            return self.arms_for(open_choice, self.around.arms)
+            return self.arms_for(open_choice, self.scene.arms.all)
         named = {arm.name for reach in wanted for arm in self.arms_for(reach, ())}
-        return [arm for arm in self.around.arms if arm.name in named]
+        return [arm for arm in self.scene.arms.all if arm.name in named]
 
     def arms_for(self, reach: Reach, arms: Sequence[ArmModel]) -> Sequence[ArmModel]:
         """Those of some arms that may do a reach; the ones that it names, if it names any.
@@ -70,24 +72,24 @@ class BaseJudge:
         does and none is named.
         """
         if reach.arms is not None:
-            arms = [arm for arm in self.around.arms if arm.name in reach.arms]
+            arms = [arm for arm in self.scene.arms.all if arm.name in reach.arms]
         if reach.kind == "grasp":
-            return [arm for arm in arms if self.around.held(arm.name) is None]
-        full = [arm for arm in self.around.arms if self.around.held(arm.name) is not None]
+            return [arm for arm in arms if self.scene.arms.held(arm.name) is None]
+        full = [arm for arm in self.scene.arms.all if self.scene.arms.held(arm.name) is not None]
         if reach.arms is not None or not full:
             return arms
-        return [arm for arm in arms if self.around.held(arm.name) is not None] or full
+        return [arm for arm in arms if self.scene.arms.held(arm.name) is not None] or full
 
     def check_hands(self, reach: Reach, location: Location) -> None:
         """Raises LocationUnresolvable if something is to be grasped and all hands that may do it are full."""
-        if self.arms_for(reach, self.around.arms):
+        if self.arms_for(reach, self.scene.arms.all):
             return
-        arms = [arm.name for arm in self.around.arms if reach.arms is None or arm.name in reach.arms]
-        full = ", ".join(f"{arm} holds {held.name}" for arm in arms if (held := self.around.held(arm)) is not None)
+        arms = [arm.name for arm in self.scene.arms.all if reach.arms is None or arm.name in reach.arms]
+        full = ", ".join(f"{arm} holds {held.name}" for arm in arms if (held := self.scene.arms.held(arm)) is not None)
         raise LocationUnresolvable(f"no free hand to grasp {reach.body}: {full}", designator=str(location))
 
     def at(
-        self, base: Base, score: float, demand: BaseDemand, arms: Sequence[ArmModel], log: Rejections
+        self, base: BasePose, score: float, demand: BaseDemand, arms: Sequence[ArmModel], log: Rejections
     ) -> Solution | None:
         """The solution at ``base`` with any of the arms, or None with the reason counted."""
         wanted = self.wanted(demand)
@@ -113,7 +115,7 @@ class BaseJudge:
 
     def complete(
         self,
-        base: Base,
+        base: BasePose,
         score: float,
         solution: ReachSolution,
         wanted: Sequence[Reach],
@@ -127,12 +129,12 @@ class BaseJudge:
         If it will not do because the arm meets something, the name of that.
         """
         # the arm first, where it takes hold: it is what most often meets something
-        body = touched_at(np.roll(solution.joints, -1, axis=0), solution, base, self.around, check)
+        body = touched_at(np.roll(solution.joints, -1, axis=0), solution, base, self.scene, check)
         reason = None if body is None else Reason(COLLISION, body)
         if reason is None:
             if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, blind):
                 return None
-            reason = stopped_on_the_way(solution, base, self.around, check)
+            reason = stopped_on_the_way(solution, base, self.scene, check)
         if reason is not None:
             log.count([reason])
             log.judge(base, score, reason.text, reason.body)
@@ -146,80 +148,82 @@ class BaseJudge:
             reached[reach] = way
         return self.answer(base, score, reached, demand, log)
 
-    def stands(self, base: Base, score: float, demand: BaseDemand, log: Rejections) -> bool:
+    def stands(self, base: BasePose, score: float, demand: BaseDemand, log: Rejections) -> bool:
         """Whether the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
-        around = self.around
+        scene = self.scene
         place = np.array([base])
         for term in demand.areas:
             if scored(term, place)[0] <= 0:
                 return _reject(log, base, score, unmet(term))
-        if contacts := around.contacts(base):
+        if contacts := scene.collisions.contacts(base):
             body = first_body(contacts)
             log.crowded(body)
             log.judge(base, score, "no room for the base", body)
             return False
         return True
 
-    def sees(self, base: Base, score: float, demand: BaseDemand, log: Rejections, blind: Blind | None = None) -> bool:
+    def sees(
+        self, base: BasePose, score: float, demand: BaseDemand, log: Rejections, blind: Blind | None = None
+    ) -> bool:
         """Whether what has to be seen from the base is: what is asked for, and what is going to be handled."""
-        around = self.around
+        scene = self.scene
         for name in demand.seen:
-            if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in around.looked_in_vain(name)):
+            if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in scene.visibility.looked_in_vain(name)):
                 return _reject(log, base, score, "looked from there in vain")
         for name in self.to_see(demand):
-            occluder = around.hidden(base, name)
+            occluder = scene.visibility.hidden(base, name)
             if occluder is not None:
                 log.add("not visible")
                 if occluder:
                     log.blocking[occluder] += 1
-                if occluder and blind is not None and occluder not in around.names():
+                if occluder and blind is not None and occluder not in scene.bodies.names():
                     blind.add(base)
                 log.judge(base, score, "not visible", occluder or None)
                 return False
         for name in demand.unseen:
-            if around.hidden(base, name) is None:
+            if scene.visibility.hidden(base, name) is None:
                 return _reject(log, base, score, f"{name} is visible")
         return True
 
     def to_see(self, demand: BaseDemand) -> tuple[str, ...]:
         """What has to be seen from the base: what is asked for, and what is going to be handled."""
-        handled = [r.body for r in self.wanted(demand) if r.kind in ("grasp", "offer")] if self.around.sighted() else []
-        return tuple(dict.fromkeys((*demand.seen, *handled)))
+        handled = [reach.body for reach in self.wanted(demand) if reach.kind in ("grasp", "offer")]
+        return tuple(dict.fromkeys((*demand.seen, *(handled if self.scene.visibility.sighted() else ()))))
 
     def answer(
-        self, base: Base, score: float, reached: dict[Reach, ReachSolution], demand: BaseDemand, log: Rejections
+        self, base: BasePose, score: float, reached: dict[Reach, ReachSolution], demand: BaseDemand, log: Rejections
     ) -> Solution | None:
         """A place that all else accepts, unless something is in reach that must not be."""
         for reach in demand.unreached:
-            if self._first(reach, base, self.arms_for(reach, self.around.arms), Rejections()) is not None:
+            if self._first(reach, base, self.arms_for(reach, self.scene.arms.all), Rejections()) is not None:
                 _reject(log, base, score, f"{reach.body} is in reach")
                 return None
         log.judge(base, score)
         if not reached:
-            return Solution(base, self.around.revision(), self._sides(demand))
+            return Solution(base, self.scene.revision(), self._sides(demand))
         arm = next(iter(reached.values())).arm.name
         for reach, way in reached.items():
             self._reached.setdefault((way.arm.name, rounded(base)), {})[reach] = way
         while len(self._reached) > MOST_REMEMBERED:
             del self._reached[next(iter(self._reached))]
         detail = {"arm": arm, "reaches": [way.plan.label for way in reached.values()], **self._sides(demand)}
-        return Solution(base, self.around.revision(), detail)
+        return Solution(base, self.scene.revision(), detail)
 
     def _sides(self, demand: BaseDemand) -> dict[str, object]:
         """Whose left and right was meant, where a location names sides."""
-        return {"frame": said} if (said := sides(demand, self.around)) else {}
+        return {"frame": said} if (said := sides(demand, self.scene)) else {}
 
-    def _first(self, reach: Reach, base: Base, arms: Sequence[ArmModel], log: Rejections) -> ReachSolution | None:
+    def _first(self, reach: Reach, base: BasePose, arms: Sequence[ArmModel], log: Rejections) -> ReachSolution | None:
         """The best way to satisfy a reach from a base with one of some arms."""
         for arm in arms:
             for extent in (Extent.NATURAL, Extent.ALL):
                 counted = Rejections()
-                ways = ways_of(reach, arm, self.around, counted, extent)
+                ways = ways_of(reach, arm, self.scene, counted, extent)
                 if ways is None:
                     continue
-                check = self.around.arm_check(arm, ways.touches, opened=ways.opened)
+                check = self.scene.collisions.arm_check(arm, ways.touches, opened=ways.opened)
                 ways = unblocked(ways, check, counted)
-                way = next(from_base(reach, base, arm, ways, self.around, self.inverse, counted), None)
+                way = next(from_base(reach, base, arm, ways, self.scene, self.inverse, counted), None)
                 way = way or self._known(reach, base, arm)
                 if way is not None:
                     log.include(counted)
@@ -227,23 +231,23 @@ class BaseJudge:
             log.include(counted)  # all ways: the natural ones are among them
         return None
 
-    def _known(self, reach: Reach, base: Base, arm: ArmModel) -> ReachSolution | None:
+    def _known(self, reach: Reach, base: BasePose, arm: ArmModel) -> ReachSolution | None:
         """How an arm that can do little else from a base reaches from there, if it is known and still does."""
         known = self.reached(arm.name, base).get(reach)
-        ways = None if known is None else ways_of(reach, arm, self.around, Rejections(), Extent.CLOSEST)
+        ways = None if known is None else ways_of(reach, arm, self.scene, Rejections(), Extent.CLOSEST)
         if known is None or ways is None or not is_among(known, ways):
             return None
-        return known if stopped_by(known, base, self.around) is None else None
+        return known if stopped_by(known, base, self.scene) is None else None
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:
         """A circle around what a reach is about, outside of which no base can satisfy it: middle, radii [m]."""
-        around = self.around
+        scene = self.scene
         longest = max((float(np.hypot(*a.shoulder_low[:2])) + a.reach for a in self.arms_for(reach, arms)), default=0.0)
         if reach.kind == "offer":
-            zone = around.zone(reach.body)
+            zone = scene.bodies.zone(reach.body)
             x, y, _ = np.mean(zone.shoulders, axis=0)
             return (float(x), float(y)), 0.0, longest + zone.arm_length + 0.5
-        block = block_of(reach.body, around)
+        block = scene.bodies.block(reach.body)
         extent = 0.0 if reach.kind == "grasp" else math.hypot(block.half_x, block.half_y)
         return (block.x, block.y), 0.0, longest + extent + 0.2
 
@@ -252,20 +256,20 @@ class BaseJudge:
         best = sorted(crowded, key=lambda place: -round(place[0], 6))[:MOST_CROWDED]
         for score, place in best:
             base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
-            body = first_body(contacts) if (contacts := self.around.contacts(base)) else None
+            body = first_body(contacts) if (contacts := self.scene.collisions.contacts(base)) else None
             if body is not None:
                 log.blocking[body] += 1
             log.judge(base, score, "no room for the base", body)
 
-    def reached_from(self, base: Base) -> Mapping[tuple[str, Base], Mapping[Reach, ReachSolution]]:
+    def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, ReachSolution]]:
         """How arms can reach from a place what was asked for when it was found, if that is the last that was found."""
         return {key: ways for key, ways in self._reached.items() if key[1] == rounded(base)}
 
-    def reached(self, arm: str, base: Base) -> Mapping[Reach, ReachSolution]:
+    def reached(self, arm: str, base: BasePose) -> Mapping[Reach, ReachSolution]:
         """How an arm can reach from a place."""
         return self._reached.get((arm, rounded(base)), {})
 
-    def remember(self, reached: Mapping[tuple[str, Base], Iterable[ReachSolution]]) -> None:
+    def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[ReachSolution]]) -> None:
         """The inverse of :meth:`reached_from`; nothing else is remembered then."""
         self._reached = {key: {way.reach: way for way in ways} for key, ways in reached.items()}
 
@@ -280,13 +284,13 @@ def scored(term: object, bases: Array) -> Array:
     return term.score(bases if isinstance(term, Facing) else bases[:, :2])  # type: ignore[attr-defined,no-any-return]
 
 
-def _reject(log: Rejections, base: Base, score: float, reason: str) -> bool:
+def _reject(log: Rejections, base: BasePose, score: float, reason: str) -> bool:
     log.add(reason)
     log.judge(base, score, reason)
     return False
 
 
-def rounded(base: Base) -> Base:
+def rounded(base: BasePose) -> BasePose:
     """The same for a place and for where the base stands after it went there."""
     x, y, yaw = base
     return round(x, 4), round(y, 4), round(math.remainder(yaw, 2 * math.pi), 4)

@@ -6,22 +6,36 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.belief.free_floor import BasePose
+from executive.belief.planning_scene import PlanningScene
 from executive.locations.candidates import blocks
-from executive.locations.hand import HandTerm
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.rejections import COLLISION, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.solving import base_matrices, solve
-from executive.locations.surroundings import ArmModel, Base, Surroundings
 from executive.locations.ways import CLASSES, HandPlan, Ways
 from executive.motion import QuickCheck, cartesian_path
+from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
 CHUNK = 48
 """Ways whose inverse kinematics is solved in one call."""
+
+
+class HandTerm(NamedTuple):
+    """One conjunct about a hand: relation, body, greatest and least distance if they are stated, whether negated."""
+
+    name: str
+    body: str
+    within: float | None = None
+    beyond: float | None = None
+    negated: bool = False
+    viewer: tuple[float, float] | None = None
+    """Whose left and right is meant, where the body has no front of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,30 +77,30 @@ def is_among(known: ReachSolution, ways: Ways) -> bool:
 
 
 def stopped_by(
-    solution: ReachSolution, base: Base, around: Surroundings, check: QuickCheck | None = None
+    solution: ReachSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
 ) -> Reason | None:
     """Why an arm cannot do what a solution says, judged exactly; None if it can.
 
     ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
     """
-    body = touched_at(solution.joints, solution, base, around, check)
-    return _in_collision(body) or stopped_on_the_way(solution, base, around, check)
+    body = touched_at(solution.joints, solution, base, scene, check)
+    return _in_collision(body) or stopped_on_the_way(solution, base, scene, check)
 
 
 def stopped_on_the_way(
-    solution: ReachSolution, base: Base, around: Surroundings, check: QuickCheck | None = None
+    solution: ReachSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
 ) -> Reason | None:
     """Why an arm cannot go from pose to pose of a solution, or the fingers not close on a thing; None if they can."""
     line = straight(solution, base)
     if line is None:
         return OUT_OF_REACH
-    body = touched_at(line, solution, base, around, check)
+    body = touched_at(line, solution, base, scene, check)
     if body is None and solution.reach.kind == "grasp":
-        body = around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body)
+        body = scene.collisions.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body)
     return _in_collision(body)
 
 
-def straight(solution: ReachSolution, base: Base) -> Array | None:
+def straight(solution: ReachSolution, base: BasePose) -> Array | None:
     """Joint values (n, d) with the tip on the straight lines from pose to pose, as it will move; None if it cannot.
 
     Without those at the first pose, where the lines begin.
@@ -103,35 +117,35 @@ def straight(solution: ReachSolution, base: Base) -> Array | None:
 
 
 def touched_at(
-    rows: Array, solution: ReachSolution, base: Base, around: Surroundings, check: QuickCheck | None = None
+    rows: Array, solution: ReachSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
 ) -> str | None:
     """The body that is in the way at some joint values (m, d) of a solution; None if all are free."""
     plan = solution.plan
     for q in rows if check is None else _unsure(rows, base, check):
-        if contacts := around.contacts(base, solution.arm, q, plan.touches, plan.opened):
+        if contacts := scene.collisions.contacts(base, solution.arm, q, plan.touches, plan.opened):
             return first_body(contacts)
     return None
 
 
-def _unsure(rows: Array, base: Base, check: QuickCheck) -> Array:
+def _unsure(rows: Array, base: BasePose, check: QuickCheck) -> Array:
     """Those of some joint values (m, d) at which something may be hit, as far as a check of the arm tells."""
     return rows[~check.clear(np.repeat(base_matrices(np.array([base])), len(rows), axis=0), rows)]
 
 
-def hand_is_stopped(solution: ReachSolution, base: Base, around: Surroundings, check: QuickCheck) -> bool:
+def hand_is_stopped(solution: ReachSolution, base: BasePose, scene: PlanningScene, check: QuickCheck) -> bool:
     """Whether the hand itself is in something on the way of a solution, or when it closes: wherever the base stands.
 
     ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
     """
-    plan, hand, bodies = solution.plan, solution.arm.hand_links, around.names()
+    plan, hand, bodies = solution.plan, solution.arm.hand_links, scene.bodies.names()
     line = straight(solution, base)
     for q in _unsure(solution.joints if line is None else np.concatenate([solution.joints, line]), base, check):
-        contacts = around.contacts(base, solution.arm, q, plan.touches, plan.opened)
+        contacts = scene.collisions.contacts(base, solution.arm, q, plan.touches, plan.opened)
         if any(contact.part in hand and contact.body in bodies for contact in contacts):
             return True
     if solution.reach.kind != "grasp":
         return False
-    return around.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body) is not None
+    return scene.collisions.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body) is not None
 
 
 def _in_collision(body: str | None) -> Reason | None:
@@ -140,10 +154,10 @@ def _in_collision(body: str | None) -> Reason | None:
 
 def from_base(
     reach: Reach,
-    base: Base,
+    base: BasePose,
     arm: ArmModel,
     ways: Ways,
-    around: Surroundings,
+    scene: PlanningScene,
     inverse: InverseMaps,
     rejections: Rejections,
     *,
@@ -157,7 +171,7 @@ def from_base(
     """
     there = np.array(base)
     placed = base_matrices(there[None])[0]
-    check = around.arm_check(arm, ways.touches, opened=ways.opened)
+    check = scene.collisions.arm_check(arm, ways.touches, opened=ways.opened)
     index, scores, seeds = _looked_up(ways, there, arm, inverse)
     order = np.argsort(-(scores * ways.weights[index]).round(6), kind="stable")
     index, seeds = index[order], seeds[order]
@@ -187,7 +201,7 @@ def from_base(
                     continue
                 if reason is None:
                     solution = ReachSolution(reach, arm, ways.plan(number), joints)
-                    reason = stopped_by(solution, base, around, check)
+                    reason = stopped_by(solution, base, scene, check)
                     if reason is None:
                         done.add(number)
                         yield solution

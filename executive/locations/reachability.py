@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.locations.hand import HandFrame
+from executive.robots.arms import HandFrame, Lift
 from planlang.geometry import Array
 
 CELL = 0.05
@@ -73,28 +73,6 @@ class GraspClass(Enum):
         second = roll[..., None] * np.stack([-s, c, np.zeros(yaw.shape)], axis=-1)
         axes = np.stack([first, second, np.cross(first, second)], axis=-1)
         return np.asarray(axes @ frame.rotation(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])))
-
-
-@dataclass(frozen=True, slots=True)
-class Lift:
-    """A torso that lifts the arms straight up: rise [m] = ``per_unit`` * (position - ``lowest``)."""
-
-    joint: str
-    column: int
-    """Index of the joint among the arm's joints."""
-    lowest: float
-    """Joint position at which the rise is 0 [m]."""
-    highest: float
-    """Joint position at which the rise is greatest [m]."""
-    per_unit: float
-
-    def rise(self, position: ArrayLike) -> Array:
-        """Rise [m] of joint positions."""
-        return np.asarray(self.per_unit * (np.asarray(position, float) - self.lowest))
-
-    def position(self, rise: ArrayLike) -> Array:
-        """Joint positions for a rise [m]."""
-        return np.asarray(self.lowest + np.asarray(rise, float) / self.per_unit)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,21 +18,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.hand import HandFrame
-from executive.locations.reachability import (
-    CELL,
-    YAWS,
-    GraspClass,
-    Index,
-    Lift,
-    ReachabilityMap,
-    Rows,
-    ordered,
-    row_type,
-)
+from executive.locations.reachability import CELL, YAWS, GraspClass, Index, ReachabilityMap, Rows, ordered, row_type
 from executive.locations.reachability_sampling import cells_of, is_bound, sampled
-from executive.locations.surroundings import ArmModel
 from executive.motion import Chain, InverseKinematics
+from executive.robots.arms import ArmModel, HandFrame, Lift, lift_of
 from planlang.cache import Cache
 from planlang.geometry import Array
 
@@ -108,26 +97,6 @@ def _built(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[tuple[Ar
                 progress(number, len(jobs), f"{arm.name}, {grasp.value}")
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def lift_of(chain: Chain, torso: str | None) -> Lift | None:
-    """How a torso joint lifts a chain; None if it does not, or not straight up."""
-    if torso is None or torso not in chain.names:
-        return None
-    column = chain.names.index(torso)
-    low, high = float(chain.lower[column]), float(chain.upper[column])
-    ends = np.tile((chain.lower + chain.upper) / 2, (2, 1))
-    ends[:, column] = low, high
-    below, above = chain.fk(ends)
-    travel = above[:3, 3] - below[:3, 3]
-    if not chain.prismatic[column] or high - low < 1e-6 or np.abs(above[:3, :3] - below[:3, :3]).max() > 1e-9:
-        return None
-    rise = float(travel[2])
-    if np.hypot(*travel[:2]) > 1e-3 * abs(rise):
-        return None
-    if rise < 0:
-        low, high, rise = high, low, -rise
-    return Lift(torso, column, low, high, rise / (high - low))
 
 
 # Cache

@@ -13,9 +13,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.hand import HandFrame
 from executive.locations.reachability import CELL, YAWS, GraspClass
 from executive.motion import Chain
+from executive.robots.arms import HandFrame
 from planlang.geometry import Array
 
 POSTURES = 60_000

@@ -13,20 +13,21 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.belief.free_floor import BasePose
+from executive.belief.visibility import Unseen
 from executive.locations.between import between
 from executive.locations.blind import Blind
 from executive.locations.candidates import Candidates, Conjunct, Misses, invert
 from executive.locations.effort import Effort
 from executive.locations.hand_ways import ways_of
 from executive.locations.judging import PLACES, BaseJudge, scored, unmet
-from executive.locations.own_view import Unseen
 from executive.locations.reach import Reach, ReachSolution, hand_is_stopped
 from executive.locations.rejections import Rejections
-from executive.locations.relations import BaseDemand, block_of
+from executive.locations.relations import BaseDemand
 from executive.locations.solving import OFF_LATTICE, ON_LATTICE, arms_have_room, solve, unblocked
-from executive.locations.surroundings import ArmModel, Base
 from executive.locations.ways import CLASSES, Ways
 from executive.motion import QuickCheck
+from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.protocols import Solution
 
@@ -49,18 +50,18 @@ class ReachingSearch:
         arms: Sequence[ArmModel],
         effort: Effort,
         log: Rejections,
-        is_taken: Callable[[Base], bool] | None = None,
+        is_taken: Callable[[BasePose], bool] | None = None,
     ) -> None:
         """``is_taken`` tells of which places nothing needs to be known any more."""
         self.is_taken = is_taken
-        self.judge, self.around, self.inverse = judge, judge.around, judge.inverse
+        self.judge, self.scene, self.inverse = judge, judge.scene, judge.inverse
         self.wanted, self.demand, self.arms, self.effort, self.log = wanted, demand, arms, effort, log
 
     def places(self) -> Iterator[Solution]:
         """Places from which the first reach is possible by the maps, judged block by block."""
-        around, judge, effort, log = self.around, self.judge, self.effort, self.log
+        scene, judge, effort, log = self.scene, self.judge, self.effort, self.log
         first = self.wanted[0]
-        asked = [(arm, ways_of(first, arm, around, log, effort.extent)) for arm in judge.arms_for(first, self.arms)]
+        asked = [(arm, ways_of(first, arm, scene, log, effort.extent)) for arm in judge.arms_for(first, self.arms)]
         possible = [(arm, ways) for arm, ways in asked if ways is not None]
         if not possible:
             return
@@ -68,7 +69,7 @@ class ReachingSearch:
         near = _sphere([ways.points for _, ways in possible], reach)
         hands, checks = [], []
         for arm, ways in possible:
-            check = around.arm_check(arm, ways.touches, opened=ways.opened, near=near)
+            check = scene.collisions.arm_check(arm, ways.touches, opened=ways.opened, near=near)
             if len(free := unblocked(ways, check, log)):
                 hands.append((arm, free))
                 checks.append(check)
@@ -76,8 +77,8 @@ class ReachingSearch:
             return
         middle = np.mean([ways.points.mean(axis=0) for _, ways in hands], axis=0)
         spread = max(float(np.linalg.norm(ways.points[:, :2] - middle[:2], axis=1).max()) for _, ways in hands)
-        floor = around.floor()
-        room = floor.field((float(middle[0]), float(middle[1])), block_of(first.body, around).yaw, spread + reach)
+        floor = scene.collisions.floor()
+        room = floor.field((float(middle[0]), float(middle[1])), scene.bodies.block(first.body).yaw, spread + reach)
         bands = [(reach.body, judge.band(reach, self.arms)) for reach in self.wanted[1:]]
         conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
         conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
@@ -86,7 +87,7 @@ class ReachingSearch:
             self.inverse,
             room,
             conjuncts,
-            around.lifted,
+            scene.collisions.lifted,
             misses=self._unseen() if effort.fine else None,
             least=effort.least,
             rows=effort.rows,
@@ -102,7 +103,7 @@ class ReachingSearch:
         if log.explained:
             judge.name_crowding(found.crowded, log)
         if len(found):
-            some, stance = False, around.stance_check(near)
+            some, stance = False, scene.collisions.stance_check(near)
             for solution in self._in_blocks(found, hands, checks, middle, stance):
                 some = True
                 yield solution
@@ -121,11 +122,11 @@ class ReachingSearch:
 
     def _unseen(self) -> Misses | None:
         """Tells from which bases the robot itself is in the way of seeing what has to be seen."""
-        view = self.around.own_view()
+        view = self.scene.visibility.own_view()
         names = self.judge.to_see(self.demand)
         if view is None or not names:
             return None
-        each = [Unseen(view, block_of(name, self.around)) for name in names]
+        each = [Unseen(view, self.scene.bodies.block(name)) for name in names]
         return lambda bases: np.any([unseen(bases) for unseen in each], axis=0)
 
     def _in_blocks(
@@ -137,25 +138,25 @@ class ReachingSearch:
         stance: QuickCheck,
         misses: Misses | None = None,
     ) -> Iterator[Solution]:
-        around, effort, log = self.around, self.effort, self.log
-        x, y, _ = around.base()
+        scene, effort, log = self.scene, self.effort, self.log
+        x, y, _ = scene.base()
         order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), effort.most)
         found = found.chosen(order)
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
         bases = bases.round(PLACES)  # as they are told
-        floor, judged, undecided = around.floor(), 0, np.ones(len(found), bool)
+        floor, judged, undecided = scene.collisions.floor(), 0, np.ones(len(found), bool)
         blind = Blind(middle[:2], strict=effort.fine)
         failed = _Failed()
-        failures: dict[tuple[int, int], tuple[ReachSolution, Base]] = {}
+        failures: dict[tuple[int, int], tuple[ReachSolution, BasePose]] = {}
         stopped: dict[tuple[int, int], bool] = {}
-        bodies_around = frozenset(around.names())
+        bodies_around = frozenset(scene.bodies.names())
         postponed: list[tuple[int, ReachSolution]] = []
 
         def is_stopped(number: int, way: int) -> bool:
             """Whether the hand itself is in something, so that no place of a way that has failed before will do."""
             key = (number, way)
             if key in failures and key not in stopped:
-                stopped[key] = hand_is_stopped(*failures[key], around, checks[number])
+                stopped[key] = hand_is_stopped(*failures[key], scene, checks[number])
             return stopped.get(key, False)
 
         def standing() -> Iterator[NDArray[np.intp]]:

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from executive.locations.surroundings import Base
+from executive.belief.free_floor import BasePose
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.protocols import Contact
@@ -31,7 +31,7 @@ OUT_OF_REACH = Reason("out of reach")
 class Judged:
     """One place that was looked at: what it was rejected for, "" if it was accepted."""
 
-    base: Base
+    base: BasePose
     score: float
     reason: str
     body: str | None = None
@@ -94,7 +94,7 @@ class Rejections:
         """Forget what was counted since a copy was made, as it is all looked at once more; places are remembered."""
         self.counts, self.blocking = Counter(before.counts), Counter(before.blocking)
 
-    def judge(self, base: Base, score: float, reason: str = "", body: str | None = None) -> None:
+    def judge(self, base: BasePose, score: float, reason: str = "", body: str | None = None) -> None:
         """Remember a place and what became of it."""
         if len(self.places) < MOST_PLACES:
             self.places.append(Judged(base, score, reason, body))

@@ -5,20 +5,16 @@ TABLE is that table in words; what designators ask for is bound here to what the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from executive.belief.planning_scene import PlanningScene
 from executive.locations.areas import HEIGHTS, OF_A_BASE, OF_A_THING, SIDES, Area, Facing, area_of
-from executive.locations.block import Block
 from executive.locations.bounds import bounds, check_consistent, contradictory
 from executive.locations.doors import Clear
-from executive.locations.hand import HandTerm
 from executive.locations.meaningless import LocationMeaningless, meaningless
-from executive.locations.reach import Reach
-from executive.locations.surroundings import Surroundings
+from executive.locations.reach import HandTerm, Reach
 from planlang.designators import Location, Object, Relation
-from planlang.failures import LocationUnresolvable
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +102,7 @@ class ThingDemand:
     """Bodies on which, or (True) in which, it does not rest."""
 
 
-def base_demand(location: Location, around: Surroundings, viewer: Viewer) -> BaseDemand:
+def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> BaseDemand:
     """What a location asks of the base; raises LocationMeaningless for what means nothing, or contradicts itself.
 
     ``viewer``: whose left and right is meant where a thing has no front.
@@ -120,23 +116,23 @@ def base_demand(location: Location, around: Surroundings, viewer: Viewer) -> Bas
     for relation in location.relations:
         match relation.name, relation.reference:
             case "in_reach_of", Location() as hand:
-                reach = hand_demand(replace(hand, device=hand.device or location.device), around, viewer)
+                reach = hand_demand(replace(hand, device=hand.device or location.device), scene, viewer)
                 if reach.kind == "grasp" and reach.grasp is None:
                     reach = replace(reach, grasp=location.grasp)
                 (unreached if relation.negated else reaches)[reach] = None
             case "in_reach_of", Object() as what:
-                reach = _for_body(what, location, around)
+                reach = _for_body(what, location, scene)
                 (unreached if relation.negated else reaches)[reach] = None
             case "visible_from", Object() as what:
-                (unseen if relation.negated else seen)[_body(relation, what, around)] = None
+                (unseen if relation.negated else seen)[_body(relation, what, scene)] = None
             case "facing", Object() as what:
-                body = _body(relation, what, around)
-                areas[Facing(_words(relation, body), block_of(body, around), relation.negated)] = None
+                body = _body(relation, what, scene)
+                areas[Facing(_words(relation, body), scene.bodies.block(body), relation.negated)] = None
             case "clear_of", Object() as what:
-                areas[_clear(relation, _body(relation, what, around), around)] = None
+                areas[_clear(relation, _body(relation, what, scene), scene)] = None
             case name, Object() as what if name in OF_A_BASE:
-                body = _body(relation, what, around)
-                areas[_area(relation, body, viewer, around.radius(), OF_A_BASE[name], around)] = None
+                body = _body(relation, what, scene)
+                areas[_area(relation, body, viewer, scene.base_radius, OF_A_BASE[name], scene)] = None
             case _:
                 raise _without_meaning(relation, "base")
     return BaseDemand(tuple(reaches), tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
@@ -149,15 +145,15 @@ KINDS = ("retreat", "grasp", "offer", "place", "above")
 """What a hand location is made from, first, and then filtered by its other conjuncts."""
 
 
-def hand_demand(location: Location, around: Surroundings, viewer: Viewer) -> Reach:
+def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Reach:
     """What a location asks of a hand; raises LocationMeaningless for what means nothing, and for a posture."""
     if not location.relations:
         raise meaningless(location, location, " is no place of a hand")
     check_consistent(location, OF_A_HAND)
     made: dict[HandTerm, Reach] = {}
-    terms = hand_terms(location, around, viewer)
+    terms = hand_terms(location, scene, viewer)
     for relation, term in zip(location.relations, terms, strict=True):
-        if not relation.negated and (reach := _made(relation, term.body, location, around)) is not None:
+        if not relation.negated and (reach := _made(relation, term.body, location, scene)) is not None:
             made[term] = reach
     if not made:
         needed = ("above", "on", "in_", "in_center_of", "in_front_of", "in_reach_of")
@@ -166,31 +162,31 @@ def hand_demand(location: Location, around: Surroundings, viewer: Viewer) -> Rea
     also = tuple(dict.fromkeys(term for term in terms if made.get(term) != first))
     names = {term.name for term, reach in made.items() if reach == first}
     before = bool(also) and "in_front_of" in names and "in_center_of" not in names
-    arms = _arms(location, around)
+    arms = _arms(location, scene)
     if first.kind == "offer":
-        arms = _holding(arms, around)
+        arms = _holding(arms, scene)
     return replace(first, grasp=location.grasp, arms=arms, also=also, before=before)
 
 
-def hand_terms(location: Location, around: Surroundings, viewer: Viewer) -> tuple[HandTerm, ...]:
+def hand_terms(location: Location, scene: PlanningScene, viewer: Viewer) -> tuple[HandTerm, ...]:
     """What each conjunct of a location says of a hand; raises LocationMeaningless for what means nothing."""
     terms = []
     for relation in location.relations:
         if not isinstance(relation.reference, Object) or TABLE[relation.name].hand is None:
             raise _without_meaning(relation, "hand")
-        body = _body(relation, relation.reference, around)
-        from_there = viewer if relation.name in SIDES and around.front(body) is None else None
+        body = _body(relation, relation.reference, scene)
+        from_there = viewer if relation.name in SIDES and scene.bodies.front(body) is None else None
         terms.append(HandTerm(relation.name, body, relation.within, relation.beyond, relation.negated, from_there))
     return tuple(terms)
 
 
-def thing_demand(location: Location, thing: str, around: Surroundings, viewer: Viewer) -> ThingDemand:
+def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: Viewer) -> ThingDemand:
     """What a location asks of an object, told by its name; raises LocationMeaningless as above.
 
     Nothing is in a relation to itself; only of what is in a hand it can be said how far it is from where it was taken.
     """
     check_consistent(location, OF_A_THING)
-    radius, taken = max(around.size(thing)[:2]) / 2, is_held(thing, around)
+    radius, taken = max(scene.bodies.size(thing)[:2]) / 2, scene.arms.is_held(thing)
     on: list[str] = []
     inside: list[str] = []
     areas: list[Area] = []
@@ -199,8 +195,8 @@ def thing_demand(location: Location, thing: str, around: Surroundings, viewer: V
     for relation in location.relations:
         if not isinstance(relation.reference, Object) or TABLE[relation.name].thing is None:
             raise _without_meaning(relation, "thing")
-        body = _body(relation, relation.reference, around)
-        if relation.name == "in_reach_of" and not around.is_person(body):
+        body = _body(relation, relation.reference, scene)
+        if relation.name == "in_reach_of" and not scene.bodies.is_person(body):
             only = (" means nothing for an object: only ", ("in_reach_of",), f" a person does, and {body} is none")
             raise meaningless(relation, relation, *only)
         if body == thing and not (taken and relation.name in OF_A_THING):
@@ -213,96 +209,84 @@ def thing_demand(location: Location, thing: str, around: Surroundings, viewer: V
             case "in_reach_of":
                 people.append((body, not relation.negated))
             case name:
-                areas.append(_area(relation, body, viewer, radius, OF_A_THING[name], around))
+                areas.append(_area(relation, body, viewer, radius, OF_A_THING[name], scene))
     if len({*on, *inside}) > 1:
         raise contradictory(location, f"a thing rests in one place, not in {' and '.join(dict.fromkeys(on + inside))}")
     supports = [(r.name, r.reference) for r in location.relations if r.name in SIDES or r.name == "near"]
     if not on and not inside and not people and supports:
         for _, reference in supports:
-            if isinstance(reference, Object) and (found := around.support(around.bind(reference))) is not None:
+            if (
+                isinstance(reference, Object)
+                and (found := scene.bodies.support(scene.bodies.bind(reference))) is not None
+            ):
                 on.append(found)
                 break
     where = on[0] if on else None, inside[0] if inside else None
     return ThingDemand(*where, tuple(areas), tuple(people), tuple(neither))
 
 
-def sides(demand: BaseDemand | ThingDemand, around: Surroundings) -> dict[str, str]:
+def sides(demand: BaseDemand | ThingDemand, scene: PlanningScene) -> dict[str, str]:
     """Whose left, right, front and back is meant, for each conjunct that names a side."""
     named = {term.words: term.body for term in demand.areas if isinstance(term, Area) and term.directions}
     reaches = (*demand.reaches, *demand.unreached) if isinstance(demand, BaseDemand) else ()
     for term in (term for reach in reaches for term in reach.also if term.name in SIDES):
-        if not (term.name == "in_front_of" and (around.is_graspable(term.body) or is_held(term.body, around))):
+        if not (term.name == "in_front_of" and (scene.bodies.is_graspable(term.body) or scene.arms.is_held(term.body))):
             named[_told(term.name, term.body, negated=term.negated)] = term.body
-    return {words: "the viewer's" if around.front(body) is None else "its own" for words, body in named.items()}
+    return {words: "the viewer's" if scene.bodies.front(body) is None else "its own" for words, body in named.items()}
 
 
-def is_held(body: str, around: Surroundings) -> bool:
-    """Whether one of the robot's hands holds the body."""
-    return any((held := around.held(arm.name)) is not None and held.name == body for arm in around.arms)
+def _arms(location: Location, scene: PlanningScene) -> tuple[str, ...] | None:
+    return None if location.device is None else tuple(arm.name for arm in scene.arms.of(location.device))
 
 
-def block_of(body: str, around: Surroundings) -> Block:
-    """The shape of a body; raises LocationUnresolvable if it is believed to be at no possible pose."""
-    pose, size = around.pose(body), around.size(body)
-    if not all(map(math.isfinite, (*pose.position, *pose.orientation, *size))):
-        raise LocationUnresolvable(f"{body} is believed to be at no place: its pose is {pose}", designator=body)
-    if abs(math.hypot(*pose.orientation) - 1) > 1e-3:
-        raise LocationUnresolvable(
-            f"the orientation of {body} is no rotation: {pose.orientation} is not of length 1", designator=body
-        )
-    return around.block(body)
-
-
-def _arms(location: Location, around: Surroundings) -> tuple[str, ...] | None:
-    return None if location.device is None else tuple(arm.name for arm in around.arms_of(location.device))
-
-
-def _holding(arms: tuple[str, ...] | None, around: Surroundings) -> tuple[str, ...] | None:
+def _holding(arms: tuple[str, ...] | None, scene: PlanningScene) -> tuple[str, ...] | None:
     """Of the arms that a device may mean those that hold something, if any does: an empty hand offers nothing."""
-    return tuple(name for name in arms or () if around.held(name) is not None) or arms
+    return tuple(name for name in arms or () if scene.arms.held(name) is not None) or arms
 
 
-def _for_body(what: Object, location: Location, around: Surroundings) -> Reach:
+def _for_body(what: Object, location: Location, scene: PlanningScene) -> Reach:
     """What being in reach of a body asks of a hand."""
-    body = _body(Relation("in_reach_of", what), what, around)
-    arms = _arms(location, around)
-    if around.is_person(body):
-        return Reach("offer", body, None, _holding(arms, around))
-    if is_held(body, around):
+    body = _body(Relation("in_reach_of", what), what, scene)
+    arms = _arms(location, scene)
+    if scene.bodies.is_person(body):
+        return Reach("offer", body, None, _holding(arms, scene))
+    if scene.arms.is_held(body):
         return Reach("retreat", body, None, arms)
-    return Reach("grasp" if around.is_graspable(body) else "above", body, location.grasp, arms)
+    return Reach("grasp" if scene.bodies.is_graspable(body) else "above", body, location.grasp, arms)
 
 
-def _made(relation: Relation, body: str, location: Location, around: Surroundings) -> Reach | None:
+def _made(relation: Relation, body: str, location: Location, scene: PlanningScene) -> Reach | None:
     """The reach that a conjunct of a hand location is, None for one that only filters."""
     match relation.name:
         case "above":
             low, high = bounds(relation.within, relation.beyond, HEIGHTS)
             return Reach("above", body, heights=(low, min(high, low + HIGHEST)))
         case "in_reach_of":
-            return replace(_for_body(relation.reference, location, around), arms=None)  # type: ignore[arg-type]
+            return replace(_for_body(relation.reference, location, scene), arms=None)  # type: ignore[arg-type]
         case "on" | "in_":
             return Reach("place", body, inside=relation.name == "in_")
         case "in_center_of":
-            return Reach("retreat" if is_held(body, around) else "grasp", body)
-        case "in_front_of" if around.is_graspable(body):
-            return Reach("retreat" if is_held(body, around) else "grasp", body)
+            return Reach("retreat" if scene.arms.is_held(body) else "grasp", body)
+        case "in_front_of" if scene.bodies.is_graspable(body):
+            return Reach("retreat" if scene.arms.is_held(body) else "grasp", body)
     return None
 
 
-def _body(relation: Relation, what: Object, around: Surroundings) -> str:
-    body = around.bind(what)
-    block_of(body, around)
-    if around.is_room(body):
+def _body(relation: Relation, what: Object, scene: PlanningScene) -> str:
+    body = scene.bodies.bind(what)
+    scene.bodies.block(body)
+    if scene.bodies.is_room(body):
         if relation.name in NOT_OF_ROOMS:
             raise meaningless(relation, f"{body} is a room, and nothing is ", (relation.name,), " a room")
-        if relation.name in FROM_OUTSIDE and not any(around.is_room(name) for name in around.names() if name != body):
+        if relation.name in FROM_OUTSIDE and not any(
+            scene.bodies.is_room(name) for name in scene.bodies.names() if name != body
+        ):
             raise meaningless(relation, f"{body} is the only room: in it nothing is ", (relation.name,), " it")
-    if relation.name in NEEDS_SIZE and not around.is_solid(body):
+    if relation.name in NEEDS_SIZE and not scene.bodies.is_solid(body):
         raise meaningless(relation, f"{body} has no size: it is a place, and nothing is ", (relation.name,), " a place")
-    if relation.name == "on" and not relation.negated and around.rests_at(body) is None:
+    if relation.name == "on" and not relation.negated and scene.bodies.rests_at(body) is None:
         raise meaningless(relation, f"{body} has no level top on which things rest")
-    if relation.name == "in_" and min(around.size(body)) <= 0:
+    if relation.name == "in_" and min(scene.bodies.size(body)) <= 0:
         raise meaningless(relation, f"{body} has no size: nothing is in it")
     return body
 
@@ -313,17 +297,17 @@ def _area(
     viewer: Viewer,
     radius: float,
     default: tuple[float, float],
-    around: Surroundings,
+    scene: PlanningScene,
 ) -> Area:
-    block, front = block_of(body, around), around.front(body)
+    block, front = scene.bodies.block(body), scene.bodies.front(body)
     limits, words = bounds(relation.within, relation.beyond, default), _words(relation, body)
     return area_of(relation.name, words, body, block, front, viewer, radius, limits, negated=relation.negated)
 
 
-def _clear(relation: Relation, body: str, around: Surroundings) -> Clear:
-    doors = tuple(around.doors(body))
-    block = None if any(door.name == body for door in doors) else block_of(body, around)
-    return Clear(_words(relation, body), block, doors, around.radius(), relation.negated)
+def _clear(relation: Relation, body: str, scene: PlanningScene) -> Clear:
+    doors = tuple(scene.bodies.doors(body))
+    block = None if any(door.name == body for door in doors) else scene.bodies.block(body)
+    return Clear(_words(relation, body), block, doors, scene.base_radius, relation.negated)
 
 
 def _words(relation: Relation, body: str) -> str:

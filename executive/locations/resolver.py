@@ -11,6 +11,8 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
+from executive.belief.free_floor import BasePose
+from executive.belief.planning_scene import PlanningScene
 from executive.locations.answers import Answers
 from executive.locations.areas import SIDES
 from executive.locations.effort import EFFORTS, Extent
@@ -26,7 +28,7 @@ from executive.locations.relations import BaseDemand, base_demand, hand_demand, 
 from executive.locations.resting import thing_holds, thing_poses
 from executive.locations.solving import unblocked
 from executive.locations.standing import standing_places
-from executive.locations.surroundings import ArmModel, Base, Surroundings
+from executive.robots.arms import ArmModel
 from planlang.designators import Device, Location, Object
 from planlang.failures import DesignatorFailure, MissingCapability
 from planlang.geometry import Array, Pose
@@ -41,10 +43,10 @@ MOST_VIEWERS = 256
 class Resolver:
     """Turns locations into places for the base, ways of the hand and poses of objects."""
 
-    def __init__(self, around: Surroundings) -> None:
-        self.around = around
-        self._inverse = InverseMaps(around)
-        self._judge = BaseJudge(around, self._inverse)
+    def __init__(self, scene: PlanningScene) -> None:
+        self.scene = scene
+        self.maps = InverseMaps(scene.robot.torso)
+        self._judge = BaseJudge(scene, self.maps)
         self._answers: Answers[Solution] = Answers()
         self._viewers: dict[Location, tuple[float, float]] = {}
         self._here: dict[Location, tuple[object, bool]] = {}
@@ -60,30 +62,30 @@ class Resolver:
         self._look(location)
         if log is not None:
             return self._bases(location, log)
-        state = (self.around.revision(), self.around.posture())
+        state = (self.scene.revision(), self.scene.posture())
         return self._answers.of(location, state, lambda: self._bases(location, Rejections()))
 
-    def satisfies(self, location: Location, base: Base) -> Solution | None:
+    def satisfies(self, location: Location, base: BasePose) -> Solution | None:
         """The solution at one given base, or None."""
-        demand = base_demand(location, self.around, self._viewer(location))
+        demand = base_demand(location, self.scene, self._viewer(location))
         return self._judge.at(base, 1.0, demand, self._judge.arms(demand), Rejections())
 
     def _bases(self, location: Location, log: Rejections) -> Iterator[Solution]:
-        around, judge = self.around, self._judge
-        demand = base_demand(location, around, self._viewer(location))
+        scene, judge = self.scene, self._judge
+        demand = base_demand(location, scene, self._viewer(location))
         wanted = judge.wanted(demand)
         arms = judge.arms(demand)
         self._check_parts(location, demand)
         for reach in wanted:
             judge.check_hands(reach, location)
-        found: list[Base] = []
-        x, y, yaw = around.base()
+        found: list[BasePose] = []
+        x, y, yaw = scene.base()
         here = (x, y, math.remainder(yaw, 2 * math.pi))
         if (solution := judge.at(here, 1.0, demand, arms, log)) is not None:
             found.append(here)
             yield solution
 
-        def is_taken(base: Base) -> bool:
+        def is_taken(base: BasePose) -> bool:
             """Whether a place near to that was found."""
             return any(round(math.dist(base[:2], other[:2]), 4) <= APART for other in found)
 
@@ -107,22 +109,22 @@ class Resolver:
 
     def _check_parts(self, location: Location, demand: BaseDemand) -> None:
         """Raises MissingCapability if the robot has no part that could do what is asked, wherever it stands."""
-        around, wanted = self.around, self._judge.wanted(demand)
+        scene, wanted = self.scene, self._judge.wanted(demand)
         said, part = "", "ArmComponent"
-        if demand.seen and not around.sighted():
+        if demand.seen and not scene.visibility.sighted():
             said, part = "the robot has no camera", "Camera"
-        elif (wanted or demand.unreached) and not around.arms:
+        elif (wanted or demand.unreached) and not scene.arms.all:
             said = "the robot has no arm that could reach there"
         elif any(reach.arms == () for reach in wanted):
             said = "the robot has no arm as it is asked for"
         if said:
             raise MissingCapability(said, designator=str(location), missing=(part,))
 
-    def reached_from(self, base: Base) -> Mapping[tuple[str, Base], Mapping[Reach, ReachSolution]]:
+    def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, ReachSolution]]:
         """How arms can reach from a place what was asked for when it was found, if that is the last that was found."""
         return self._judge.reached_from(base)
 
-    def remember(self, reached: Mapping[tuple[str, Base], Iterable[ReachSolution]]) -> None:
+    def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[ReachSolution]]) -> None:
         """The inverse of :meth:`reached_from`."""
         self._judge.remember(reached)
 
@@ -139,7 +141,7 @@ class Resolver:
     def is_grasp(self, location: Location) -> bool:
         """Whether a location is where a hand takes hold of something; False for a posture and what means nothing."""
         try:
-            return hand_demand(location, self.around, self._viewer(location)).kind == "grasp"
+            return hand_demand(location, self.scene, self._viewer(location)).kind == "grasp"
         except DesignatorFailure:
             return False
 
@@ -148,30 +150,30 @@ class Resolver:
 
         Near ``seed`` (d,), the arm's joint values, where several are as good; a way by which the place was found first.
         """
-        around = self.around
-        reach = replace(hand_demand(location, around, self._viewer(location)), arms=None)
+        scene = self.scene
+        reach = replace(hand_demand(location, scene, self._viewer(location)), arms=None)
         self._judge.check_hands(replace(reach, arms=(arm.name,)), location)
-        base = around.base()
+        base = scene.base()
         known = {replace(other, arms=None): way for other, way in self._judge.reached(arm.name, base).items()}.get(
             reach
         )
         log = Rejections()
-        stated = None if known is None else ways_of(reach, arm, around, Rejections(), Extent.CLOSEST)
+        stated = None if known is None else ways_of(reach, arm, scene, Rejections(), Extent.CLOSEST)
         if (
             known is not None
             and stated is not None
             and is_among(known, stated)
-            and stopped_by(known, base, around) is None
+            and stopped_by(known, base, scene) is None
         ):
             yield known  # still a way: what it is about has not moved since
         begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
         for extent in Extent if reach.kind == "grasp" else (Extent.NATURAL, Extent.ALL):
             counted = Rejections() if extent else log
-            ways = ways_of(reach, arm, around, counted, extent)
+            ways = ways_of(reach, arm, scene, counted, extent)
             found = False
             if ways is not None:
-                ways = unblocked(ways, around.arm_check(arm, ways.touches, opened=ways.opened), counted)
-                for way in from_base(reach, base, arm, ways, around, self._inverse, counted, seed=begun, generous=True):
+                ways = unblocked(ways, scene.collisions.arm_check(arm, ways.touches, opened=ways.opened), counted)
+                for way in from_base(reach, base, arm, ways, scene, self.maps, counted, seed=begun, generous=True):
                     found = True
                     yield way
             if found:
@@ -182,17 +184,17 @@ class Resolver:
 
     def things(self, location: Location, what: Object, log: Rejections | None = None) -> Iterator[Pose]:
         """Poses of an object's box centre at a location, best first; raises LocationUnresolvable at the end."""
-        around, log = self.around, log or Rejections()
-        name = around.bind(what)
-        size = around.size(name)
+        scene, log = self.scene, log or Rejections()
+        name = scene.bodies.bind(what)
+        size = scene.bodies.size(name)
         self._look(location)
-        demand = thing_demand(location, name, around, self._viewer(location))
+        demand = thing_demand(location, name, scene, self._viewer(location))
         if demand.on is None and demand.inside is None and not any(inside for _, inside in demand.people):
             needed = (("on", "in_"), " or ", ("in_reach_of",), " a person")
             raise meaningless(location, location, f" does not say where {name} rests: it needs ", *needed)
         found = 0
-        for pose in thing_poses(name, size, demand, around, log):
-            if thing_holds(name, pose, size, demand, around):
+        for pose in thing_poses(name, size, demand, scene, log):
+            if thing_holds(name, pose, size, demand, scene):
                 found += 1
                 yield pose
         raise log.failure(location, after=found)
@@ -201,25 +203,25 @@ class Resolver:
 
     def holds(self, location: Location, what: Object | None = None) -> bool:
         """Whether the base, the hand of a device, or an object is at a location, judged as candidates are."""
-        around = self.around
+        scene = self.scene
         if what is None:
-            state = (around.revision(), around.posture(), self._viewer(location))
+            state = (scene.revision(), scene.posture(), self._viewer(location))
             if self._here.get(location, (None, False))[0] != state:
                 while len(self._here) >= MOST_VIEWERS:
                     del self._here[next(iter(self._here))]
-                self._here[location] = state, self.satisfies(location, around.base()) is not None
+                self._here[location] = state, self.satisfies(location, scene.base()) is not None
             return self._here[location][1]
         viewer = self._viewer(location)
         if isinstance(what, Device):
-            return any(hand_holds(location, arm, around, viewer) for arm in around.arms_of(what))
-        name = around.bind(what)
-        size = around.size(name)
-        demand = thing_demand(location, name, around, viewer)
-        return thing_holds(name, around.pose(name), size, demand, around)
+            return any(hand_holds(location, arm, scene, viewer) for arm in scene.arms.of(what))
+        name = scene.bodies.bind(what)
+        size = scene.bodies.size(name)
+        demand = thing_demand(location, name, scene, viewer)
+        return thing_holds(name, scene.bodies.pose(name), size, demand, scene)
 
     def _look(self, location: Location) -> None:
         """From now on it is the present place from which a location's left and right are seen, at all that is found."""
-        x, y, _ = self.around.base()
+        x, y, _ = self.scene.base()
         for inner in (location, *(r.reference for r in location.relations if isinstance(r.reference, Location))):
             self._viewers.pop(inner, None)
             self._viewers[inner] = x, y
@@ -228,7 +230,7 @@ class Resolver:
 
     def _viewer(self, location: Location) -> tuple[float, float]:
         """From where a location was looked for last; places there, and at them, are judged as seen from there."""
-        x, y, _ = self.around.base()
+        x, y, _ = self.scene.base()
         return self._viewers.get(location, (x, y))
 
 

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.block import Block
+from executive.belief.believed_bodies import Block
+from executive.belief.planning_scene import PlanningScene
 from executive.locations.rejections import Rejections
-from executive.locations.relations import ThingDemand, block_of
-from executive.locations.surroundings import Surroundings
+from executive.locations.relations import ThingDemand
 from executive.motion import clearance_at
 from planlang.geometry import Array, Pose
 
@@ -33,10 +33,10 @@ Size = tuple[float, float, float]
 
 
 def thing_poses(
-    name: str, size: Size, demand: ThingDemand, around: Surroundings, rejections: Rejections
+    name: str, size: Size, demand: ThingDemand, scene: PlanningScene, rejections: Rejections
 ) -> Iterator[Pose]:
     """Poses of an object's box centre, upright, best first; reasons of others are counted."""
-    centres, yaw = _centres(name, size, demand, around)
+    centres, yaw = _centres(name, size, demand, scene)
     if not len(centres):
         rejections.add("too small for the object")
     for area in demand.areas:
@@ -44,29 +44,29 @@ def thing_poses(
         rejections.refuse(f"not {area.words}".replace("not not ", ""), centres[~wanted])
         centres = centres[wanted]
     for person, inside in demand.people:
-        zone = around.zone(person)
+        zone = scene.bodies.zone(person)
         keep = np.array([zone.contains(centre) == inside for centre in centres], bool)
         rejections.refuse(f"{'not ' if inside else ''}in reach of {person}", centres[~keep])
         centres = centres[keep]
-    upright = Block.of(Pose.planar(0.0, 0.0, yaw), size, cylinder=around.is_round(name))
+    upright = Block.of(Pose.planar(0.0, 0.0, yaw), size, cylinder=scene.bodies.is_round(name))
     for body, inside in demand.neither:
-        there = _rests(upright, centres, body, around, inside=inside)
+        there = _rests(upright, centres, body, scene, inside=inside)
         rejections.refuse(f"{'in' if inside else 'on'} {body}", centres[there])
         centres = centres[~there]
     if not len(centres):
         return
-    room = _room(name, size, centres, demand, around)
+    room = _room(name, size, centres, demand, scene)
     crowded = room < FREE
     rejections.refuse("no room for the object", centres[crowded])
-    for body in _crowding(name, size, centres[crowded], demand, around):
+    for body in _crowding(name, size, centres[crowded], demand, scene):
         rejections.blocking[body] += 1
     score = np.clip(room, 0.0, 0.1) / 0.1
     if where := demand.on or demand.inside:  # rather not at the very edge
-        spare = -_overhang(upright, centres[:, :2], block_of(where, around))
+        spare = -_overhang(upright, centres[:, :2], scene.bodies.block(where))
         score = score * (0.3 + 0.7 * np.clip(spare, 0.0, EDGE) / EDGE)
     for area in demand.areas:
         score = score * area.score(centres[:, :2])
-    x, y, _ = around.base()
+    x, y, _ = scene.base()
     score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / 4.0)
     rejections.scored.append((centres[~crowded], score[~crowded]))
     order = np.argsort(-score.round(9), kind="stable")
@@ -74,23 +74,23 @@ def thing_poses(
         yield Pose.planar(float(x), float(y), yaw, float(z))
 
 
-def thing_holds(name: str, pose: Pose, size: Size, demand: ThingDemand, around: Surroundings) -> bool:
+def thing_holds(name: str, pose: Pose, size: Size, demand: ThingDemand, scene: PlanningScene) -> bool:
     """Whether an object at a pose is where it is asked to be."""
-    block = Block.of(pose, size, cylinder=around.is_round(name))
+    block = Block.of(pose, size, cylinder=scene.bodies.is_round(name))
     centre = block.centre[None]
     resting = [(demand.on, False, True), (demand.inside, True, True), *((*other, False) for other in demand.neither)]
     for body, inside, wanted in resting:
-        if body is not None and _rests(block, centre, body, around, inside=inside)[0] != wanted:
+        if body is not None and _rests(block, centre, body, scene, inside=inside)[0] != wanted:
             return False
     x, y, z = pose.position
     if not all(area.holds((x, y)) for area in demand.areas):
         return False
-    return all(around.zone(person).contains(np.array([x, y, z])) == inside for person, inside in demand.people)
+    return all(scene.bodies.zone(person).contains(np.array([x, y, z])) == inside for person, inside in demand.people)
 
 
-def _rests(block: Block, centres: Array, body: str, around: Surroundings, *, inside: bool) -> NDArray[np.bool_]:
+def _rests(block: Block, centres: Array, body: str, scene: PlanningScene, *, inside: bool) -> NDArray[np.bool_]:
     """Whether a block with its centre at some places (m, 3) rests on a body, or is ``inside`` it, as a whole (m,)."""
-    outer, top = block_of(body, around), around.rests_at(body)
+    outer, top = scene.bodies.block(body), scene.bodies.rests_at(body)
     half = (block.high - block.low) / 2
     low, high = centres[:, 2] - half, centres[:, 2] + half
     if inside:
@@ -118,15 +118,15 @@ def _overhang(block: Block, points: Array, outer: Block) -> Array:
     return np.asarray(beyond.reshape(len(points), -1).max(axis=1) + radius)
 
 
-def _centres(name: str, size: Size, demand: ThingDemand, around: Surroundings) -> tuple[Array, float]:
+def _centres(name: str, size: Size, demand: ThingDemand, scene: PlanningScene) -> tuple[Array, float]:
     """Places (m, 3) for an object's centre, and its heading."""
     where = demand.on or demand.inside
     if where is None:
-        zones = [around.zone(person).points() for person, inside in demand.people if inside]
+        zones = [scene.bodies.zone(person).points() for person, inside in demand.people if inside]
         points = np.concatenate(zones) if zones else np.zeros((0, 3))
         return points, 0.0
-    block = block_of(where, around)
-    floor = around.rests_at(where) if demand.on is not None else block.low
+    block = scene.bodies.block(where)
+    floor = scene.bodies.rests_at(where) if demand.on is not None else block.low
     half_x, half_y = block.half_x - size[0] / 2, block.half_y - size[1] / 2
     if floor is None or half_x < 0 or half_y < 0 or (demand.inside is not None and size[2] > block.high - block.low):
         return np.zeros((0, 3)), block.yaw
@@ -134,15 +134,15 @@ def _centres(name: str, size: Size, demand: ThingDemand, around: Surroundings) -
     axes = [np.linspace(-half, half, 2 * math.ceil(half / spacing) + 1) for half in (half_x, half_y)]
     places = block.to_map(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2))
     if block.round:
-        upright = Block.of(Pose.planar(0.0, 0.0, block.yaw), size, cylinder=around.is_round(name))
+        upright = Block.of(Pose.planar(0.0, 0.0, block.yaw), size, cylinder=scene.bodies.is_round(name))
         places = places[_overhang(upright, places, block) <= HAIR]
     return np.column_stack([places, np.full(len(places), floor + ABOVE_SURFACE + size[2] / 2)]), block.yaw
 
 
-def _room(name: str, size: Size, centres: Array, demand: ThingDemand, around: Surroundings) -> Array:
+def _room(name: str, size: Size, centres: Array, demand: ThingDemand, scene: PlanningScene) -> Array:
     """Free distance (m,) around an object at places (m, 3) of one height, to all but what it is on."""
-    boxes, _ = around.boxes_but((name, demand.on or ""))
-    radius = math.hypot(size[0], size[1]) / 2 if not around.is_round(name) else max(size[:2]) / 2
+    boxes, _ = scene.collisions.boxes_but((name, demand.on or ""))
+    radius = math.hypot(size[0], size[1]) / 2 if not scene.bodies.is_round(name) else max(size[:2]) / 2
     room = np.full(len(centres), np.inf)
     for z in np.unique(centres[:, 2]):
         level = centres[:, 2] == z
@@ -151,9 +151,9 @@ def _room(name: str, size: Size, centres: Array, demand: ThingDemand, around: Su
     return room
 
 
-def _crowding(name: str, size: Size, centres: Array, demand: ThingDemand, around: Surroundings) -> list[str]:
+def _crowding(name: str, size: Size, centres: Array, demand: ThingDemand, scene: PlanningScene) -> list[str]:
     """The bodies that take the room at some of the places."""
-    boxes, bodies = around.boxes_but((name, demand.on or ""))
+    boxes, bodies = scene.collisions.boxes_but((name, demand.on or ""))
     radius = max(size[:2]) / 2
     found: dict[str, None] = {}
     for x, y, z in centres[:: max(1, len(centres) // 16)]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from executive.locations.block import Block
+from executive.belief.believed_bodies import Block
 from planlang.geometry import Array
 
 BEST, WIDTH = 1.2, 0.8

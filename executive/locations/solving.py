@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Reason, Rejections
-from executive.locations.surroundings import ArmModel
 from executive.locations.ways import Ways
 from executive.motion import QuickCheck
+from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
 FARTHEST = 1.2

@@ -9,13 +9,13 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.belief.visibility import Unseen
 from executive.locations.anywhere import all_places
 from executive.locations.grid import around_places
 from executive.locations.judging import MOST_CROWDED, PLACES, BaseJudge, scored, unmet
-from executive.locations.own_view import Unseen
 from executive.locations.reaching import TRAVEL
 from executive.locations.rejections import Rejections
-from executive.locations.relations import BaseDemand, block_of
+from executive.locations.relations import BaseDemand
 from executive.locations.sight import sight_score
 from planlang.geometry import Array
 from planlang.protocols import Solution
@@ -28,12 +28,12 @@ MOST_AREAS = 600
 
 def standing_places(judge: BaseJudge, demand: BaseDemand, log: Rejections) -> Iterator[Solution]:
     """Places without reach: around what they are about, and when there are no more of these, anywhere."""
-    found, looked_at = yield from _judged(judge, demand, around_places(demand, judge.around), MOST_AREAS, log)
+    found, looked_at = yield from _judged(judge, demand, around_places(demand, judge.scene), MOST_AREAS, log)
     if looked_at >= MOST_AREAS:
         return
     counts, blocking = log.counts.copy(), log.blocking.copy()
     told = found or bool(blocking)  # where one would look first
-    yield from _judged(judge, demand, all_places(demand, judge.around), MOST_AREAS - looked_at, log, named=told)
+    yield from _judged(judge, demand, all_places(demand, judge.scene), MOST_AREAS - looked_at, log, named=told)
     if told:
         log.counts, log.blocking = counts, blocking
 
@@ -51,7 +51,7 @@ def _judged(
 
     ``named``: what takes the room is known. Returns whether there were any, and how many were looked at.
     """
-    around = judge.around
+    scene = judge.scene
     terms = list(demand.areas)
     bases, room, squares = places
     score = np.ones(len(bases))
@@ -59,10 +59,10 @@ def _judged(
         score = score * scored(term, bases)
         log.refuse(unmet(term), bases[scored(term, bases) <= 0])
     for name in demand.seen:
-        score = score * sight_score(bases, block_of(name, around), around.camera_range())
+        score = score * sight_score(bases, scene.bodies.block(name), scene.visibility.camera_range())
     roomy = room > 0
     log.refuse("no room for the base", bases[~roomy & (score > 0)])
-    x, y, _ = around.base()
+    x, y, _ = scene.base()
     travel = np.hypot(bases[:, 0] - x, bases[:, 1] - y)
     total = score * (0.4 + np.clip(room, 0.0, 0.3)) * np.exp(-travel / TRAVEL)
     crowded = np.flatnonzero(~roomy & (score > 0))
@@ -93,8 +93,8 @@ def _judged(
 
 def _surely_unseen(judge: BaseJudge, demand: BaseDemand, bases: Array) -> Iterator[bool]:
     """From which bases (n, 3) the robot itself, or the room, surely hides what has to be seen; looked at lazily."""
-    around = judge.around
-    view = around.own_view()
+    scene = judge.scene
+    view = scene.visibility.own_view()
     for first in range(0, len(bases), AT_ONCE):
         part = bases[first : first + AT_ONCE]
         # what is found at once needs no more than an exact look
@@ -103,7 +103,7 @@ def _surely_unseen(judge: BaseJudge, demand: BaseDemand, bases: Array) -> Iterat
             continue
         unseen = np.zeros(len(part), bool)
         for name in judge.to_see(demand):
-            block, solids = block_of(name, around), around.solids()
+            block, solids = scene.bodies.block(name), scene.collisions.solids()
             others = solids.only(np.array([body != name for body in solids.bodies], bool))
             unseen |= Unseen(view, block)(part) | view.hidden_by(others, part, block)
         yield from unseen.tolist()

@@ -14,9 +14,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.locations.block import Block
-from executive.locations.hand import ComfortZone, HandFrame, Held
+from executive.belief.believed_bodies import Block, ComfortZone
 from executive.locations.reachability import GraspClass
+from executive.robots.arms import HandFrame, Held
 from planlang.geometry import Array
 
 APPROACH = 0.08

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 
-from executive.locations import ArmModel, ReachSolution
+from executive.locations import ReachSolution
 from executive.modules.platform import Platform
 from executive.motion import MotionError
+from executive.robots.arms import ArmModel
 from planlang import perform
 from planlang.designators import Action, Device, Location, Object, Relation, action
 from planlang.failures import (
@@ -76,20 +77,22 @@ class Reaching:
         """
         platform = self.platform
         device, location = action.get("device_used"), action.get("to_location")
-        named = platform.around.arms_of(device) if isinstance(device, Device) else platform.around.arms
+        named = platform.scene.arms.of(device) if isinstance(device, Device) else platform.scene.arms.all
         if isinstance(location, Location) and platform.resolver.is_grasp(location) and (free := platform.free(named)):
             return free
         if isinstance(device, Device):
             meant = platform.in_order(named)
-            offering = [arm for arm in meant if platform.around.held(arm.name)] if self._is_for_person(action) else []
+            offering = (
+                [arm for arm in meant if platform.scene.arms.held(arm.name)] if self._is_for_person(action) else []
+            )
             return offering or meant
-        return platform.holding(platform.around.arms) or platform.in_order(platform.around.arms)
+        return platform.holding(platform.scene.arms.all) or platform.in_order(platform.scene.arms.all)
 
     def _is_for_person(self, action: Action) -> bool:
         """Whether the hand is to go to where a person reaches it."""
-        location, around = action.get("to_location"), self.platform.around
+        location, scene = action.get("to_location"), self.platform.scene
         return isinstance(location, Location) and any(
-            isinstance(relation.reference, Object) and around.is_person(around.bind(relation.reference))
+            isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
             for relation in location.relations
         )
 

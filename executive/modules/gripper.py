@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from executive.locations import ArmModel
 from executive.modules.platform import Platform
+from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Object
 from planlang.failures import DesignatorFailure, GraspMissed, GripperFailure, GripperGoalNotReached, MissingCapability
 
@@ -38,7 +38,7 @@ class GripperModule:
         """
         platform = self.platform
         device, what = action.get("device_used"), action.get("object_acted_on")
-        candidates = platform.around.arms_of(device) if isinstance(device, Device) else platform.around.arms
+        candidates = platform.scene.arms.of(device) if isinstance(device, Device) else platform.scene.arms.all
         arms = platform.holding(candidates) or platform.in_order(candidates)
         if isinstance(what, Object) and not platform.in_hand(what):
             arms = platform.free(candidates) or arms
@@ -57,7 +57,7 @@ class GripperModule:
 
     async def _open(self, arm: ArmModel) -> str | None:
         platform = self.platform
-        held = platform.around.held(arm.name)
+        held = platform.scene.arms.held(arm.name)
         if held is not None:
             platform.let_go(held.name)
         motion = await platform.move_gripper(arm, closed=False)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from executive.locations import ArmModel
 from executive.modules.platform import Platform
+from executive.robots.arms import ArmModel
 from planlang import wait_for
 from planlang.designators import Action, Object, Person
 from planlang.failures import (
@@ -38,14 +38,14 @@ class Handover:
         if not arms:
             raise ActionUnresolvable("no arm holds what is to be handed over", designator=str(action))
         platform, arm = self.platform, arms[0]
-        held = platform.around.held(arm.name)
+        held = platform.scene.arms.held(arm.name)
         assert held is not None
         recipient = action.get("recipient")
         wanted = str(recipient) if isinstance(recipient, Person) else None
         person = await wait_for(platform.taken(held.name), timeout=PATIENCE)
         if person is None:
             raise HandoverNotTaken(what=held.name, recipient=wanted)
-        if isinstance(recipient, Person) and platform.around.bind(recipient) != person:
+        if isinstance(recipient, Person) and platform.scene.bodies.bind(recipient) != person:
             raise HandoverNotTaken(f"{person} takes {held.name} instead of {wanted}", what=held.name, recipient=wanted)
         platform.let_go(held.name, to=person)
         await platform.move_gripper(arm, closed=False)
@@ -54,10 +54,10 @@ class Handover:
     def _arm(self, action: Action) -> list[ArmModel]:
         platform = self.platform
         what = action.get("object_acted_on")
-        name = platform.around.bind(what) if isinstance(what, Object) else None
+        name = platform.scene.bodies.bind(what) if isinstance(what, Object) else None
         found = []
-        for arm in platform.around.arms:
-            held = platform.around.held(arm.name)
+        for arm in platform.scene.arms.all:
+            held = platform.scene.arms.held(arm.name)
             if held is not None and name in (None, held.name):
                 found.append(arm)
         return found[:1]

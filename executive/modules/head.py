@@ -26,5 +26,5 @@ class Head:
         what = action.get("object_acted_on")
         if not isinstance(what, Object):
             raise ActionUnresolvable("looking at something needs object_acted_on", designator=str(action))
-        name = self.platform.around.bind(what)
-        await self.platform.look_at(self.platform.around.block(name).centre, name)
+        name = self.platform.scene.bodies.bind(what)
+        await self.platform.look_at(self.platform.scene.bodies.block(name).centre, name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from executive.locations import Base
+from executive.belief.free_floor import BasePose
 from executive.modules.platform import Platform
 from executive.motion import GoalInCollision, MotionError, StartInCollision
 from planlang.designators import Action, Location
@@ -51,7 +51,7 @@ class Navigation:
             self.platform.bump(blocked_by)
         raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
 
-    def _goal(self, action: Action) -> Base:
+    def _goal(self, action: Action) -> BasePose:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
             case float(x), float(y), float(yaw), None:
                 return x, y, yaw
@@ -59,7 +59,7 @@ class Navigation:
                 return next(self.platform.resolver.bases(location)).base
         raise ActionUnresolvable("a base motion needs to_location, or x, y and yaw", designator=str(action))
 
-    def _path(self, goal: Base) -> Trajectory:
+    def _path(self, goal: BasePose) -> Trajectory:
         try:
             return self.platform.base_path(goal)
         except GoalInCollision as problem:
@@ -75,6 +75,6 @@ def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:
     return next((body for _, body in problem.pairs), None)
 
 
-def _close(one: Base, other: Base) -> bool:
+def _close(one: BasePose, other: BasePose) -> bool:
     turn = math.remainder(one[2] - other[2], 2 * math.pi)
     return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3

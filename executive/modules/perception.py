@@ -42,7 +42,7 @@ class Perception:
         if not isinstance(what, Object):
             raise ActionUnresolvable("perceiving needs object_acted_on", designator=str(action))
         platform = self.platform
-        name = platform.around.bind(what)
+        name = platform.scene.bodies.bind(what)
         beyond: LookingGoalUnreachable | None = None
         for count, point in enumerate(self._gazes(name)):
             if count == MOST_GAZES:
@@ -59,7 +59,7 @@ class Perception:
 
     def _gazes(self, name: str) -> Iterator[Array]:
         """Points (3,) to look at: the believed place, then over its support, nearest to that place first."""
-        block = self.platform.around.block(name)
+        block = self.platform.scene.bodies.block(name)
         yield block.centre
         support = self.platform.support_of(name)
         if support is None:

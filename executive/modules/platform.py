@@ -10,8 +10,10 @@ from itertools import product
 import numpy as np
 
 from executive.belief import Belief
-from executive.belief.planning_scene import BelievedSurroundings
-from executive.locations import ArmModel, Base, Block, ReachSolution, Resolver
+from executive.belief.believed_bodies import Block
+from executive.belief.free_floor import BasePose
+from executive.belief.planning_scene import PlanningScene
+from executive.locations import ReachSolution, Resolver
 from executive.modules.arm_choice import ArmChoices
 from executive.motion import (
     Grid,
@@ -28,6 +30,7 @@ from executive.motion import (
     time_path,
 )
 from executive.robots import Gripper, Robot
+from executive.robots.arms import ArmModel
 from planlang import Fluent, checkpoint, wait_for
 from planlang.designators import Location, Object
 from planlang.failures import ActionUnresolvable, LookingGoalUnreachable, ObjectUnresolvable
@@ -54,7 +57,7 @@ class Platform:
     """The real one: commanded, and known only by what can be sensed of it. Planning is done in that of ``around``."""
     robot: Robot
     belief: Belief
-    around: BelievedSurroundings
+    scene: PlanningScene
     resolver: Resolver
     ancestors: Callable[[str], Sequence[str]]
     """Action class -> itself and its superclasses, nearest first; local names."""
@@ -63,12 +66,12 @@ class Platform:
     rng: np.random.Generator
     choices: ArmChoices = field(default_factory=ArmChoices)
     """Arms that were chosen where the plan left the choice."""
-    begun_grasps: dict[str, tuple[int, Base, ReachSolution]] = field(default_factory=dict)
+    begun_grasps: dict[str, tuple[int, BasePose, ReachSolution]] = field(default_factory=dict)
     """Arm -> revision, base and grasp whose pre-grasp was taken."""
 
     # Where things are
 
-    def base(self) -> Base:
+    def base(self) -> BasePose:
         """Where the base is, by odometry."""
         return self.world.configuration().base
 
@@ -79,7 +82,7 @@ class Platform:
 
     def sync(self) -> None:
         """Make the planning world equal to what is believed."""
-        self.belief.sync(self.around.world, self.world.configuration())
+        self.belief.sync(self.scene.world, self.world.configuration())
 
     # Motions
 
@@ -93,17 +96,17 @@ class Platform:
             self.world.halt(group)
             self.sync()
 
-    def base_path(self, goal: Base) -> Trajectory:
+    def base_path(self, goal: BasePose) -> Trajectory:
         """A timed path for the base through the believed world; raises a MotionError."""
         self.sync()
-        around, drive, start = self.around, self.robot.base, self.base()
-        x_min, y_min, x_max, y_max = around.world.scene.bounds
+        scene, drive, start = self.scene, self.robot.base, self.base()
+        x_min, y_min, x_max, y_max = scene.world.scene.bounds
         grid = Grid.over((x_min, y_min), (x_max, y_max))
-        obstacles, silhouette = around.obstacles(), around.silhouette()
+        obstacles, silhouette = scene.collisions.obstacles(), scene.collisions.silhouette()
         room = clearance_field(grid, obstacles, silhouette)
 
         def touching(x: float, y: float, yaw: float) -> list[tuple[str, str]]:
-            return [(contact.part, contact.body) for contact in around.contacts((x, y, yaw))]
+            return [(contact.part, contact.body) for contact in scene.collisions.contacts((x, y, yaw))]
 
         for step in STEPS:
             trajectory = time_path(
@@ -125,12 +128,12 @@ class Platform:
         self.sync()
         chain, base, start = arm.solver.chain, self.base(), self.arm_joints(arm)
         space = JointSpace.of(arm.lower, arm.upper, continuous=chain.continuous, resolution=arm.resolution)
-        quick = self.around.quick_check(arm, touches)
+        quick = self.scene.collisions.quick_check(arm, touches)
 
         def touching(q: Array) -> list[tuple[str, str]]:
             # at the start all of the robot is looked at; later on what stands still touches nothing new
             among = None if np.array_equal(q, start) else quick.doubtful(q)
-            contacts = self.around.contacts(base, arm, q, touches, among=among)
+            contacts = self.scene.collisions.contacts(base, arm, q, touches, among=among)
             return [(contact.part, contact.body) for contact in contacts]
 
         def moments(path: Array) -> Array:
@@ -144,10 +147,10 @@ class Platform:
         """A timed straight line of the tip to a pose (4, 4) of the map; raises a MotionError with the reason."""
         self.sync()
         start, base = self.arm_joints(arm), self.base()
-        quick = self.around.quick_check(arm, touches)
+        quick = self.scene.collisions.quick_check(arm, touches)
 
         def is_free(row: Array) -> bool:
-            return not self.around.contacts(base, arm, row, touches, among=quick.doubtful(row))
+            return not self.scene.collisions.contacts(base, arm, row, touches, among=quick.doubtful(row))
 
         chain = arm.solver.chain
         beginning, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
@@ -183,16 +186,16 @@ class Platform:
     def holding(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
         """Those that hold something, and not for somebody else, the one that was chosen before first."""
         others = self.choices.others()
-        return [arm for arm in self.in_order(arms) if self.around.held(arm.name) and arm.name not in others]
+        return [arm for arm in self.in_order(arms) if self.scene.arms.held(arm.name) and arm.name not in others]
 
     def free(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
         """Those that hold nothing: they take hold of things. In order as all arms are."""
-        return [arm for arm in self.in_order(arms) if self.around.held(arm.name) is None]
+        return [arm for arm in self.in_order(arms) if self.scene.arms.held(arm.name) is None]
 
     def in_hand(self, what: Object) -> bool:
         """Whether the robot holds a thing, as far as it is known which that is."""
         try:
-            return self.around.bind(what) in self.belief.held
+            return self.scene.bodies.bind(what) in self.belief.held
         except ObjectUnresolvable:
             return False
 
@@ -207,7 +210,7 @@ class Platform:
         if not any(relation.name == "in_center_of" for relation in location.relations):
             return None
         revision, base, way = self.begun_grasps.get(arm.name, (-1, (0.0, 0.0, 0.0), None))
-        meant = [self.around.bind(r.reference) for r in location.relations if isinstance(r.reference, Object)]
+        meant = [self.scene.bodies.bind(r.reference) for r in location.relations if isinstance(r.reference, Object)]
         if way is None or revision != self.belief.revision or base != self.base() or way.reach.body not in meant:
             return None
         return way
@@ -230,15 +233,15 @@ class Platform:
         now = zip(arm.joints, self.arm_joints(arm), strict=True)
         return np.array([known[meant].get(joint, value) for joint, value in now])
 
-    def room_to_tuck(self, arms: Sequence[ArmModel]) -> Base | None:
+    def room_to_tuck(self, arms: Sequence[ArmModel]) -> BasePose | None:
         """The nearest place, here or straight away from it, where these arms can go to the carrying posture."""
         x, y, yaw = self.base()
         postures = [(arm, self.posture(arm, CARRYING)) for arm in arms]
         for step, turn in [(0.0, 0.0), *product(BACK_OFF, BACKWARDS)]:
             place = (x + step * math.cos(yaw + turn), y + step * math.sin(yaw + turn), yaw)
-            if self.around.contacts(place) and step:
+            if self.scene.collisions.contacts(place) and step:
                 continue
-            if not any(self.around.contacts(place, arm, posture) for arm, posture in postures):
+            if not any(self.scene.collisions.contacts(place, arm, posture) for arm, posture in postures):
                 return place
         return None
 
@@ -273,9 +276,9 @@ class Platform:
     def let_go(self, name: str, *, to: str | None = None) -> None:
         """Let a held body go: it comes down on what is below, or a person has it."""
         self.sync()
-        believed = self.around.world.pose(name)
+        believed = self.scene.world.pose(name)
         x, y, z = believed.position
-        sinks = self.around.world.height_above_support(name)
+        sinks = self.scene.world.height_above_support(name)
         self.world.release(name)
         self.belief.released(name, Pose((x, y, z - sinks if sinks < z else 0.0), believed.orientation), to=to)
         self.sync()
@@ -293,18 +296,20 @@ class Platform:
     async def look_at(self, point: Array, name: str) -> None:
         """Turn the neck so that a map point (3,) is in the picture; raises LookingGoalUnreachable."""
         camera = self.robot.camera
-        if self.around.gaze is None or camera is None:
+        if self.scene.visibility.gaze is None or camera is None:
             await checkpoint()
             return
-        neck, beyond, _ = self.around.gaze.at(matrices.moved(Pose.planar(*self.base()).inverse().matrix(), point))
+        neck, beyond, _ = self.scene.visibility.gaze.at(
+            matrices.moved(Pose.planar(*self.base()).inverse().matrix(), point)
+        )
         if beyond > camera.half_angle:
             raise LookingGoalUnreachable(what=name)
-        if not self.around.gaze.joints:
+        if not self.scene.visibility.gaze.joints:
             await checkpoint()
             return
         joints = self.world.configuration().joints
-        now = np.array([joints[joint] for joint in self.around.gaze.joints])
-        await self.follow("head", self._timed(self.around.gaze.joints, np.stack([now, neck])))
+        now = np.array([joints[joint] for joint in self.scene.visibility.gaze.joints])
+        await self.follow("head", self._timed(self.scene.visibility.gaze.joints, np.stack([now, neck])))
 
     def see(self) -> tuple[str, ...]:
         """Take a picture; everything recognised changes the belief. Names of what was seen."""
@@ -321,10 +326,10 @@ class Platform:
 
     def must_look(self, what: Object) -> bool:
         """Whether a thing to grasp, or a person to give to, has not been seen since the base last moved."""
-        name = self.around.bind(what)
+        name = self.scene.bodies.bind(what)
         if name in self.belief.held or self.belief.seen_from_here(name):
             return False
-        return self.around.is_graspable(name) or self.around.is_person(name)
+        return self.scene.bodies.is_graspable(name) or self.scene.bodies.is_person(name)
 
     def base_moved(self) -> None:
         """Tell the belief that things have to be looked at again."""
@@ -339,8 +344,8 @@ class Platform:
 
     def support_of(self, name: str) -> Block | None:
         """The body that something is believed to stand on."""
-        support = self.around.world.support(name)
-        return self.around.block(support) if support in self.around.world.names() else None
+        support = self.scene.world.support(name)
+        return self.scene.bodies.block(support) if support in self.scene.world.names() else None
 
     def believed_pose(self, name: str) -> Pose:
         """Where a body is believed to be."""

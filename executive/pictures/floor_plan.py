@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from executive.belief.free_floor import BasePose
 from executive.locations.rejections import Judged
-from executive.locations.surroundings import Base
 from executive.pictures.drawing import FAINT, FINE, INK, PAPER, Colour, Sheet, blended, font
 from planlang.geometry import Array
 
@@ -62,7 +62,7 @@ class Scenery:
     bodies: Sequence[Outline]
     radius: float
     """Of the outline of what places are for [m]."""
-    robot: Base
+    robot: BasePose
     robot_radius: float
     regions: Sequence[Region] = ()
     on_floor: bool = True
@@ -74,7 +74,7 @@ class Resolution:
     """What a resolution looked at and came to, places best first."""
 
     title: str
-    places: Sequence[Base]
+    places: Sequence[BasePose]
     judged: Sequence[Judged]
     scored: Sequence[tuple[Array, Array]] = ()
     """Candidates (m, 3) before they were judged, and their scores (m,)."""
@@ -215,7 +215,7 @@ class FloorPlan:
             if number <= numbered:
                 self.sheet.text(self._at(x, y), str(number), 13, PAPER, "mm")
 
-    def _arrow(self, base: Base, length: float, colour: Colour) -> None:
+    def _arrow(self, base: BasePose, length: float, colour: Colour) -> None:
         x, y, yaw = base
         head = min(0.09, 0.4 * length)
         tip = x + length * math.cos(yaw), y + length * math.sin(yaw)

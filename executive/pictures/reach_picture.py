@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
-from executive.locations.surroundings import ArmModel
 from executive.pictures.drawing import FAINT, FINE, INK, Colour, Sheet, blended
+from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
 Maps = Mapping[GraspClass, ReachabilityMap]
@@ -33,8 +33,8 @@ def save_reach_picture(
     for axis in ("x", "y", "z"):
         every = np.concatenate([CELL * rows[axis].astype(float) for rows in points] or [np.zeros(1)])
         low, high = (float(every.min()), float(every.max())) if len(every) else (0.0, 0.0)
-        around = 0.0 if axis == "z" else radius
-        ends.append((min(low, -around) - SPARE, max(high, around) + SPARE))
+        scene = 0.0 if axis == "z" else radius
+        ends.append((min(low, -scene) - SPARE, max(high, scene) + SPARE))
     _Drawing(name, models, maps, radius, ends).sheet.finished().save(path, format="PNG")
 
 

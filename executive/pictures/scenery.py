@@ -22,7 +22,7 @@ def scenery_of(
     platform: Platform, location: Location, meant: Collection[str], placed_thing: str | None = None
 ) -> Scenery:
     """The room as it is believed; places are as large as the base, or as a thing that is placed."""
-    world = platform.around.world
+    world = platform.scene.world
     bodies = []
     tops = {name: float(corners(world.pose(name), world.scene.body(name).size)[:, 2].max()) for name in world.names()}
     for name in sorted(tops, key=lambda name: tops[name]):  # what is on top is drawn last
@@ -30,14 +30,14 @@ def scenery_of(
         if body.shape == "room" or name in world.attached():
             continue
         if body.shape == "cylinder":
-            block = platform.around.block(name)
+            block = platform.scene.bodies.block(name)
             turns = np.arange(32) * 2 * np.pi / 32
             circle = np.column_stack([block.half_x * np.cos(turns), block.half_y * np.sin(turns)])
             points = block.to_map(circle)
         else:
             points = outline_of(corners(world.pose(name), body.size)[:, :2])
         kind = "meant" if name in meant else body.shape if body.shape in ("person", "marker") else "solid"
-        facing = platform.around.front(name) if body.shape == "person" else None
+        facing = platform.scene.bodies.front(name) if body.shape == "person" else None
         bodies.append(Outline(name, points, kind, facing))
     robot = platform.robot.base.radius
     size = robot if placed_thing is None else max(world.size(placed_thing)[:2]) / 2
@@ -48,12 +48,12 @@ def scenery_of(
 
 def _regions(platform: Platform, location: Location, placed_thing: str | None) -> Iterator[Region]:
     """Where each conjunct about the floor holds, for the base or for a thing."""
-    around, (x, y, _) = platform.around, platform.base()
+    scene, (x, y, _) = platform.scene, platform.base()
     try:
         if placed_thing is None:
-            areas = base_demand(location, around, (x, y)).areas
+            areas = base_demand(location, scene, (x, y)).areas
         else:
-            areas = thing_demand(location, placed_thing, around, (x, y)).areas
+            areas = thing_demand(location, placed_thing, scene, (x, y)).areas
     except LocationUnresolvable:
         return
     for area in areas:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from executive.locations import ArmModel, HandFrame
-from executive.locations.reachability_building import lift_of
 from executive.motion import Chain, Gaze, InverseKinematics
 from executive.motion.urdf import Joint, displacement, joints_between, read_joints
 from executive.robots import Arm, Robot
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.protocols import Configuration
 from sim import PyBulletWorld
@@ -20,6 +20,100 @@ SAMPLES = 400
 """Random configurations from which the length of an arm is measured."""
 TURN_STEP, SLIDE_STEP = 0.08, 0.02
 """Steps in which motions of turning and sliding joints are checked [rad], [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandFrame:
+    """How a tip frame is meant: unit vectors of the approach and of the closing direction in it."""
+
+    approach: tuple[float, float, float]
+    closing: tuple[float, float, float]
+
+    def rotation(self, approach: Array, closing: Array) -> Array:
+        """The rotation (3, 3) that turns the frame's approach and closing axes into the given map directions."""
+        return np.asarray(_axes(approach, closing) @ _axes(self.approach, self.closing).T)
+
+
+def _axes(first: Sequence[float] | Array, second: Sequence[float] | Array) -> Array:
+    """Two orthogonal unit vectors and their cross product as columns (3, 3); numpy's own is slow for single vectors."""
+    a, b, c = first
+    d, e, f = second
+    return np.array([[a, d, b * f - c * e], [b, e, c * d - a * f], [c, f, a * e - b * d]])
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What a hand holds: name, pose in the tip frame, size of its box [m]."""
+
+    name: str
+    pose: Pose
+    size: tuple[float, float, float]
+
+    def lowest_of(self, rotations: Array) -> Array:
+        """Height of the object's lowest point relative to the tip, for tip rotations (m, 3, 3), (m,) [m]."""
+        turned = rotations @ self.pose.matrix()[:3, :3]
+        return np.asarray(self.offsets(rotations)[:, 2] - np.abs(turned[:, 2]) @ (np.asarray(self.size) / 2))
+
+    def offsets(self, rotations: Array) -> Array:
+        """The object's centre relative to the tip, in the map, for tip rotations (m, 3, 3), (m, 3)."""
+        return np.asarray(rotations @ np.asarray(self.pose.position))
+
+
+@dataclass(frozen=True, slots=True)
+class Lift:
+    """A torso that lifts the arms straight up: rise [m] = ``per_unit`` * (position - ``lowest``)."""
+
+    joint: str
+    column: int
+    """Index of the joint among the arm's joints."""
+    lowest: float
+    """Joint position at which the rise is 0 [m]."""
+    highest: float
+    """Joint position at which the rise is greatest [m]."""
+    per_unit: float
+
+    def rise(self, position: ArrayLike) -> Array:
+        """Rise [m] of joint positions."""
+        return np.asarray(self.per_unit * (np.asarray(position, float) - self.lowest))
+
+    def position(self, rise: ArrayLike) -> Array:
+        """Joint positions for a rise [m]."""
+        return np.asarray(self.lowest + np.asarray(rise, float) / self.per_unit)
+
+
+@dataclass(frozen=True, slots=True)
+class ArmModel:
+    """One arm (with the joints that carry it, e.g. the torso) as the resolver sees it."""
+
+    name: str
+    joints: tuple[str, ...]
+    lower: Array
+    upper: Array
+    solver: InverseKinematics
+    resolution: Array
+    """Steps in which motions are checked, (d,) [rad, m]."""
+    frame: HandFrame
+    max_opening: float
+    hand_links: frozenset[str]
+    hand_radius: float
+    """How far the hand extends around its tip frame across the approach direction [m]."""
+    shoulder_low: Array
+    """Shoulder in the base frame at the lowest posture of what carries the arm, (3,)."""
+    shoulder_high: Array
+    """The same at the highest, (3,)."""
+    reach: float
+    """Longest distance from shoulder to tip [m]."""
+    seeds: Array
+    """Postures to start inverse kinematics from, (s, d)."""
+    lift: Lift | None = None
+    """The torso that lifts it straight up."""
+    hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
+    """Corners of boxes around the hand's pieces in the tip frame, (n, 3)."""
+
+    def lowest(self, rotations: Array, held: Held | None) -> Array:
+        """Height of the lowest point of hand and held object over the tip (m,) [m], for tip rotations (m, 3, 3)."""
+        hand = (self.hand_corners @ rotations[:, 2, :, None])[..., 0].min(axis=1)
+        return np.asarray(hand if held is None else np.minimum(hand, held.lowest_of(rotations)))
 
 
 def arm_models(robot: Robot, world: PyBulletWorld) -> tuple[ArmModel, ...]:
@@ -96,3 +190,23 @@ def _distinct(seeds: list[Array]) -> Array:
     for seed in seeds:
         kept.setdefault(np.round(seed, 6).tobytes(), seed)
     return np.stack(list(kept.values()))
+
+
+def lift_of(chain: Chain, torso: str | None) -> Lift | None:
+    """How a torso joint lifts a chain; None if it does not, or not straight up."""
+    if torso is None or torso not in chain.names:
+        return None
+    column = chain.names.index(torso)
+    low, high = float(chain.lower[column]), float(chain.upper[column])
+    ends = np.tile((chain.lower + chain.upper) / 2, (2, 1))
+    ends[:, column] = low, high
+    below, above = chain.fk(ends)
+    travel = above[:3, 3] - below[:3, 3]
+    if not chain.prismatic[column] or high - low < 1e-6 or np.abs(above[:3, :3] - below[:3, :3]).max() > 1e-9:
+        return None
+    rise = float(travel[2])
+    if np.hypot(*travel[:2]) > 1e-3 * abs(rise):
+        return None
+    if rise < 0:
+        low, high, rise = high, low, -rise
+    return Lift(torso, column, low, high, rise / (high - low))

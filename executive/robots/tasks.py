@@ -12,8 +12,9 @@ from executive.robots.requirements import Semantics
 from planlang.designators import local_name
 from planlang.ontology import Ontology
 from planlang.recipe import Recipe, RecipeSet, Step
+from planlang.recipe.model import FLAT, INTERSECTION
 
-SEEN_BY_THE_ORIGINAL = ("D1", "D1f")
+SEEN_BY_THE_ORIGINAL = (INTERSECTION, FLAT)
 """Dialects whose sub-actions KnowRob's SRDL saw; all others read as empty."""
 
 

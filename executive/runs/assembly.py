@@ -12,8 +12,9 @@ from itertools import chain, islice
 import numpy as np
 
 from executive.belief import Belief, SemanticMap, default_starts
-from executive.belief.planning_scene import BelievedSurroundings
-from executive.locations import Base, Resolver
+from executive.belief.free_floor import BasePose
+from executive.belief.planning_scene import PlanningScene
+from executive.locations import Resolver
 from executive.modules.platform import Platform
 from executive.robots import Robot
 from executive.robots.arms import arm_models, gaze_of
@@ -32,7 +33,7 @@ def real_scene(scene: Scene, seed: int, robot_in: PyBulletWorld) -> Scene:
     return perturb(scene, seed, radius=radius, height=height)
 
 
-def world_at_start(scene: Scene, robot: Robot, start: Base | None, stack: ExitStack) -> PyBulletWorld:
+def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack) -> PyBulletWorld:
     """A world with the robot at its start: where the user says, else at a free place near the middle.
 
     ``stack`` closes the world. Raises BadInput when there is no place, or something stands where the user says.
@@ -88,8 +89,9 @@ def platform_of(
     """A robot in a true and a believed world; ``say`` is told while maps of what its arms reach are built."""
     belief = Belief(semantic_map, believed)
     belief.sync(believed, truth.configuration())
-    around = BelievedSurroundings(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
-    around.map_reach(partial(mapped, say))
+    scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
+    resolver = Resolver(scene)
+    resolver.maps.build(scene.arms.all, partial(mapped, say))
     ontology = semantic_map.ontology
 
     @cache
@@ -100,8 +102,8 @@ def platform_of(
         truth,
         robot,
         belief,
-        around,
-        Resolver(around),
+        scene,
+        resolver,
         ancestors,
         releasing(ontology),
         np.random.default_rng(seed),

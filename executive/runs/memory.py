@@ -8,11 +8,13 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from executive.locations import ArmModel, Base, Reach, ReachSolution
-from executive.locations.hand import HandTerm
+from executive.belief.free_floor import BasePose
+from executive.locations import Reach, ReachSolution
+from executive.locations.reach import HandTerm
 from executive.locations.ways import HandPlan
 from executive.modules.arm_choice import ArmChoices
 from executive.modules.platform import Platform
+from executive.robots.arms import ArmModel
 from planlang.designators import Location
 from planlang.geometry import Array
 from planlang.kernel.exact import dump, load
@@ -37,7 +39,7 @@ def snapshot(platform: Platform) -> dict[str, Any]:
     state: dict[str, Any] = {}
     if isinstance(platform.world, RestorableWorld):
         state["world"] = platform.world.snapshot()
-    state["believed"] = platform.around.world.snapshot()
+    state["believed"] = platform.scene.world.snapshot()
     state["belief"] = platform.belief.snapshot()
     state["rng"] = platform.rng.bit_generator.state
     state["arms"] = platform.choices.state()
@@ -60,9 +62,9 @@ def restore(platform: Platform, state: Mapping[str, Any], *, world: bool) -> Non
         if world and isinstance(platform.world, RestorableWorld):
             platform.world.restore_state(state["world"])
         platform.belief.restore(state["belief"])
-        platform.around.world.restore_state(state["believed"])
+        platform.scene.world.restore_state(state["believed"])
         platform.rng.bit_generator.state = state["rng"]
-        arms = {arm.name: arm for arm in platform.around.arms}
+        arms = {arm.name: arm for arm in platform.scene.arms.all}
         platform.choices = ArmChoices.restored(state["arms"], arms)
         platform.begun_grasps = {
             arms[arm].name: (int(revision), _base(base), _way(way, arms)) for arm, revision, base, way in state["begun"]
@@ -122,6 +124,6 @@ def _array(state: Any, shape: tuple[int, ...]) -> Array:
     return np.array(state, dtype=float).reshape(shape)
 
 
-def _base(state: Any) -> Base:
+def _base(state: Any) -> BasePose:
     x, y, yaw = state
     return float(x), float(y), float(yaw)

@@ -70,7 +70,7 @@ class RobotExecutive:
         """Whether the belief says so; raises ValueError for a predicate that nothing here decides."""
         match condition:
             case Condition("holding", (Object() as what,)):
-                return self.platform.around.bind(what) in self.platform.belief.held
+                return self.platform.scene.bodies.bind(what) in self.platform.belief.held
             case Condition("located", (Location() as where,)):
                 self.platform.sync()
                 return self.platform.resolver.holds(where)
@@ -85,7 +85,7 @@ class RobotExecutive:
         """Arms go to the carrying posture with what they hold; first the base backs off if there is no room for it."""
         platform = self.platform
         platform.sync()
-        untucked = [arm for arm in platform.around.arms if not platform.is_at(arm, platform.posture(arm, CARRYING))]
+        untucked = [arm for arm in platform.scene.arms.all if not platform.is_at(arm, platform.posture(arm, CARRYING))]
         if not untucked:
             return
         room = platform.room_to_tuck(untucked)

@@ -133,11 +133,11 @@ def run_plan_file(options: RunOptions) -> RunResult:
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         stack.callback(truth.close)
         executive = RobotExecutive(platform_of(robot, semantic_map, truth, believed, options.seed, options.progress))
-        executive.platform.around.prepare()
+        executive.platform.scene.collisions.prepare()
         if options.resume is not None and not options.bindings:
             bound = told_parameters(options.resume, bound)
         header = _header(path, semantic_map, robot, options, scene.start, bound)
-        header["versions"] = {**_versions(), "kinematics": executive.platform.around.kinematics()}
+        header["versions"] = {**_versions(), "kinematics": executive.platform.scene.kinematics()}
         if able.infeasible:
             header["infeasible"] = [alternative.name for alternative, _ in able.infeasible]
         if past is not None:
@@ -243,7 +243,7 @@ def _budgeted(
 ) -> Callable[[], Awaitable[Any]]:
     async def body() -> Any:
         for what in bound.values():  # what is not there is told before anything moves
-            executive.platform.around.bind(what)
+            executive.platform.scene.bodies.bind(what)
         return await budget(partial(plan, **bound), seconds=BUDGET)
 
     body.__name__ = plan.name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import networkx as nx
 
@@ -16,11 +16,11 @@ from planlang.compiler.tree import Function, Handle, Node, PlaceUse, PlanTree, S
 from planlang.diagnostics import Diagnostic, note
 from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions
-from planlang.recipe.check_orderings import ordering_to_write
-from planlang.recipe.graph import order_graph
+from planlang.recipe.checks import check
+from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.precedence import Precedence
-from planlang.recipe.scopes import Unit, scopes_of, single_steps
+from planlang.recipe.order.graph import Precedence, order_graph
+from planlang.recipe.order.scopes import Unit, scopes_of, single_steps
 
 
 class Lowering:
@@ -71,7 +71,7 @@ class Lowering:
         order = self._terms.order(recipe)
         found = scopes_of(self._actions, recipe, self._recipes, order) if self._scopes else single_steps(order)
         self.added[recipe.iri] = found.added
-        self.diagnostics += [self._said(recipe, before, after) for before, after in found.added]
+        self.diagnostics += added_orders(recipe, found.added)
         if found.added:
             order = Precedence.of(order.nodes, [*order.reduction(), *found.added])
         overlaps = Overlaps(recipe, order)
@@ -124,11 +124,15 @@ class Lowering:
         is_producer = bool(step.recipes) and any(flow.producer == iri for flow in recipe.flows)
         return f"{step.name}Result" if is_producer else step.name
 
-    def _said(self, recipe: Recipe, before: str, after: str) -> Diagnostic:
-        first, second = self._terms.step(recipe, before), self._terms.step(recipe, after)
+
+@check("R041")
+def added_orders(recipe: Recipe, added: Iterable[tuple[str, str]]) -> Iterator[Diagnostic]:
+    """Report the orders of steps (IRIs) that location scopes add to a recipe."""
+    for before, after in added:
+        first, second = recipe.step(before), recipe.step(after)
         message = f"`{first.name}` now comes before `{second.name}`: what is done from one place is done together"
         advice = f"write the order if that is meant: {ordering_to_write(recipe, before, after)}"
-        return note("R041", message, first.span, advice)
+        yield note("R041", message, first.span, advice)
 
 
 def _destination(base: Step) -> Place:

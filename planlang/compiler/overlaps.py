@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from planlang.compiler.tree import Event, Gate, Node
 from planlang.designators import local_name
 from planlang.recipe.model import End, Recipe
-from planlang.recipe.precedence import Precedence
+from planlang.recipe.order.graph import Precedence
 
 BEGINS, ENDS = "begins", "ends"
 READY_TO_BEGIN, READY_TO_END = "is ready to begin", "is ready to end"

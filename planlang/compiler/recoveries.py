@@ -12,9 +12,9 @@ from planlang.compiler.tree import Recover
 from planlang.diagnostics import Diagnostic, error, warning
 from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailure
 from planlang.language.location import CURABLE
-from planlang.recipe.actions import Actions
+from planlang.recipe.actions import Actions, RecoveryRule, recoveries_of
+from planlang.recipe.checks import check
 from planlang.recipe.model import Kind, Place, Step, Thing
-from planlang.recipe.tables import RecoveryRule, recoveries_of
 
 NEXT_SOLUTION = "NextSolution"
 """Is not written as a recovery: it is what a location scope does."""
@@ -42,8 +42,9 @@ LATER = frozenset({"OpenWhatIsInTheWay", "PutDownAndRegrasp"})
 """Strategies that are known but cannot be written yet."""
 
 
+@check("R043", "R044")
 def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
-    """An error for each name that a recovery rule gets wrong, a warning for what is left out."""
+    """Report each name and number that a recovery rule gets wrong (an error), and rules that are left out."""
     classes = {
         name for name, value in vars(failures).items() if isinstance(value, type) and issubclass(value, PlanFailure)
     }

@@ -8,8 +8,8 @@ import networkx as nx
 
 from planlang.compiler.naming import Names, snake_case
 from planlang.compiler.tree import Node, Parallel, PartialOrder, Series
-from planlang.recipe.decomposition import Parallel as ParallelPart
-from planlang.recipe.decomposition import Part, Prime, Serial, decomposed
+from planlang.recipe.order.decomposition import Parallel as ParallelPart
+from planlang.recipe.order.decomposition import Part, Prime, Serial, decomposed
 
 MOST_NESTED = 3
 """How deep constructs stand in each other: what is nested deeper is one partial order, which says the same."""

@@ -10,9 +10,8 @@ from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse
 from planlang.designators import local_name
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
-from planlang.recipe.graph import recipe_order
 from planlang.recipe.model import Description, Filler, Flow, Kind, Name, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.precedence import Precedence
+from planlang.recipe.order.graph import Precedence, recipe_order
 
 _T = Thing | PlaceUse | Name | str | int | float | bool
 

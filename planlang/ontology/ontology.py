@@ -13,7 +13,7 @@ from planlang.diagnostics import Diagnostic, Span
 from planlang.ontology.checks import checked
 from planlang.ontology.classes import Restriction, Words, alias_edges, conjuncts, edges, restrictions_of, twin
 from planlang.ontology.documents import Document, Reading, read_all
-from planlang.ontology.taxonomy import Taxonomy, order_walk
+from planlang.ontology.taxonomy import Taxonomy, by_distance
 from planlang.ontology.terms import (
     ABSOLUTE,
     CLASS,
@@ -290,7 +290,7 @@ class Ontology:
 
     @cached_property
     def taxonomy(self) -> Taxonomy:
-        """The class hierarchy, with the owlready2 world that holds it."""
+        """The class hierarchy."""
         mentioned = (term for term in self.store.terms if isinstance(term, str))
         return Taxonomy((*edges(self.store), *alias_edges(self, mentioned)))
 
@@ -315,11 +315,11 @@ class Ontology:
 
     def subproperties(self, p: str) -> tuple[str, ...]:
         """The property itself, then those below it, nearest first."""
-        return tuple(order_walk(expand(p), self._property_children))
+        return by_distance(expand(p), self._property_children)
 
     def superproperties(self, p: str) -> tuple[str, ...]:
         """The property itself, then those above it, nearest first."""
-        return tuple(order_walk(expand(p), self._property_parents))
+        return by_distance(expand(p), self._property_parents)
 
     @cached_property
     def _property_edges(self) -> list[tuple[str, str]]:

@@ -7,7 +7,6 @@ judge; ``graph`` and ``intervals`` answer questions about orders; ``actions`` an
 """
 
 from planlang.recipe.actions import Actions
-from planlang.recipe.checks import Reading, read_recipe
 from planlang.recipe.model import (
     Allen,
     Description,
@@ -29,6 +28,7 @@ from planlang.recipe.model import (
     Thing,
     Transition,
 )
+from planlang.recipe.reading import Reading, read_recipe
 from planlang.recipe.tasks import choose_task, stated_tasks, top_tasks
 
 __all__ = [

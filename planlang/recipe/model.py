@@ -29,6 +29,23 @@ from planlang.designators import local_name
 from planlang.diagnostics import Span
 
 
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """A way of writing recipes: a short name, and what such a recipe consists of, in words."""
+
+    name: str
+    parts: str
+
+
+INTERSECTION = Dialect("D1", "a class below an intersection of restrictions on subAction and orderingConstraints")
+FLAT = Dialect("D1f", "a class below such restrictions, each stated by itself")
+EQUIVALENT = Dialect("D1e", "a class equivalent to an intersection of such restrictions")
+SUB_EVENTS = Dialect("D2", "a class with restrictions on subEvents in the place of subAction")
+FINITE_STATE = Dialect("D3", "a class with states and stateTransitions between them")
+ACTION_TABLE = Dialect("D4", "individuals chained by nextAction")
+WORKFLOW = Dialect("D5", "individuals that a workflow has by hasStep, related as intervals")
+
+
 class Kind(Enum):
     """What a thing is for the robot."""
 
@@ -307,13 +324,13 @@ class Recipe:
     parameters: tuple[Parameter, ...] = ()
     label: str | None = None
     span: Span | None = None
-    dialect: str = "D1"
+    dialect: Dialect = INTERSECTION
     overlaps: tuple[Overlap, ...] = ()
     flows: tuple[Flow, ...] = ()
     machine: StateMachine | None = None
     cls: str | None = None
     derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """What has been worked out from the rest; see :mod:`planlang.recipe.graph`."""
+    """What has been worked out from the rest; see :mod:`planlang.recipe.order.graph`."""
 
     @property
     def name(self) -> str:

@@ -1,170 +1,160 @@
-"""From what a file states to the recipe model: which recipe performs a class, its steps, and what is among them.
-
-Everything that the file says is kept, right or wrong; :mod:`planlang.recipe.checks` judges it.
-"""
+"""Reading a recipe and judging it: everything that is wrong in one run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
-from planlang.ontology import BNode, Literal, Ontology, expand, shorten
+from planlang.diagnostics import BadInput, Diagnostic, Severity, Span
 from planlang.recipe.actions import Actions
-from planlang.recipe.fillings import action_class, read_parameters
-from planlang.recipe.intervals import implied_by_overlaps
-from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, Step
-from planlang.recipe.readers.data_flow import made
-from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
-from planlang.recipe.terms import nearest_in_vocabulary, read_filler
+from planlang.recipe.checks import (
+    Check,
+    CheckedFile,
+    CheckedRecipe,
+    losses,
+    orderings,
+    parameters,
+    places,
+    plausibility,
+    requirements,
+    states,
+    steps,
+)
+from planlang.recipe.checks.misspellings import corrected, misspellings
+from planlang.recipe.checks.repairs import repaired
+from planlang.recipe.model import RecipeSet
+from planlang.recipe.tasks import choose_task, circular_task, read_recipes, recipes_for, top_tasks
+
+FILE_CHECKS: tuple[Check[[CheckedFile], Iterable[Diagnostic]], ...] = (
+    steps.recursion,
+    places.unused_names,
+    losses.lost_statements,
+    requirements.requirements,
+)
+"""Checks of a whole file; each after those that suppress it, as in the other lists."""
+
+ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
+    steps.undefined_sub_actions,
+    steps.repeated_sub_actions,
+    steps.foreign_words,
+    steps.same_names,
+    steps.abstract_steps,
+    orderings.incomplete_constraints,
+    parameters.unlisted_properties,
+    parameters.fillers,
+    parameters.left_out,
+    places.unrelated_places,
+)
+"""Checks of recipes in any dialect."""
+
+ORDERED_STEPS: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
+    orderings.ordered_strangers,
+    orderings.cycles,
+    orderings.repeated_constraints,
+    orderings.redundant_constraints,
+    orderings.contradictions,
+    plausibility.missing_orders,
+    plausibility.unordered_base_motions,
+    plausibility.shared_resources,
+    plausibility.free_steps,
+)
+"""Checks of recipes whose steps stand in a partial order."""
+
+FINITE_STATE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
+    states.undefined_states,
+    states.unlisted_sub_actions,
+    states.starts_and_ends,
+    states.orders_of_states,
+    states.ambiguous_transitions,
+    states.unreachable_states,
+    states.uncovered_endings,
+    states.unhandled_failures,
+)
+"""Checks of recipes whose steps are states."""
+
+_Subject = TypeVar("_Subject")
 
 
-def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
-    """Who performs an action: the classes whose recipes do, or the primitive class that does; the nearer wins.
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What was read: the recipes, or None if not even a task was found, and what there is to say about the file.
 
-    An individual's own recipe is nearer than any of its class. On a tie the recipe wins. Several recipes at the same
-    distance are alternatives.
+    ``actions`` are those of what was read: with right names in the place of ``misspelt`` ones. ``diagnostics`` are
+    those of the ontology, too, misspellings first, then in the order of lines.
     """
-    if iri not in actions.performers:
-        actions.performers[iri] = _performers(actions, iri)
-    return actions.performers[iri]
+
+    recipes: RecipeSet | None
+    diagnostics: tuple[Diagnostic, ...]
+    actions: Actions
+    misspelt: tuple[Diagnostic, ...] = ()
 
 
-def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
-    for level in levels(actions.ontology, iri):
-        found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
-        if found:
-            return found, None
-        for ancestor in level:
-            if ancestor in actions.primitives:
-                return (), ancestor
-    return (), None
+def read_recipe(
+    actions: Actions, task: str | None = None, *, allow_abstract: bool = False, scopes: bool = True
+) -> Reading:
+    """Read the task of the main document, with all recipes below it, repair what is safe to repair, and judge it.
 
-
-def levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
-    """An individual; a class, its direct superclasses, theirs, ...: each class once, at its least distance."""
-    cls = iri
-    if not ontology.is_class(iri):
-        yield (iri,)
-        cls = action_class(ontology, iri) or iri
-    known = set(ontology.ancestors(cls))
-    seen = {cls, iri}
-    level: tuple[str, ...] = (cls,) if cls != iri or ontology.is_class(iri) else ()
-    while level:
-        yield level
-        above: list[str] = []
-        for member in level:
-            for ancestor in ontology.parents(member):
-                if ancestor in known and ancestor not in seen:
-                    seen.add(ancestor)
-                    above.append(ancestor)
-        level = tuple(above)
-
-
-def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = frozenset()) -> Step | None:
-    """A sub-action as a step; None if it names nothing that is defined.
-
-    ``known`` are individuals that need not be defined, as another step creates them.
+    Never raises for what the user wrote; errors are among the diagnostics.
     """
-    ontology, iri = actions.ontology, sub_action.iri
-    if iri is None or not ontology.defined(iri):
-        return None
-    cls = None if ontology.is_class(iri) else action_class(ontology, iri)
-    recipes, primitive = recipes_for(actions, iri)
-    return Step(
-        iri,
-        nearest_in_vocabulary(ontology, cls or iri, primitive),
-        read_parameters(ontology, iri, sub_action.fillings, known),
-        recipes,
-        primitive,
-        _label(ontology, iri) if shorten(iri) == iri else None,
-        sub_action.span,
-        cls,
-        _condition(ontology, cls or iri),
-    )
+    misspelt = misspellings(actions.ontology)
+    right = corrected(actions.ontology, misspelt)
+    if right is not actions.ontology:
+        actions = Actions(right)
+    recipes, found = _read(actions, task, allow_abstract=allow_abstract, scopes=scopes)
+    found = (*actions.ontology.diagnostics, *found)
+    guessed = corrected(actions.ontology, misspelt, guessing=True)
+    if guessed is not actions.ontology:  # whichever name is meant: what the guess would mend is a consequence
+        left = _read(Actions(guessed), task, allow_abstract=allow_abstract, scopes=scopes)[1]
+        found = tuple(one for one in found if one in {*guessed.diagnostics, *left})
+    return Reading(recipes, (*misspelt, *found), actions, misspelt)
 
 
-def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> Recipe:
-    """The recipe that a class or an individual states: repeated and undefined sub-actions left out.
-
-    ``task`` is what it is read for, when that inherits it. Raises KeyError if it states none.
-    """
-    ontology, statements = actions.ontology, actions.statements(stating)
-    if statements is None:
-        raise KeyError(stating)
-    task = task or statements.iri
-    known = made(ontology, statements)
-    steps: dict[str, Step] = {}
-    for sub_action in (*statements.sub_actions, *_states(actions, statements)):
-        if sub_action.iri is None or sub_action.iri not in steps:
-            step = read_step(actions, sub_action, known)
-            if step is not None:
-                steps[step.iri] = step
-    cls = None if ontology.is_class(task) else action_class(ontology, task)
-    recipe = Recipe(
-        task,
-        nearest_in_vocabulary(ontology, cls or task),
-        tuple(steps.values()),
-        () if statements.is_finite_state else statements.orderings,
-        read_parameters(ontology, task, statements.fillings, known),
-        _label(ontology, task),
-        ontology.span(task),
-        statements.dialect,
-        statements.overlaps,
-        statements.flows,
-        statements.machine,
-        cls,
-    )
-    implied = [Ordering(before, after, reason=Reason.OVERLAP) for before, after in implied_by_overlaps(recipe)]
-    return replace(recipe, orderings=(*recipe.orderings, *implied)) if implied else recipe
+def _read(
+    actions: Actions, task: str | None, *, allow_abstract: bool, scopes: bool
+) -> tuple[RecipeSet | None, tuple[Diagnostic, ...]]:
+    """The recipes, or None without a task, and their diagnostics."""
+    try:
+        chosen = choose_task(actions, task)
+    except BadInput as problem:
+        circular = None if task is not None or top_tasks(actions) else circular_task(actions)
+        if circular is None:
+            return None, problem.diagnostics
+        within = _read(actions, circular, allow_abstract=allow_abstract, scopes=scopes)[1]
+        is_told = choose_task.applies({one.code for one in within})
+        return None, (*(problem.diagnostics if is_told else ()), *within)
+    recipes = read_recipes(actions, chosen)
+    file = CheckedFile(actions, recipes, allow_abstract, scopes)
+    diagnostics = _judged(FILE_CHECKS, file, ())
+    if repaired.applies({one.code for one in diagnostics}):
+        recipes, notes = repaired(actions.ontology, recipes)
+        diagnostics += notes
+        file = replace(file, recipes=recipes)
+    wrong = {one.code for one in diagnostics}
+    for recipe in recipes.recipes.values():
+        statements = actions.statements(recipes_for(actions, recipe.iri)[0][0])
+        assert statements is not None
+        checks = (*ANY_RECIPE, *(ORDERED_STEPS if statements.states is None else FINITE_STATE))
+        diagnostics += _judged(checks, CheckedRecipe(file, recipe, statements), wrong)
+    return recipes, _sorted(diagnostics)
 
 
-def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
-    """States that transitions name and something defines, though they are no sub-actions."""
-    if statements.is_finite_state:
-        span = actions.ontology.span(statements.iri)
-        for name in statements.mentioned():
-            where = actions.ontology.span(name) or span
-            if where is not None and name not in statements.names:
-                yield SubAction(name, (), where)
+def _judged(
+    checks: Iterable[Check[[_Subject], Iterable[Diagnostic]]], subject: _Subject, before: Iterable[str]
+) -> list[Diagnostic]:
+    """The findings of all checks that nothing suppresses; ``before`` are codes that were reported already."""
+    reported = set(before)
+    found: list[Diagnostic] = []
+    for one in checks:
+        if one.applies(reported):
+            new = list(one(subject))
+            reported.update(diagnostic.code for diagnostic in new)
+            found += new
+    return found
 
 
-def _label(ontology: Ontology, iri: str) -> str | None:
-    """What an action says in words: its label, else what an action data table says about it."""
-    label = ontology.label(iri)
-    for filling in () if label is not None else facts(ontology, iri, "instruction", "taskContext"):
-        if isinstance(filling.term, Literal):
-            return filling.term.value
-    return label
-
-
-def _condition(ontology: Ontology, cls: str) -> Description | None:
-    """What a class of actions checks: the class expression, class or individual that ``conditionEvaluated`` names."""
-    known: dict[str, Description | None] = ontology.kept.setdefault("conditions", {})
-    for ancestor in ontology.ancestors(cls):
-        if ancestor not in known:
-            known[ancestor] = _stated_condition(ontology, ancestor)
-        if known[ancestor] is not None:
-            return known[ancestor]
-    return None
-
-
-def _stated_condition(ontology: Ontology, cls: str) -> Description | None:
-    for restriction in ontology.restrictions(cls):
-        if is_word(restriction.property, "conditionEvaluated") and restriction.kind in KINDS:
-            return read_description(ontology, restriction.filler)
-    return None
-
-
-def read_description(ontology: Ontology, term: object) -> Description | None:
-    """A class with restrictions as a description; None if it names no class."""
-    if isinstance(term, str):
-        return Description(term)
-    if not isinstance(term, BNode):
-        return None
-    cls = next((member for member in ontology.members(term) if isinstance(member, str)), expand("Situation"))
-    parameters = []
-    for restriction in ontology.restrictions(term):
-        filler = read_filler(ontology, restriction.filler, restriction.property)
-        if restriction.kind in KINDS and filler is not None:
-            parameters.append(Parameter(shorten(restriction.property), filler, restriction.span))
-    return Description(cls, tuple(parameters))
+def _sorted(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Each once: errors, warnings, notes; within each by file and line."""
+    rank = {severity: index for index, severity in enumerate(Severity)}
+    nowhere = Span("")
+    return tuple(sorted(dict.fromkeys(diagnostics), key=lambda found: (rank[found.severity], found.span or nowhere)))

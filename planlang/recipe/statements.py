@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,7 +12,7 @@ from typing import NamedTuple
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, Restriction, Term, shorten
-from planlang.recipe.model import Flow, Ordering, Overlap, StateMachine
+from planlang.recipe.model import Dialect, Ending, Flow, Ordering, Overlap, StateMachine, Transition
 
 KINDS = ("some", "value", "min", "exactly")
 """Kinds of restrictions that say that there is something."""
@@ -48,23 +49,33 @@ class LooseEnd:
 
 
 @dataclass(frozen=True, slots=True)
-class Statements:
-    """What is stated about the task ``iri``, right or wrong, in the order of the file.
+class States:
+    """The states (IRIs) in which a finite-state recipe begins and is done, and its transitions; each may be missing."""
 
-    ``starts`` and ``ends`` are the states in which a finite-state recipe begins and is done; ``states`` are all that
-    it names. ``machine`` is None if it is none, or if it names no state to begin with. ``foreign`` are properties
-    (IRIs) that were taken for those of the vocabulary with the same name.
+    starts: tuple[str, ...]
+    ends: tuple[str, ...]
+    transitions: tuple[Transition, ...]
+
+    def machine(self) -> StateMachine | None:
+        """Return the machine that begins in the first of the starts; None without a start."""
+        return StateMachine(self.starts[0], self.ends, self.transitions) if self.starts else None
+
+
+@dataclass(frozen=True, slots=True)
+class Statements:
+    """A recipe as the file states it for the task ``iri``, right or wrong, in the order of the file.
+
+    ``states`` is None unless it is a finite-state recipe. ``foreign`` are properties (IRIs) that were taken for those
+    of the vocabulary with the same name.
     """
 
     iri: str
-    dialect: str
+    dialect: Dialect
     sub_actions: tuple[SubAction, ...]
     orderings: tuple[Ordering, ...] = ()
     overlaps: tuple[Overlap, ...] = ()
     flows: tuple[Flow, ...] = ()
-    machine: StateMachine | None = None
-    starts: tuple[str, ...] = ()
-    ends: tuple[str, ...] = ()
+    states: States | None = None
     loose: tuple[LooseEnd, ...] = ()
     fillings: tuple[Filling, ...] = ()
     foreign: tuple[Filling, ...] = ()
@@ -74,21 +85,16 @@ class Statements:
         """The sub-actions (IRIs), each once."""
         return tuple(dict.fromkeys(sub.iri for sub in self.sub_actions if sub.iri is not None))
 
-    @property
-    def is_finite_state(self) -> bool:
-        """True for a finite-state recipe."""
-        return self.dialect == "D3"
-
     def mentioned(self) -> tuple[str, ...]:
         """The sub-actions, and everything else that is ordered, passed something, or a state."""
-        transitions = self.machine.transitions if self.machine is not None else ()
+        states = self.states or States((), (), ())
         pairs = (
             *((one.before, one.after) for one in self.orderings),
             *((one.first, one.second) for one in self.overlaps),
             *((one.producer, one.consumer) for one in self.flows),
-            *((one.source, one.target) for one in transitions),
+            *((one.source, one.target) for one in states.transitions),
         )
-        return tuple(dict.fromkeys((*self.names, *chain.from_iterable(pairs), *self.starts, *self.ends)))
+        return tuple(dict.fromkeys((*self.names, *chain.from_iterable(pairs), *states.starts, *states.ends)))
 
 
 def is_word(iri: str, *names: str) -> bool:
@@ -131,3 +137,65 @@ def filled(restrictions: Iterable[Restriction]) -> tuple[Filling, ...]:
         for restriction in restrictions
         if restriction.kind in KINDS
     )
+
+
+ON_ACTIONS = (
+    "subAction", "subEvents", "orderingConstraints", "inputOutputConstraints", "stateTransition", "taskStartState",
+    "taskEndState", "nextAction", "previousAction", "conditionEvaluated", "isTaskOf", "hasStep", "definesTask",
+)  # fmt: skip
+"""Properties (local names, whatever their namespace) that say of what actions consist, and in what order."""
+
+ON_INDIVIDUALS = (
+    "occursBeforeInOrdering", "occursAfterInOrdering", "isStepOf", "stepOf", "isPlanFor", "isTaskDefinedIn",
+    "isDefinedIn", "hasPlan", "adtMainObject", "adtPrimaryObject", "adtSecondaryObject", "taskContext", "instruction",
+)  # fmt: skip
+"""Those of constraints, workflows and action data tables that describe no object and no place."""
+
+WORDS = (
+    *ON_ACTIONS, *ON_INDIVIDUALS,
+    "createsOutput", "requiresInput", "resourceType", "outputsCreated", "fromState", "toState", "causedBy",
+    "hasTask", "classifies", "isClassifiedBy", "hasBindingRole", "hasBindingFiller",
+)  # fmt: skip
+"""All that readers of dialects take up."""
+
+NAMING = (
+    "subAction", "subEvents", "orderingConstraints", "occursBeforeInOrdering", "occursAfterInOrdering",
+    "inputOutputConstraints", "createsOutput", "requiresInput", "stateTransition", "fromState", "toState", "causedBy",
+    "taskStartState", "taskEndState", "nextAction", "previousAction", "hasStep", "definesTask",
+)  # fmt: skip
+"""Those whose values are names of actions, constraints, states or outcomes, never texts."""
+
+REGISTERED_WORDS: set[str] = set()
+"""Those that readers of further dialects take up; see :func:`planlang.recipe.readers.register`."""
+
+MEANINGS: dict[Ending, tuple[str, ...]] = {
+    Ending.FAILED: (
+        "failed", "fail", "fails", "failure", "failures", "failing", "error", "errors", "aborted", "abort", "aborts",
+        "timeout", "unsuccessful", "preempted", "cancelled", "canceled", "notok", "nok",
+    ),
+    Ending.DONE: (
+        "ok", "okay", "completed", "complete", "completes", "completion", "successful", "successfully", "succeeded",
+        "succeed", "succeeds", "success", "done", "finished", "finish", "finishes",
+    ),
+    Ending.TRUE: ("true", "yes", "obtain", "obtains", "hold", "holds"),
+    Ending.FALSE: ("false", "no", "not"),
+}  # fmt: skip
+"""What the words in the names of outcomes mean; of those that are alike the usual one first."""
+
+_IN_NAMES = re.compile(r"[A-Z]?[a-z]+|[A-Z]+|\d+")
+
+
+def words_of(outcome: str) -> tuple[str, ...]:
+    """The words in the local name of an outcome, as written."""
+    return tuple(_IN_NAMES.findall(local_name(outcome)))
+
+
+def ending_of(outcome: str) -> Ending:
+    """What an outcome means, told by the words in its local name, such as COMPLETED_OK or CONDITION_FALSE."""
+    words = {word.lower() for word in words_of(outcome)}
+    said = {ending for ending, meaning in MEANINGS.items() if not words.isdisjoint(meaning)}
+    if Ending.FAILED in said:
+        return Ending.FAILED
+    if Ending.FALSE in said:
+        return Ending.FAILED if Ending.DONE in said else Ending.FALSE
+    return Ending.TRUE if Ending.TRUE in said else Ending.DONE if Ending.DONE in said else Ending.OTHER

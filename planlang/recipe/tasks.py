@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from difflib import get_close_matches
 from graphlib import CycleError, TopologicalSorter
 
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Span, error
-from planlang.ontology import expand
+from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.recipe.actions import Actions
-from planlang.recipe.dialects import loose_parts
-from planlang.recipe.model import Recipe, RecipeSet, Source
-from planlang.recipe.readers import tasks_of
-from planlang.recipe.reading import read_recipe_of, recipes_for
+from planlang.recipe.checks import check
+from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
+from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
+from planlang.recipe.order.intervals import implied_by_overlaps
+from planlang.recipe.readers import loose_parts, tasks_of
+from planlang.recipe.readers.data_flow import made
+from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
 
 _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
 
@@ -34,8 +39,9 @@ def top_tasks(actions: Actions) -> tuple[str, ...]:
     return tuple(task for task in tasks if task not in used)
 
 
+@check("R001", "R002", "R003", "R004", unless=("R022",))
 def choose_task(actions: Actions, wanted: str | None = None) -> str:
-    """The IRI of the task to compile: ``wanted`` by IRI or local name, else the only top task of the file.
+    """Return the IRI of the task to compile: ``wanted`` by IRI or local name, else the only top task of the file.
 
     Raises BadInput when there is none or several.
     """
@@ -122,3 +128,155 @@ def read_recipes(actions: Actions, task: str) -> RecipeSet:
         waiting += [(callee, callee) for callee in reversed(below) if callee not in found]
     document = actions.ontology.documents[0]
     return RecipeSet(task, found, Source(document.path.name, document.sha256))
+
+
+def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
+    """Who performs an action: the classes whose recipes do, or the primitive class that does; the nearer wins.
+
+    An individual's own recipe is nearer than any of its class. On a tie the recipe wins. Several recipes at the same
+    distance are alternatives.
+    """
+    if iri not in actions.performers:
+        actions.performers[iri] = _performers(actions, iri)
+    return actions.performers[iri]
+
+
+def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
+    for level in levels(actions.ontology, iri):
+        found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
+        if found:
+            return found, None
+        for ancestor in level:
+            if ancestor in actions.primitives:
+                return (), ancestor
+    return (), None
+
+
+def levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
+    """An individual; a class, its direct superclasses, theirs, ...: each class once, at its least distance."""
+    cls = iri
+    if not ontology.is_class(iri):
+        yield (iri,)
+        cls = action_class(ontology, iri) or iri
+    known = set(ontology.ancestors(cls))
+    seen = {cls, iri}
+    level: tuple[str, ...] = (cls,) if cls != iri or ontology.is_class(iri) else ()
+    while level:
+        yield level
+        above: list[str] = []
+        for member in level:
+            for ancestor in ontology.parents(member):
+                if ancestor in known and ancestor not in seen:
+                    seen.add(ancestor)
+                    above.append(ancestor)
+        level = tuple(above)
+
+
+def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = frozenset()) -> Step | None:
+    """A sub-action as a step; None if it names nothing that is defined.
+
+    ``known`` are individuals that need not be defined, as another step creates them.
+    """
+    ontology, iri = actions.ontology, sub_action.iri
+    if iri is None or not ontology.defined(iri):
+        return None
+    cls = None if ontology.is_class(iri) else action_class(ontology, iri)
+    recipes, primitive = recipes_for(actions, iri)
+    return Step(
+        iri,
+        nearest_in_vocabulary(ontology, cls or iri, primitive),
+        read_parameters(ontology, iri, sub_action.fillings, known),
+        recipes,
+        primitive,
+        _label(ontology, iri) if shorten(iri) == iri else None,
+        sub_action.span,
+        cls,
+        _condition(ontology, cls or iri),
+    )
+
+
+def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> Recipe:
+    """The recipe that a class or an individual states: repeated and undefined sub-actions left out.
+
+    ``task`` is what it is read for, when that inherits it. Raises KeyError if it states none.
+    """
+    ontology, statements = actions.ontology, actions.statements(stating)
+    if statements is None:
+        raise KeyError(stating)
+    task = task or statements.iri
+    known = made(ontology, statements)
+    steps: dict[str, Step] = {}
+    for sub_action in (*statements.sub_actions, *_states(actions, statements)):
+        if sub_action.iri is None or sub_action.iri not in steps:
+            step = read_step(actions, sub_action, known)
+            if step is not None:
+                steps[step.iri] = step
+    cls = None if ontology.is_class(task) else action_class(ontology, task)
+    recipe = Recipe(
+        task,
+        nearest_in_vocabulary(ontology, cls or task),
+        tuple(steps.values()),
+        statements.orderings if statements.states is None else (),
+        read_parameters(ontology, task, statements.fillings, known),
+        _label(ontology, task),
+        ontology.span(task),
+        statements.dialect,
+        statements.overlaps,
+        statements.flows,
+        statements.states.machine() if statements.states is not None else None,
+        cls,
+    )
+    implied = [Ordering(before, after, reason=Reason.OVERLAP) for before, after in implied_by_overlaps(recipe)]
+    return replace(recipe, orderings=(*recipe.orderings, *implied)) if implied else recipe
+
+
+def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
+    """States that transitions name and something defines, though they are no sub-actions."""
+    if statements.states is not None:
+        span = actions.ontology.span(statements.iri)
+        for name in statements.mentioned():
+            where = actions.ontology.span(name) or span
+            if where is not None and name not in statements.names:
+                yield SubAction(name, (), where)
+
+
+def _label(ontology: Ontology, iri: str) -> str | None:
+    """What an action says in words: its label, else what an action data table says about it."""
+    label = ontology.label(iri)
+    for filling in () if label is not None else facts(ontology, iri, "instruction", "taskContext"):
+        if isinstance(filling.term, Literal):
+            return filling.term.value
+    return label
+
+
+def _condition(ontology: Ontology, cls: str) -> Description | None:
+    """What a class of actions checks: the class expression, class or individual that ``conditionEvaluated`` names."""
+    known: dict[str, Description | None] = ontology.kept.setdefault("conditions", {})
+    for ancestor in ontology.ancestors(cls):
+        if ancestor not in known:
+            known[ancestor] = _stated_condition(ontology, ancestor)
+        if known[ancestor] is not None:
+            return known[ancestor]
+    return None
+
+
+def _stated_condition(ontology: Ontology, cls: str) -> Description | None:
+    for restriction in ontology.restrictions(cls):
+        if is_word(restriction.property, "conditionEvaluated") and restriction.kind in KINDS:
+            return read_description(ontology, restriction.filler)
+    return None
+
+
+def read_description(ontology: Ontology, term: object) -> Description | None:
+    """A class with restrictions as a description; None if it names no class."""
+    if isinstance(term, str):
+        return Description(term)
+    if not isinstance(term, BNode):
+        return None
+    cls = next((member for member in ontology.members(term) if isinstance(member, str)), expand("Situation"))
+    parameters = []
+    for restriction in ontology.restrictions(term):
+        filler = read_filler(ontology, restriction.filler, restriction.property)
+        if restriction.kind in KINDS and filler is not None:
+            parameters.append(Parameter(shorten(restriction.property), filler, restriction.span))
+    return Description(cls, tuple(parameters))

@@ -70,9 +70,10 @@ def stages(form: str, size: int) -> Iterator[tuple[str, float]]:
     from planlang.compiler.lowering import Lowering
     from planlang.ontology import load
     from planlang.recipe import Actions, Ordering, Recipe, RecipeSet, Source, Step
-    from planlang.recipe.check_unordered import check_free, check_unordered
-    from planlang.recipe.graph import recipe_cycle
-    from planlang.recipe.wise import check_wisdom
+    from planlang.recipe.checks import CheckedFile, CheckedRecipe
+    from planlang.recipe.checks.plausibility import free_steps, missing_orders, shared_resources
+    from planlang.recipe.order.graph import recipe_cycle
+    from planlang.recipe.statements import Statements
 
     ontology = load(ROOT / "recipes" / "serve_a_drink.omn")
     actions = Actions(ontology)
@@ -91,8 +92,9 @@ def stages(form: str, size: int) -> Iterator[tuple[str, float]]:
 
     assert recipe_cycle(recipe) is None
     yield "cycle search", lap()
-    for _ in (*check_wisdom(actions, recipe, ()), *check_free(recipe), *check_unordered(actions, recipe, recipes, ())):
-        pass
+    checked = CheckedRecipe(CheckedFile(actions, recipes), recipe, Statements(recipe.iri, recipe.dialect, ()))
+    for judged in (missing_orders, free_steps, shared_resources):
+        list(judged(checked))
     yield "checks of orders", lap()
     recipes = canonical(recipes)
     yield "canonical order", lap()
@@ -108,8 +110,8 @@ def reduction(form: str, size: int, *, with_networkx: bool) -> tuple[float, floa
     """Seconds of the reduction and the decomposition by us, and of the reduction by networkx (0 if left out)."""
     import networkx as nx
 
-    from planlang.recipe.decomposition import decomposed
-    from planlang.recipe.graph import order_graph, reduced
+    from planlang.recipe.order.decomposition import decomposed
+    from planlang.recipe.order.graph import order_graph, reduced
 
     graph = order_graph(range(size), FORMS[form](size))
     began = time.process_time()

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from executive.belief import Belief, MapObject, SemanticMap
-from executive.belief.planning_scene import BelievedSurroundings
-from executive.locations import ArmModel, Resolver
+from executive.belief.planning_scene import PlanningScene
+from executive.locations import Resolver
 from executive.modules.platform import Platform
 from executive.motion import Gaze
 from executive.robots import Robot, bind_robot
-from executive.robots.arms import arm_models, gaze_of
+from executive.robots.arms import ArmModel, arm_models, gaze_of
 from executive.runs.robot_executive import RobotExecutive
 from planlang import SimulationHost, Trace, run
 from planlang.designators import an_object
@@ -53,7 +53,7 @@ class Stage:
     @property
     def planning(self) -> PyBulletWorld:
         """The world in which the robot plans."""
-        return self.platform.around.world
+        return self.platform.scene.world
 
     @property
     def belief(self) -> Belief:
@@ -155,13 +155,13 @@ def furnisher(
         worlds.extend((real, believed))
         belief = Belief(SemanticMap(None, vocabulary, tuple(map(_thing, bodies)), ()), believed)
         belief.sync(believed, real.configuration())
-        around = BelievedSurroundings(believed, robot, belief, limbs[0], limbs[1])
+        scene = PlanningScene(believed, robot, belief, limbs[0], limbs[1])
         platform = Platform(
             world=real,
             robot=robot,
             belief=belief,
-            around=around,
-            resolver=Resolver(around),
+            scene=scene,
+            resolver=Resolver(scene),
             ancestors=lambda cls: tuple(map(shorten, vocabulary.ancestors(expand(cls)))),
             releasing=RELEASING,
             rng=np.random.default_rng(0),

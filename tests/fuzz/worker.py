@@ -46,7 +46,7 @@ def refused(problem: BadInput, path: Path, lines: int) -> None:
 def recipe(path: Path, lines: int) -> None:
     """Read, check, compile every task, draw it, and fix."""
     from planlang.compiler import compile_ontology
-    from planlang.compiler.graphs import FORMATS, task_graph
+    from planlang.compiler.drawing import FORMATS, task_graph
     from planlang.ontology import load
     from planlang.recipe.actions import Actions
     from planlang.recipe.fixes import fix_recipe

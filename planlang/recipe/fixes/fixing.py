@@ -14,11 +14,11 @@ from planlang.ontology.documents import read_bytes
 from planlang.ontology.syntaxes import Syntax, syntax_of_text
 from planlang.ontology.xml_text import decode
 from planlang.recipe.actions import Actions
-from planlang.recipe.checks import Reading, read_recipe
 from planlang.recipe.fixes.edits import CannotEdit, Edit, Editable, Fix, applied
 from planlang.recipe.fixes.manchester_text import ManchesterText
 from planlang.recipe.fixes.proposals import proposed, renames
 from planlang.recipe.fixes.xml_text import XmlText
+from planlang.recipe.reading import Reading, read_recipe
 from planlang.recipe.tasks import read_recipes
 
 MOST_FIXES = 100

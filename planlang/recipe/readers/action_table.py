@@ -12,8 +12,8 @@ from collections.abc import Iterator
 
 from planlang.designators import local_name
 from planlang.ontology import Ontology, expand
-from planlang.recipe.fillings import action_class, fillings
-from planlang.recipe.model import Ordering
+from planlang.recipe.fillers import action_class, fillings
+from planlang.recipe.model import ACTION_TABLE, Ordering
 from planlang.recipe.statements import Filling, Statements, SubAction, facts, named
 
 _SUBS = ("subAction", "subEvents")
@@ -57,7 +57,7 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
     filled = tuple(filling for property_name in _ROLES for filling in _in_role(ontology, iri, property_name))
     return Statements(
         iri,
-        "D4",
+        ACTION_TABLE,
         tuple(SubAction(chunk, tuple(_acted_on(ontology, iri, chunk)), span) for chunk, span in chunks.items()),
         tuple(orderings[pair] for pair in sorted(orderings)),
         fillings=filled,

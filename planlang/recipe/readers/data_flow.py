@@ -15,7 +15,7 @@ import networkx as nx
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, shorten
 from planlang.ontology.terms import ON_PROPERTY
-from planlang.recipe.fillings import fillings
+from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Flow, Ordering, Reason
 from planlang.recipe.statements import Filling, LooseEnd, Statements, SubAction, facts, filled, is_word, named
 
@@ -26,7 +26,7 @@ def read_data_flow(ontology: Ontology, statements: Statements) -> Statements:
     """The statements with the flows that they and their sub-actions state, and the orders that those are."""
     mapped, loose = _mapped(ontology, statements)
     flows = (*statements.flows, *mapped, *_produced(ontology, statements))
-    orders = () if statements.is_finite_state else _orders(statements, flows)
+    orders = () if statements.states is not None else _orders(statements, flows)
     return replace(
         statements,
         flows=flows,

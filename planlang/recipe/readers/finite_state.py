@@ -10,10 +10,9 @@ from collections.abc import Iterable
 
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, Restriction
-from planlang.recipe.model import Ending, StateMachine, Transition
+from planlang.recipe.model import FINITE_STATE, Ending, Transition
 from planlang.recipe.readers import partial_order
-from planlang.recipe.statements import KINDS, LooseEnd, Statements, SubAction, facts, is_word, named
-from planlang.recipe.words import ending_of
+from planlang.recipe.statements import KINDS, LooseEnd, Statements, States, SubAction, ending_of, facts, is_word, named
 
 tasks = partial_order.tasks
 
@@ -30,15 +29,13 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
     orderings, open_constraints = partial_order.read_constraints(ontology, tuple(restrictions))
     if not stated:
         stated = _told_by_transitions(transitions, starts, ends, ontology.span(iri) or Span(""))
-    machine = StateMachine(starts[0][0], tuple(end for end, _ in ends), transitions) if starts else None
+    states = States(tuple(start for start, _ in starts), tuple(end for end, _ in ends), transitions)
     return Statements(
         iri,
-        "D3",
+        FINITE_STATE,
         tuple(stated),
         orderings,
-        machine=machine,
-        starts=tuple(start for start, _ in starts),
-        ends=tuple(end for end, _ in ends),
+        states=states,
         loose=(*loose, *open_constraints),
         foreign=partial_order.foreign_words(ontology, tuple(restrictions)),
     )

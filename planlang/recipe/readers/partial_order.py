@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from planlang.ontology import BNode, Ontology, Restriction, expand
+from planlang.ontology import BNode, Ontology, Restriction
 from planlang.ontology.terms import EQUIVALENT_CLASS, INTERSECTION_OF, SUBCLASS_OF
-from planlang.recipe.model import Ordering
+from planlang.recipe.model import EQUIVALENT, FLAT, INTERSECTION, SUB_EVENTS, Dialect, Ordering
 from planlang.recipe.statements import (
     KINDS,
     Filling,
@@ -24,13 +24,7 @@ from planlang.recipe.statements import (
     is_word,
 )
 
-SUB_ACTION = expand("subAction")
-SUB_EVENTS = expand("subEvents")
-ORDERING = expand("orderingConstraints")
-BEFORE = expand("occursBeforeInOrdering")
-AFTER = expand("occursAfterInOrdering")
-
-_DIALECTS = {"intersection": "D1", "flat": "D1f", "equivalent": "D1e"}
+_DIALECTS = {"intersection": INTERSECTION, "flat": FLAT, "equivalent": EQUIVALENT}
 
 
 def tasks(ontology: Ontology) -> Iterator[str]:
@@ -139,10 +133,10 @@ def foreign_words(ontology: Ontology, restrictions: tuple[Restriction, ...]) -> 
     return tuple(found.values())
 
 
-def _dialect(subs: list[Restriction]) -> str:
+def _dialect(subs: list[Restriction]) -> Dialect:
     if all(is_word(restriction.property, "subEvents") for restriction in subs):
-        return "D2"
+        return SUB_EVENTS
     for form in ("flat", "intersection", "equivalent"):
         if any(restriction.form == form for restriction in subs):
             return _DIALECTS[form]
-    return "D1"
+    return INTERSECTION

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 
 from planlang.designators import local_name
 from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
-from planlang.recipe.fillings import action_class
-from planlang.recipe.model import Allen, Flow, Ordering, Overlap
+from planlang.recipe.fillers import action_class
+from planlang.recipe.model import WORKFLOW, Allen, Flow, Ordering, Overlap
 from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named
 
 BEFORE = "before"
@@ -95,7 +95,7 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
     orderings, overlaps = _related(ontology, [task, *workflows, *(str(sub.iri) for sub in subs)], names)
     return Statements(
         task,
-        "D5",
+        WORKFLOW,
         tuple(subs),
         orderings,
         overlaps,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry import Array
-from tests.benchmarks.locations.oracle import PRESSED, Base, Claim, Oracle, on_the_way, straight
+from tests.benchmarks.locations.oracle import PRESSED, BasePose, Claim, Oracle, on_the_way, straight
 from tests.benchmarks.locations.sampler import Chains, grasp_poses
 
 CELL, HEADINGS = 0.04, 24
@@ -134,11 +134,11 @@ class _Space:
         return found
 
 
-def _bases(oracle: Oracle, chains: Chains, centre: Array) -> list[Base]:
+def _bases(oracle: Oracle, chains: Chains, centre: Array) -> list[BasePose]:
     """All places of the grid at which the robot in its posture touches nothing."""
     reach = 1.15 * chains.reach
     steps = np.arange(-reach, reach + CELL, CELL)
-    found: list[Base] = []
+    found: list[BasePose] = []
     for dx in steps:
         for dy in steps:
             x, y = float(centre[0] + dx), float(centre[1] + dy)
@@ -154,7 +154,7 @@ def _bases(oracle: Oracle, chains: Chains, centre: Array) -> list[Base]:
     return found
 
 
-def _hopeless(oracle: Oracle, base: Base) -> bool:
+def _hopeless(oracle: Oracle, base: BasePose) -> bool:
     """Whether what stands still when the robot turns, its base, is in something."""
     touching = oracle.touched(itself=False)
     return touching is not None and touching[0] == oracle.robot.base_link
@@ -185,7 +185,7 @@ def _complete(
     oracle: Oracle,
     chains: Chains,
     name: str,
-    base: Base,
+    base: BasePose,
     poses: Array,
     q: Array,
     hand: frozenset[int],
@@ -210,7 +210,7 @@ def _complete(
     return Claim(base, name, chain.names, values, poses, target, True)
 
 
-def _inverse(base: Base) -> Array:
+def _inverse(base: BasePose) -> Array:
     x, y, yaw = base
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, s, 0, -c * x - s * y], [-s, c, 0, s * x - c * y], [0, 0, 1, 0], [0, 0, 0, 1]], float)

@@ -219,7 +219,7 @@ def ask_many(stage: Stage, number: int, *, seed: int = 0, tell: Callable[[str], 
 def _asked(stage: Stage, kind: str, location: Location, rng: np.random.Generator) -> Iterator[object]:
     """The answers to a question, lazily."""
     platform = stage.platform
-    arm = platform.around.arms[int(rng.integers(len(platform.around.arms)))]
+    arm = platform.scene.arms.all[int(rng.integers(len(platform.scene.arms.all)))]
     match kind:
         case "base":
             return platform.resolver.bases(location)

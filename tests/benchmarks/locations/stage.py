@@ -100,8 +100,8 @@ class Stage:
         try:
             self.world.set_configuration(Configuration(solution.base, before.joints))
             self.platform.sync()
-            arm = next(a for a in self.platform.around.arms if a.name == solution.detail["arm"])
-            person = self.platform.around.is_person(self.platform.around.bind(what))
+            arm = next(a for a in self.platform.scene.arms.all if a.name == solution.detail["arm"])
+            person = self.platform.scene.bodies.is_person(self.platform.scene.bodies.bind(what))
             hand = a_location(in_reach_of=what) if person else a_location(in_front_of=what)
             seed = np.array([before.joints[name] for name in arm.joints])
             way = next(self.platform.resolver.hands(hand, arm, seed))

@@ -21,10 +21,10 @@ from itertools import pairwise
 import numpy as np
 
 from executive.belief import read_map, scene_of
-from executive.locations import ArmModel
 from executive.modules.platform import Platform
 from executive.motion import MotionError
 from executive.robots import Robot
+from executive.robots.arms import ArmModel
 from planlang.diagnostics import BadInput
 from planlang.geometry import Array
 from planlang.protocols import Configuration
@@ -108,17 +108,17 @@ def _cases(room: Room, robot: Robot) -> Iterator[Case]:
     stage, oracle = Stage(room, robot), Oracle(room, robot)
     platform, rng = stage.platform, np.random.default_rng(room.seed)
     before = stage.world.configuration()
-    x_min, y_min, x_max, y_max = platform.around.world.scene.bounds
+    x_min, y_min, x_max, y_max = platform.scene.world.scene.bounds
     try:
         for _ in range(QUESTIONS):
-            arm = platform.around.arms[int(rng.integers(len(platform.around.arms)))]
+            arm = platform.scene.arms.all[int(rng.integers(len(platform.scene.arms.all)))]
             base, ends = (0.0, 0.0, 0.0), list[Array]()
             while len(ends) < 2:  # somewhere else where hardly any posture is free
                 base = (float(rng.uniform(x_min, x_max)), float(rng.uniform(y_min, y_max)), float(rng.uniform(-3, 3)))
-                if platform.around.contacts(base):
+                if platform.scene.collisions.contacts(base):
                     continue
                 postures = arm.solver.chain.sample(rng, 60)
-                ends = [q for q in postures if not platform.around.contacts(base, arm, q)][:2]
+                ends = [q for q in postures if not platform.scene.collisions.contacts(base, arm, q)][:2]
             joints = {**before.joints, **dict(zip(arm.joints, map(float, ends[0]), strict=True))}
             stage.world.set_configuration(Configuration(base, joints))
             platform.sync()
@@ -132,9 +132,9 @@ def _cases(room: Room, robot: Robot) -> Iterator[Case]:
 
 def _asked(platform: Platform, arm: ArmModel, start: Array, goal: Array, oracle: Oracle, room: Room) -> Case:
     base, joints = platform.base(), dict(platform.world.configuration().joints)
-    for master, followers in platform.around.world.robot.description.followers.items():
+    for master, followers in platform.scene.world.robot.description.followers.items():
         joints |= {one.joint: one.multiplier * joints.get(master, 0.0) + one.offset for one in followers}
-    platform.around.quick_check(arm, None)  # what is worked out once for a robot and kept is not counted
+    platform.scene.collisions.quick_check(arm, None)  # what is worked out once for a robot and kept is not counted
     objection, length, ours = None, 0.0, True
     began = time.process_time()
     try:
@@ -151,7 +151,7 @@ def _asked(platform: Platform, arm: ArmModel, start: Array, goal: Array, oracle:
                 break
 
     def is_free(q: Array) -> bool:
-        return not platform.around.contacts(base, arm, q)
+        return not platform.scene.collisions.contacts(base, arm, q)
 
     began = time.process_time()
     plain = Plain(is_free, arm.resolution, arm.lower, arm.upper, np.random.default_rng(room.seed))

@@ -9,8 +9,8 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from executive.belief.believed_bodies import Block
 from executive.locations.areas import SIDES, area_of
-from executive.locations.block import Block
 from planlang.designators import a_location, an_object, located
 from planlang.geometry import Pose
 from tests.executive.conftest import BED, BOTTLE, THE_BOTTLE, MakeStage, stand

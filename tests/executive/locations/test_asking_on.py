@@ -40,7 +40,7 @@ def drained(stage: Stage) -> tuple[list[tuple[float, float, float]], str]:
     """All places, asked for anew, and what is said at the end."""
     found: list[Solution] = []
     with pytest.raises(LocationUnresolvable) as ended:
-        found.extend(Resolver(stage.platform.around).bases(IN_REACH))
+        found.extend(Resolver(stage.platform.scene).bases(IN_REACH))
     return [solution.base for solution in found], str(ended.value)
 
 

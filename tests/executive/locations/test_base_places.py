@@ -58,7 +58,7 @@ def assert_reaches(stage: Stage, judge_of: MakeJudge, solutions: list[Solution],
     judge, poses = judge_of(stage), []
     for solution in solutions:
         stand(stage, solution.base)
-        arm = next(arm for arm in stage.platform.around.arms if arm.name == solution.detail["arm"])
+        arm = next(arm for arm in stage.platform.scene.arms.all if arm.name == solution.detail["arm"])
         way = next(stage.resolver.hands(hand, arm, stage.platform.arm_joints(arm)))
         judge.assert_possible(way, solution.base, stage)
         poses.append(way.plan.poses)
@@ -115,7 +115,7 @@ def test_over_a_bed_an_empty_hand_is_2_to_15_cm_over_its_top(ward: Stage, judge_
     top = BED.pose.position[2] + BED.size[2] / 2
     for solution in found:
         stand(ward, solution.base)
-        arm = next(arm for arm in ward.platform.around.arms if arm.name == solution.detail["arm"])
+        arm = next(arm for arm in ward.platform.scene.arms.all if arm.name == solution.detail["arm"])
         way = next(ward.resolver.hands(OVER_THE_BED, arm, ward.platform.arm_joints(arm)))
         judge.assert_possible(way, solution.base, ward)
         judge.place(

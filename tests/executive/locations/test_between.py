@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from executive.belief.free_floor import CELL, Floor
 from executive.locations.between import FINER, between
 from executive.locations.candidates import Candidates
-from executive.locations.field import CELL, Floor
 from executive.locations.reachability import YAWS
 from executive.motion.clearance import Boxes
 from executive.motion.footprint import outlines

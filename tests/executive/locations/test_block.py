@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.locations import Block, ComfortZone, HandFrame, Held
+from executive.belief.believed_bodies import Block, ComfortZone
 from executive.locations.ways import CLASSES, above_ways, grasp_ways, offer_ways, place_ways
+from executive.robots.arms import HandFrame, Held
 from planlang.geometry import Array, Pose
 
 angle, length, size = st.floats(-math.pi, math.pi), st.floats(-3.0, 3.0), st.floats(0.02, 2.0)

@@ -21,7 +21,7 @@ GAPS = (0.05, 0.06, 0.065, 0.1)
 
 def ways(stage: Stage, most: int) -> list[ReachSolution]:
     """Ways to take the bottle with the left hand from where the robot stands."""
-    arm = stage.platform.around.arms_of(a_device("LeftGripper"))[0]
+    arm = stage.platform.scene.arms.of(a_device("LeftGripper"))[0]
     found = stage.resolver.hands(a_location(in_center_of=THE_BOTTLE), arm, stage.platform.arm_joints(arm))
     taken = []
     with suppress(LocationUnresolvable):

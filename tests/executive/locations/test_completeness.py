@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from executive.locations import Base
+from executive.belief.free_floor import BasePose
 from executive.locations.anywhere import MOST_CELLS, TURNS, all_places
 from executive.locations.relations import base_demand
 from planlang.designators import Location, Relation, a_location, a_person, an_object
@@ -35,7 +35,7 @@ asked = st.tuples(st.sampled_from(NAMES), st.sampled_from(BODIES), st.none() | s
 """A relation, to what, and how wide the band of distances is that it asks for; or its default one [m]."""
 
 
-def about(stage: Stage, place: Base, name: str, body: Body, width: float | None) -> Relation:
+def about(stage: Stage, place: BasePose, name: str, body: Body, width: float | None) -> Relation:
     """A relation to a body that holds at a place: with a band of distances if one is asked for, else negated."""
     what = an_object(body.type, PLACE + body.name)
     plain = Relation(name, what)
@@ -45,7 +45,7 @@ def about(stage: Stage, place: Base, name: str, body: Body, width: float | None)
     return next((band for band in bands if stage.resolver.satisfies(Location((band,)), place) is not None), ~bands[0])
 
 
-def moved(stage: Stage, poses: Iterable[Base]) -> None:
+def moved(stage: Stage, poses: Iterable[BasePose]) -> None:
     """Let the robot believe that the bodies are elsewhere."""
     there = [Pose.planar(x, y, yaw, body.pose.position[2]) for body, (x, y, yaw) in zip(BODIES, poses, strict=True)]
     stage.belief.see(Detection(body.name, pose, 1.0) for body, pose in zip(BODIES, there, strict=True))
@@ -56,13 +56,13 @@ def moved(stage: Stage, poses: Iterable[Base]) -> None:
 @given(st.tuples(points, points, points), points, st.lists(asked, min_size=1, max_size=3))
 def test_where_a_place_satisfies_a_location_one_is_found(
     furnish: MakeStage,
-    bodies: tuple[Base, Base, Base],
-    place: Base,
+    bodies: tuple[BasePose, BasePose, BasePose],
+    place: BasePose,
     relations: list[tuple[str, Body, float | None]],
 ) -> None:
     stage = room(furnish)
     moved(stage, bodies)
-    assume(not stage.platform.around.contacts(place))
+    assume(not stage.platform.scene.collisions.contacts(place))
     location = Location(tuple(dict.fromkeys(about(stage, place, *relation) for relation in relations)))
     nearby = [(place[0] + x, place[1] + y, place[2] + yaw) for x, y, yaw in AROUND]
     assume(all(stage.resolver.satisfies(location, there) for there in nearby))
@@ -98,7 +98,7 @@ def test_what_is_far_away_and_headings_between_others_are_found(location: Locati
     stage = make_stage(*WARD, table)
     for solution in list(islice(stage.resolver.bases(location), 3)):
         assert stage.resolver.satisfies(location, solution.base)
-        assert not stage.platform.around.contacts(solution.base)
+        assert not stage.platform.scene.collisions.contacts(solution.base)
 
 
 @pytest.mark.parametrize(
@@ -112,5 +112,5 @@ def test_a_place_in_a_large_room_is_found_with_work_that_does_not_grow_with_it(
     location = Location((Relation("near", THE_BOTTLE, most, least),))
     x, y, _ = next(stage.resolver.bases(location)).base
     assert least - 2e-3 <= math.hypot(x - 1.5, y) - 0.0325 - 0.333 <= most + 2e-3
-    bases, _, _ = all_places(base_demand(location, stage.platform.around, (0.0, 0.0)), stage.platform.around)
+    bases, _, _ = all_places(base_demand(location, stage.platform.scene, (0.0, 0.0)), stage.platform.scene)
     assert 0 < len(bases) <= TURNS * MOST_CELLS

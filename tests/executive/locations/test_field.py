@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from executive.belief.free_floor import DOUBTFUL, Floor
 from executive.locations.candidates import Candidates
-from executive.locations.field import DOUBTFUL, Floor
 from executive.motion.clearance import Boxes
 from executive.motion.footprint import outlines
 from planlang.geometry import Array, Pose

@@ -40,7 +40,7 @@ def test_a_thing_is_taken_with_the_free_hand_while_what_is_held_is_offered_and_p
     both = next(stage.resolver.bases(a_location(in_reach_of=(OFFERED, GRASPED)))).base
     stand(stage, both)
     for name, hand in ((free, GRASPED), (full, OFFERED)):
-        arm = next(arm for arm in stage.platform.around.arms if arm.name == name)
+        arm = next(arm for arm in stage.platform.scene.arms.all if arm.name == name)
         way = next(stage.resolver.hands(hand, arm, stage.platform.arm_joints(arm)))
         assert way.arm.name == name
         judge_of(stage).assert_possible(way, both, stage)
@@ -54,7 +54,7 @@ def test_a_full_hand_that_is_asked_to_grasp_is_the_reason_for_the_failure(make_s
     with pytest.raises(LocationUnresolvable, match=said):
         next(stage.resolver.bases(location))
     assert not stage.resolver.holds(location)
-    arm = stage.platform.around.arms_of(RIGHT)[0]
+    arm = stage.platform.scene.arms.of(RIGHT)[0]
     with pytest.raises(LocationUnresolvable, match=said):
         next(stage.resolver.hands(BEFORE, arm, stage.platform.arm_joints(arm)))
 

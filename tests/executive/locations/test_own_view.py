@@ -8,8 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from executive.locations.own_view import Unseen
-from executive.locations.relations import block_of
+from executive.belief.visibility import Unseen
 from tests.benchmarks.locations.rooms import BOUNDS, asked, room_of
 from tests.benchmarks.locations.stage import Stage, robot_of
 
@@ -23,15 +22,17 @@ def stage() -> Iterator[Stage]:
 
 
 def test_no_place_from_which_a_thing_is_seen_is_taken_for_one_from_which_it_surely_is_not(stage: Stage) -> None:
-    around, rng = stage.platform.around, np.random.default_rng(0)
-    block, view = block_of("bottle", around), around.own_view()
+    scene, rng = stage.platform.scene, np.random.default_rng(0)
+    block, view = scene.bodies.block("bottle"), scene.visibility.own_view()
     assert view is not None
     away, bearing, yaw = rng.uniform(0.3, 1.5, 120), rng.uniform(-3.1, 3.1, 120), rng.uniform(-3.1, 3.1, 120)
     bases = np.column_stack([block.x + away * np.cos(bearing), block.y + away * np.sin(bearing), yaw])
-    solids = around.solids()
+    solids = scene.collisions.solids()
     others = solids.only(np.array([body != "bottle" for body in solids.bodies], bool))
     by_itself, by_the_room = Unseen(view, block)(bases), view.hidden_by(others, bases, block)
-    seen = np.array([around.hidden((float(x), float(y), float(turn)), "bottle") is None for x, y, turn in bases])
+    seen = np.array(
+        [scene.visibility.hidden((float(x), float(y), float(turn)), "bottle") is None for x, y, turn in bases]
+    )
     assert not (by_itself & seen).any()
     assert not (by_the_room & seen).any()
     assert by_itself.sum() > 10, "the robot cannot see behind itself"

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.locations import ArmModel, HandFrame
 from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
-from executive.locations.reachability_building import lift_of, reachability_maps
+from executive.locations.reachability_building import reachability_maps
 from executive.locations.reachability_sampling import sampled
 from executive.motion import Chain, InverseKinematics
+from executive.robots.arms import ArmModel, HandFrame, lift_of
 from planlang.geometry import Array
 
 JOINTS = [

@@ -88,7 +88,7 @@ def test_a_bottle_in_a_box_would_have_its_sides_touched_by_the_hand(make_stage: 
         box("roof", 1.5, 0.0, (0.24, 0.2, 0.02), 1.1),
     ]
     stage = make_stage(CABINET, BOTTLE, *sides, start=(0.827, 0.0, -0.35))
-    arm = stage.platform.around.arms_of(a_device("LeftGripper"))[0]
+    arm = stage.platform.scene.arms.of(a_device("LeftGripper"))[0]
     with pytest.raises(LocationUnresolvable) as caught:
         next(stage.resolver.hands(a_location(in_center_of=THE_BOTTLE), arm, stage.platform.arm_joints(arm)))
     assert caught.value.counts == {"in collision": 32}, "16 headings with either side of the hand up"
@@ -97,7 +97,7 @@ def test_a_bottle_in_a_box_would_have_its_sides_touched_by_the_hand(make_stage: 
 
 def test_each_way_of_a_hand_is_counted_once(make_stage: MakeStage) -> None:
     stage = make_stage(CABINET, BOTTLE, start=(0.55, 0.0, -0.35))
-    arm = stage.platform.around.arms_of(a_device("LeftGripper"))[0]
+    arm = stage.platform.scene.arms.of(a_device("LeftGripper"))[0]
     with pytest.raises(LocationUnresolvable) as caught:
         next(stage.resolver.hands(a_location(in_center_of=THE_BOTTLE), arm, stage.platform.arm_joints(arm)))
     assert sum(caught.value.counts.values()) == 32, caught.value.counts
@@ -172,7 +172,7 @@ def test_an_object_that_is_not_in_the_map_is_no_matter_of_places(make_stage: Mak
 
 def test_conjuncts_of_a_hand_location_that_exclude_each_other_are_named(make_stage: MakeStage) -> None:
     stage = make_stage(CABINET, BOTTLE, BED, PATIENT)
-    arm = stage.platform.around.arms[0]
+    arm = stage.platform.scene.arms.all[0]
     both = a_location(in_center_of=THE_BOTTLE, above=an_object("Bed-PieceOfFurniture"))
     with pytest.raises(LocationUnresolvable) as caught:
         next(stage.resolver.hands(both, arm, stage.platform.arm_joints(arm)))
@@ -190,7 +190,7 @@ def test_conjuncts_of_a_hand_location_that_exclude_each_other_are_named(make_sta
 )
 def test_a_hand_location_has_to_say_what_the_hand_is_at(location: Location, said: str, make_stage: MakeStage) -> None:
     stage = make_stage(CABINET, BOTTLE, BED, PATIENT)
-    arm = stage.platform.around.arms[0]
+    arm = stage.platform.scene.arms.all[0]
     with pytest.raises(LocationUnresolvable, match=said):
         next(stage.resolver.hands(location, arm, stage.platform.arm_joints(arm)))
 

@@ -133,10 +133,10 @@ def test_no_thing_is_told_by_a_relation_to_itself(location: Location, ward: Stag
 def test_the_grasp_of_a_place_of_the_base_is_that_of_the_hand_there(grasp: str, make_stage: MakeStage) -> None:
     stage = make_stage(CABINET, replace(BOTTLE, pose=Pose((1.5, 0.0, 0.96)), size=(0.05, 0.05, 0.12)))
     location = a_location(in_reach_of=a_location(in_front_of=THE_BOTTLE), grasp=grasp)
-    demand = base_demand(location, stage.platform.around, (0.0, 0.0))
+    demand = base_demand(location, stage.platform.scene, (0.0, 0.0))
     assert [reach.grasp for reach in demand.reaches] == [grasp]
     own = a_location(in_reach_of=a_location(in_front_of=THE_BOTTLE, grasp="tilted"), grasp=grasp)
-    assert [reach.grasp for reach in base_demand(own, stage.platform.around, (0.0, 0.0)).reaches] == ["tilted"]
+    assert [reach.grasp for reach in base_demand(own, stage.platform.scene, (0.0, 0.0)).reaches] == ["tilted"]
 
 
 def test_what_is_in_a_hand_is_put_near_where_it_was_and_not_on_itself(make_stage: MakeStage) -> None:
@@ -147,7 +147,7 @@ def test_what_is_in_a_hand_is_put_near_where_it_was_and_not_on_itself(make_stage
     assert all(math.dist(pose.position[:2], BOTTLE.pose.position[:2]) <= 0.1 + 2 * 0.0325 + 2e-3 for pose in poses)
     with pytest.raises(LocationMeaningless, match="means nothing for bottle itself"):
         next(stage.resolver.things(a_location(on=THE_BOTTLE), THE_BOTTLE))
-    (arm,) = (arm for arm in stage.platform.around.arms if stage.platform.around.held(arm.name) is not None)
+    (arm,) = (arm for arm in stage.platform.scene.arms.all if stage.platform.scene.arms.held(arm.name) is not None)
     with pytest.raises(LocationUnresolvable, match="nothing rests on itself"):
         next(stage.resolver.hands(a_location(on=THE_BOTTLE), arm, stage.platform.arm_joints(arm)))
 
@@ -222,7 +222,7 @@ def test_an_added_obstacle_makes_no_place_possible(make_stage: MakeStage) -> Non
 def test_what_hides_a_thing_is_named(make_stage: MakeStage) -> None:
     screen = replace(CABINET, name="screen", pose=Pose((0.9, 0.0, 0.9)), size=(0.04, 0.9, 1.8))
     stage = make_stage(CABINET, BOTTLE, screen, start=(0.0, 0.0, 0.0))
-    assert stage.platform.around.hidden((0.2, 0.0, 0.0), "bottle") == "screen"
+    assert stage.platform.scene.visibility.hidden((0.2, 0.0, 0.0), "bottle") == "screen"
     stage.truth.set_configuration(Configuration((0.2, 0.0, 0.0), stage.truth.configuration().joints))
 
 

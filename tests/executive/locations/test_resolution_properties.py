@@ -52,7 +52,7 @@ def test_asking_for_hand_poses_changes_nothing_even_with_a_bottle_in_hand(ward: 
     stand(ward, (-1.2, 0.9, 2.6))
     hold_bottle(ward)
     before = snapshot(ward)
-    arm = ward.platform.around.arms[0]
+    arm = ward.platform.scene.arms.all[0]
     for location in (a_location(above=an_object("Bed-PieceOfFurniture")), a_location(in_front_of=THE_BOTTLE)):
         try:
             list(islice(ward.resolver.hands(location, arm, ward.platform.arm_joints(arm)), 3))

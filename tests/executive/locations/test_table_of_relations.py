@@ -155,7 +155,7 @@ def test_a_base_keeps_the_relation_and_then_it_holds(
 
 def reaching(stage: Stage, location: Location, arm: str) -> list[ReachSolution]:
     """The first way of an arm to a place of the hand from where the robot stands, if there is one."""
-    model = next(model for model in stage.platform.around.arms if model.name == arm)
+    model = next(model for model in stage.platform.scene.arms.all if model.name == arm)
     return first(stage.resolver.hands(location, model, stage.platform.arm_joints(model)), 1)
 
 

@@ -134,7 +134,7 @@ def assert_grasps(stage: Stage, robot: Robot, location: object, count: int) -> s
     try:
         for place in places:
             stand(stage, place.base)
-            model = next(model for model in stage.platform.around.arms if model.name == place.detail["arm"])
+            model = next(model for model in stage.platform.scene.arms.all if model.name == place.detail["arm"])
             hand = a_location(in_center_of=THE_BOTTLE, grasp="side")
             way = next(stage.resolver.hands(hand, model, stage.platform.arm_joints(model)))
             judge.assert_possible(way, place.base, stage)
@@ -160,7 +160,7 @@ def test_two_arms_on_a_sliding_column_grasp_high_and_low_things_each(tmp_path: P
         below = replace(CABINET, pose=Pose((1.6, 0.0, top / 2)), size=(0.4, 0.8, top))
         stage = furnish_for(robot)(below, replace(BOTTLE, pose=Pose((1.5, 0.0, top + 0.1))))
         assert assert_grasps(stage, robot, left, 2) == {"left"}
-        model = stage.platform.around.arms_of(a_device("LeftArm"))[0]
+        model = stage.platform.scene.arms.of(a_device("LeftArm"))[0]
         hand = a_location(in_center_of=THE_BOTTLE, grasp="side")
         way = next(stage.resolver.hands(hand, model, stage.platform.arm_joints(model)))
         heights.append(float(way.joints[1][model.joints.index("slide")]))

@@ -223,7 +223,7 @@ def test_a_posture_is_taken_by_its_name_or_one_that_contains_it(name: str, make_
 
 def test_evaporating_a_reach_stops_the_arm_where_it_is(make_stage: MakeStage) -> None:
     stage = make_stage()
-    arm = stage.platform.around.arms[0]
+    arm = stage.platform.scene.arms.all[0]
 
     async def plan() -> None:
         await pursue(lambda: perform(reach(a_posture("reset"), device_used=RIGHT)), lambda: sleep(0.6))

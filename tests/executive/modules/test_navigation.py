@@ -60,10 +60,10 @@ def test_where_the_robot_taken_for_round_has_room_it_touches_nothing(make_stage:
     leaning = replace(POST, pose=Pose((0.6, 1.6, 0.5), (math.sin(0.3), 0.0, 0.0, math.cos(0.3))))
     stage = make_stage(*WARD, leaning)
     hold_bottle(stage)
-    around = stage.platform.around
+    scene = stage.platform.scene
     places = np.random.default_rng(0).uniform((-4.0, -2.0, -math.pi), (3.0, 3.0, math.pi), (400, 3))
-    room = clearance_at(places[:, :2], around.obstacles(), around.silhouette())
-    touching = np.array([bool(around.contacts((x, y, yaw))) for x, y, yaw in places.tolist()])
+    room = clearance_at(places[:, :2], scene.collisions.obstacles(), scene.collisions.silhouette())
+    touching = np.array([bool(scene.collisions.contacts((x, y, yaw))) for x, y, yaw in places.tolist()])
     assert 20 < touching.sum() < len(places) - 20
     assert not touching[room >= ROOMY].any()
 

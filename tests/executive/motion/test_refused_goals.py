@@ -19,7 +19,7 @@ TABLE = Body("table", Pose((0.75, -0.2, 0.5)), (0.5, 1.0, 1.0))
 
 def test_a_goal_inside_of_something_is_refused_with_both_names(make_stage: MakeStage) -> None:
     platform = make_stage(TABLE).platform
-    arm = platform.around.arms[0]
+    arm = platform.scene.arms.all[0]
     stretched = np.clip(np.array([0.2, 0.0, 1.2, 0.0, 0.3, 0.0, 0.0, 0.0]), arm.lower, arm.upper)
     with pytest.raises(GoalInCollision, match="table") as refused:
         platform.arm_path(arm, stretched)
@@ -29,15 +29,15 @@ def test_a_goal_inside_of_something_is_refused_with_both_names(make_stage: MakeS
 
 def test_a_goal_inside_of_the_robot_is_refused_with_both_links(make_stage: MakeStage) -> None:
     platform = make_stage().platform
-    arm = platform.around.arms[0]
+    arm = platform.scene.arms.all[0]
     goal = next(
         q
         for q in arm.solver.chain.sample(np.random.default_rng(0), 500)
-        if platform.around.contacts(platform.base(), arm, q)
+        if platform.scene.collisions.contacts(platform.base(), arm, q)
     )
     with pytest.raises(GoalInCollision) as refused:
         platform.arm_path(arm, goal)
-    links = platform.around.world.robot.links
+    links = platform.scene.world.robot.links
     assert all(part in links and body in links for part, body in refused.value.pairs)
 
 
@@ -45,7 +45,7 @@ def test_a_base_that_would_stand_in_something_is_refused_with_both_names(make_st
     platform = make_stage(TABLE).platform
     with pytest.raises(GoalInCollision, match="in table") as refused:
         platform.base_path((0.75, -0.2, 0.0))
-    links = platform.around.world.robot.links
+    links = platform.scene.world.robot.links
     assert {body for _, body in refused.value.pairs} == {"table"}
     assert all(part in links for part, _ in refused.value.pairs)
     joints = platform.world.configuration().joints
@@ -62,7 +62,7 @@ def test_a_straight_line_whose_curve_swings_over_a_limit_is_followed_with_stops(
     make_stage: MakeStage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     platform = make_stage().platform
-    arm, chain, base = platform.around.arms[0], platform.around.arms[0].solver.chain, platform.base()
+    arm, chain, base = platform.scene.arms.all[0], platform.scene.arms.all[0].solver.chain, platform.base()
     curves: list[Array] = []
 
     def watched(*arguments: Any, **limits: Any) -> Trajectory:
@@ -74,7 +74,7 @@ def test_a_straight_line_whose_curve_swings_over_a_limit_is_followed_with_stops(
     rng = np.random.default_rng(0)
     for start in chain.sample(rng, 60):
         start[3] = chain.upper[3] - 0.001  # the shoulder's roll, at its limit
-        if platform.around.contacts(base, arm, start):
+        if platform.scene.collisions.contacts(base, arm, start):
             continue
         joints = {**platform.world.configuration().joints, **dict(zip(arm.joints, start.tolist(), strict=True))}
         platform.world.set_configuration(Configuration(base, joints))  # type: ignore[attr-defined]

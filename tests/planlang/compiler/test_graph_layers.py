@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planlang.compiler.graphs.layers import layered
+from planlang.compiler.drawing.layers import layered
 
 SIZE = (60.0, 20.0)
 

@@ -11,9 +11,9 @@ from xml.etree import ElementTree
 import pytest
 
 from planlang.compiler import compile_recipe
-from planlang.compiler.graphs import FORMATS, Order, TaskGraph, dot, mermaid, page, svg, task_graph
-from planlang.compiler.graphs.arrangement import arranged
-from planlang.compiler.graphs.model import MOST_IMPLIED
+from planlang.compiler.drawing import FORMATS, Order, TaskGraph, dot, mermaid, page, svg, task_graph
+from planlang.compiler.drawing.arrangement import arranged
+from planlang.compiler.drawing.model import MOST_IMPLIED
 from planlang.diagnostics import Span
 from planlang.recipe import (
     Allen,

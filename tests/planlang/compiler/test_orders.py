@@ -13,10 +13,9 @@ from planlang.compiler.lowering import Lowering
 from planlang.ontology import Ontology, load
 from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
 from planlang.recipe.actions import Movers
-from planlang.recipe.graph import closed, order_graph
 from planlang.recipe.model import Kind
-from planlang.recipe.precedence import Precedence
-from planlang.recipe.scopes import scoping
+from planlang.recipe.order.graph import Precedence, closed, order_graph
+from planlang.recipe.order.scopes import scoping
 
 BASE = "http://planlang.org/test#"
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"

@@ -11,7 +11,7 @@ import pytest
 
 from planlang import a_location, an_object
 from planlang.compiler import CompiledPlan, compile_recipe
-from planlang.compiler.graphs import svg, task_graph
+from planlang.compiler.drawing import svg, task_graph
 from planlang.designators import a_posture
 from planlang.failures import ObjectNotFound
 from planlang.kernel.recorded import RecordedRun

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planlang.recipe.decomposition import Parallel, Part, Prime, Serial, decomposed
-from planlang.recipe.graph import order_graph, reduced
+from planlang.recipe.order.decomposition import Parallel, Part, Prime, Serial, decomposed
+from planlang.recipe.order.graph import order_graph, reduced
 
 Order = tuple[list[int], set[tuple[int, int]]]
 

@@ -23,10 +23,10 @@ from planlang.recipe import (
     read_recipe,
     top_tasks,
 )
-from planlang.recipe.intervals import Intervals, implied_by_overlaps
 from planlang.recipe.model import Reason
+from planlang.recipe.order.intervals import Intervals, implied_by_overlaps
+from planlang.recipe.statements import ending_of
 from planlang.recipe.units import si_unit, unit
-from planlang.recipe.words import ending_of
 
 HEAD = """\
 Prefix: : <http://planlang.org/test#>
@@ -62,7 +62,7 @@ def test_a_task_in_an_equivalent_class_has_the_sub_actions_stated_there(tmp_path
     recipe = read(
         tmp_path, f"{STEPS}\nClass: T\n    EquivalentTo: k:Action and (k:subAction some B) and (k:subAction some A)\n"
     )
-    assert (recipe.dialect, [step.name for step in recipe.steps]) == ("D1e", ["B", "A"])
+    assert (recipe.dialect.name, [step.name for step in recipe.steps]) == ("D1e", ["B", "A"])
 
 
 def test_sub_events_and_sub_actions_of_one_class_are_all_steps(tmp_path: Path) -> None:
@@ -201,7 +201,7 @@ def test_workflows_nest_and_their_relations_order_or_overlap(tmp_path: Path) -> 
     reading = read_recipe(actions, allow_abstract=True)
     assert reading.recipes is not None
     recipe = reading.recipes.main
-    assert {local_name(iri): one.dialect for iri, one in reading.recipes.recipes.items()} == {
+    assert {local_name(iri): one.dialect.name for iri, one in reading.recipes.recipes.items()} == {
         "cook": "D5",
         "serve": "D5",
     }
@@ -216,7 +216,7 @@ def test_one_file_may_mix_dialects_and_hold_several_tasks(tmp_path: Path) -> Non
     assert {local_name(task) for task in top_tasks(actions)} == {"T", "cook", "pipetting"}
     recipes = read_recipe(actions, "T", allow_abstract=True).recipes
     assert recipes is not None
-    assert {local_name(iri): one.dialect for iri, one in recipes.recipes.items()} == {"T": "D1f", "M": "D3"}
+    assert {local_name(iri): one.dialect.name for iri, one in recipes.recipes.items()} == {"T": "D1f", "M": "D3"}
 
 
 NAMES = ("a", "b", "c", "d")

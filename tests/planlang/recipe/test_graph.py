@@ -5,8 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planlang.recipe.graph import closed, order_graph, reduced, shortest_cycle, sorted_nodes, total_order
-from planlang.recipe.precedence import Precedence
+from planlang.recipe.order.graph import (
+    Precedence,
+    closed,
+    order_graph,
+    reduced,
+    shortest_cycle,
+    sorted_nodes,
+    total_order,
+)
 
 
 @st.composite

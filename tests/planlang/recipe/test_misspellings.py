@@ -19,9 +19,9 @@ import pytest
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Severity
 from planlang.ontology.writing import Target, convert
+from planlang.recipe.checks.misspellings import Neighbours
 from planlang.recipe.fixes import fix_recipe
-from planlang.recipe.guesses import Neighbours
-from planlang.recipe.words import WORDS
+from planlang.recipe.statements import WORDS
 
 BUNDLED = Path(__file__).parents[3] / "recipes"
 HEAD = """\

@@ -1,0 +1,272 @@
+"""The bodies of the believed world: their shapes and poses, and what they are to the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from executive.belief.belief import Belief
+from planlang.designators import Object
+from planlang.failures import LocationUnresolvable
+from planlang.geometry import Array, Pose
+from planlang.ontology import expand
+from sim import PyBulletWorld
+
+LEANING = 0.05
+"""How far a top may lean and still count as level [rad]: a bottle put down on it stays where it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Vertical prism over an oriented rectangle; lengths in metres, ``yaw`` of its local x in the map."""
+
+    x: float
+    y: float
+    yaw: float
+    half_x: float
+    half_y: float
+    low: float
+    high: float
+    round: bool = False
+    """Whether it is a cylinder about the vertical, as wide from everywhere."""
+
+    @staticmethod
+    def of(pose: Pose, size: tuple[float, float, float], *, cylinder: bool = False) -> Block:
+        """The smallest prism around a box, turned with the most horizontal of the box's axes."""
+        rotation = pose.matrix()[:3, :3]
+        half = np.asarray(size) / 2
+        vertical = int(np.argmax(np.abs(rotation[2])))
+        first = (vertical + 1) % 3 if vertical else 1
+        if vertical == 2:
+            first = 0
+        yaw = math.atan2(rotation[1, first], rotation[0, first])
+        along = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        across = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
+        half_x, half_y = (float(np.abs(axis @ rotation) @ half) for axis in (along, across))
+        half_z = float(np.abs(rotation[2]) @ half)
+        x, y, z = pose.position
+        return Block(x, y, yaw, half_x, half_y, z - half_z, z + half_z, cylinder and vertical == 2)
+
+    @property
+    def centre(self) -> Array:
+        """Centre of the prism, (3,)."""
+        return np.array([self.x, self.y, (self.low + self.high) / 2])
+
+    def to_map(self, local: Array) -> Array:
+        """Points of the rectangle's own frame (n, 2) in the map (n, 2)."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return np.asarray(local @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y]))
+
+    def to_local(self, points: Array) -> Array:
+        """Points of the map (n, 2) in the rectangle's own frame (n, 2)."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return np.asarray((points - np.array([self.x, self.y])) @ np.array([[c, -s], [s, c]]))
+
+    def distance(self, points: Array) -> Array:
+        """Horizontal distance of map points (n, 2) to the outline, 0 inside, (n,)."""
+        if self.round:
+            away = np.hypot(points[:, 0] - self.x, points[:, 1] - self.y) - max(self.half_x, self.half_y)
+            return np.asarray(np.maximum(away, 0.0))
+        outside = np.maximum(np.abs(self.to_local(points)) - np.array([self.half_x, self.half_y]), 0.0)
+        return np.asarray(np.hypot(outside[:, 0], outside[:, 1]))
+
+    def support(self, direction: float) -> float:
+        """How far the prism extends from its middle towards a heading of the map [m]."""
+        if self.round:
+            return max(self.half_x, self.half_y)
+        turn = direction - self.yaw
+        return abs(math.cos(turn)) * self.half_x + abs(math.sin(turn)) * self.half_y
+
+    def grid(self, spacing: float, inset: float) -> Array:
+        """Points over the rectangle shrunk by ``inset``, about ``spacing`` apart, (n, 2); at least its centre."""
+        axes = []
+        for half in (self.half_x, self.half_y):
+            reach = max(half - inset, 0.0)
+            axes.append(np.linspace(-reach, reach, 2 * round(reach / spacing) + 1))
+        mesh = np.stack(np.meshgrid(axes[0], axes[1], indexing="ij"), -1).reshape(-1, 2)
+        return self.to_map(mesh)
+
+
+@dataclass(frozen=True, slots=True)
+class ComfortZone:
+    """Where a person takes things: in front of their shoulders, within the length of their arms."""
+
+    shoulders: tuple[tuple[float, float, float], ...]
+    facing: float
+    """Heading of the person [rad]."""
+    arm_length: float
+    contains: Callable[[Array], bool]
+    """Whether a map point (3,) is one at which the person would take something."""
+
+    def points(self) -> Array:
+        """Points of the zone, most comfortable first, (n, 3); sparse."""
+        turns = (0.0, 0.35, -0.35, 0.7, -0.7, 0.95, -0.95)
+        found: dict[tuple[float, float, float], None] = {}
+        for share in (0.7, 0.55, 0.85):
+            for rise in (0.0, -0.12, 0.12):
+                for turn in turns:
+                    for x, y, z in self.shoulders:
+                        step, heading = share * self.arm_length, self.facing + turn
+                        point = (x + step * math.cos(heading), y + step * math.sin(heading), z + rise)
+                        if self.contains(np.array(point)):
+                            found[point] = None
+        return np.array(list(found)).reshape(-1, 3)
+
+    def margins(self, points: Array) -> Array:
+        """How far inside the zone points (n, 3) are, (n,): shares of the arm, or of the cosine, to its nearest border.
+
+        The person may sit a little otherwise than believed: what is at the border may not be taken.
+        """
+        offsets = points[:, None] - np.array(self.shoulders)
+        away = np.linalg.norm(offsets, axis=2)
+        ahead = offsets[..., 0] * math.cos(self.facing) + offsets[..., 1] * math.sin(self.facing)
+        share, cosine = away / self.arm_length, ahead / np.maximum(away, 1e-9)
+        return np.asarray(np.minimum(np.minimum(1.0 - share, share - 0.25), cosine - 0.5).max(axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """A leaf that turns about a vertical hinge: hinge and width [m], heading of the closed leaf from the hinge [rad].
+
+    Which way it opens is not said by maps: it is taken to sweep both sides.
+    """
+
+    name: str
+    x: float
+    y: float
+    width: float
+    heading: float
+
+
+class BelievedBodies:
+    """The bodies that the robot believes in, asked by name."""
+
+    def __init__(self, world: PyBulletWorld, belief: Belief) -> None:
+        self._world, self._belief = world, belief
+
+    def bind(self, what: Object) -> str:
+        """The body that an object designator means; raises ObjectUnresolvable."""
+        return self._belief.bind(what, self._world.configuration().base)
+
+    def pose(self, name: str) -> Pose:
+        """Where a body is believed to be."""
+        return self._belief.reference_pose(name)
+
+    def size(self, name: str) -> tuple[float, float, float]:
+        """Extents of a body's box along its axes [m]."""
+        return self._world.size(name)
+
+    def block(self, name: str) -> Block:
+        """The believed shape of a body; for a held one where it was grasped.
+
+        Raises LocationUnresolvable if it is believed to be at no possible pose.
+        """
+        pose, size = self.pose(name), self.size(name)
+        if not all(map(math.isfinite, (*pose.position, *pose.orientation, *size))):
+            raise LocationUnresolvable(f"{name} is believed to be at no place: its pose is {pose}", designator=name)
+        if abs(math.hypot(*pose.orientation) - 1) > 1e-3:
+            problem = f"the orientation of {name} is no rotation: {pose.orientation} is not of length 1"
+            raise LocationUnresolvable(problem, designator=name)
+        return Block.of(pose, size, cylinder=self.is_round(name))
+
+    def is_person(self, name: str) -> bool:
+        """Whether the body is a person."""
+        return self._world.scene.body(name).shape == "person"
+
+    def is_room(self, name: str) -> bool:
+        """Whether the body is a room: everything is in it."""
+        return self._world.scene.body(name).shape == "room"
+
+    def is_graspable(self, name: str) -> bool:
+        """Whether the body can be taken into a hand."""
+        return self._world.scene.body(name).graspable
+
+    def is_round(self, name: str) -> bool:
+        """Whether a body is a cylinder."""
+        return self._world.scene.body(name).shape == "cylinder"
+
+    def is_solid(self, name: str) -> bool:
+        """Whether a body can be touched: a marker cannot."""
+        return self._world.scene.body(name).shape != "marker"
+
+    def names(self) -> Sequence[str]:
+        """All bodies."""
+        return self._world.names()
+
+    def zone(self, name: str) -> ComfortZone:
+        """Where the person takes things."""
+        person = self._world.person(name)
+        heading = math.atan2(person.facing[1], person.facing[0])
+        return ComfortZone(
+            person.shoulders, heading, person.arm_length, lambda point: person.comfortable(tuple(map(float, point)))
+        )
+
+    def support(self, name: str) -> str | None:
+        """What a body is believed to rest on."""
+        found = self._world.support(name)
+        return found if found in self._world.names() else None
+
+    def rests_at(self, name: str) -> float | None:
+        """Height of the level top on which things can rest, of a room its floor [m]; None for what has none."""
+        shape, block = self._world.scene.body(name).shape, self.block(name)
+        if shape == "room":
+            return block.low
+        leans = np.abs(self.pose(name).matrix()[2, :3]).max() < math.cos(LEANING)
+        lying = shape == "cylinder" and not block.round
+        return None if shape in ("person", "marker") or leans or lying else block.high
+
+    def front(self, name: str) -> float | None:
+        """The heading of a body's front: where a person faces, where a door is, else the x axis of furniture.
+
+        What a hand can take, round things, rooms and mere places have none.
+        """
+        body = self._world.scene.body(name)
+        if body.shape == "person":
+            return self.zone(name).facing
+        if body.graspable or body.shape in ("cylinder", "marker", "room"):
+            return None
+        block = self.block(name)
+        for door in self.doors(name):
+            if door.name != name:  # the side of the box that the door's middle is nearest to
+                middle = np.array([[door.x, door.y]]) + door.width / 2 * np.array(
+                    [[math.cos(door.heading), math.sin(door.heading)]]
+                )
+                x, y = block.to_local(middle)[0] / np.array([block.half_x, block.half_y])
+                turn = (0.0 if x > 0 else math.pi) if abs(x) >= abs(y) else math.copysign(math.pi / 2, y)
+                return block.yaw + turn
+        return block.yaw
+
+    def doors(self, name: str) -> Sequence[Door]:
+        """The doors that a body is or has: things of the class Door, and those hinged to it that stand upright."""
+        known = {thing.iri: thing for thing in self._belief.map.objects}
+        things = [thing for thing in known.values() if thing.name == name and self._is_door(thing.types)]
+        own = next((thing for thing in known.values() if thing.name == name), None)
+        if own is not None and not things:
+            hinged = (thing for thing in known.values() if own.iri in thing.hinged_to or thing.iri in own.parts)
+            things = [thing for thing in hinged if self._is_door(thing.types)]
+        return [self._door(thing.name, name) for thing in things if thing.name in self._belief.names()]
+
+    def _is_door(self, types: Sequence[str]) -> bool:
+        ontology = self._belief.map.ontology
+        return any(ontology.is_a(one, expand(cls)) for one in types for cls in ("Door", "DoorwayCovering"))
+
+    def _door(self, name: str, owner: str) -> Door:
+        """A closed leaf: hinged at the vertical edge that is nearer to a side of its owner, else at its left edge."""
+        leaf = self.block(name)
+        along = leaf.yaw if leaf.half_x >= leaf.half_y else leaf.yaw + math.pi / 2
+        half = max(leaf.half_x, leaf.half_y)
+        hinge = -1.0
+        if owner != name:
+            frame = self.block(owner)
+            ends = leaf.yaw, along
+            places = np.array(
+                [[leaf.x + s * half * math.cos(ends[1]), leaf.y + s * half * math.sin(ends[1])] for s in (-1, 1)]
+            )
+            spare = np.array([frame.half_x, frame.half_y]) - np.abs(frame.to_local(places))
+            axis = int(np.argmax(np.abs(np.diff(frame.to_local(places), axis=0))[0]))
+            hinge = -1.0 if spare[0, axis] <= spare[1, axis] else 1.0
+        x, y = leaf.x + hinge * half * math.cos(along), leaf.y + hinge * half * math.sin(along)
+        return Door(name, x, y, 2 * half, along if hinge < 0 else along + math.pi)

@@ -1,0 +1,257 @@
+"""What the robot would touch in the believed world: exact contacts, and quick checks that rule them out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+
+import numpy as np
+
+from executive.belief.belief import Belief
+from executive.belief.free_floor import BasePose, Floor
+from executive.motion import Boxes, QuickCheck
+from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room
+from executive.motion.clearance import Band
+from executive.motion.footprint import outlines
+from executive.motion.link_shapes import links_of
+from executive.motion.solids import Solids
+from executive.robots import Robot
+from executive.robots.arms import ArmModel
+from planlang.geometry import Array
+from planlang.geometry.matrices import moved
+from planlang.protocols import Configuration, Contact
+from sim import PyBulletWorld
+from sim.bodies import FLOOR
+
+CLOSING_STEPS = 24
+"""In how many steps closing fingers are looked at: with Amigo's gripper, which opens 10 cm, about 2 mm each."""
+
+
+class SceneCollisions:
+    """Collisions of the robot, with what it holds, in the planning world; what does not change is kept."""
+
+    def __init__(self, world: PyBulletWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
+        self._world, self._robot, self._belief, self._arms = world, robot, belief, tuple(arms)
+        self._bodies: tuple[object, Boxes, Solids] | None = None
+        self._floor: tuple[object, Floor] | None = None
+        self._links = frozenset(world.robot.solid_names)
+        self._rest = {arm.name: self._links - self._own_links(arm) for arm in arms}
+        links = links_of(world)
+        self._chains = {
+            arm.name: ArmShapes(world, links, arm.solver.chain, robot.base_link, robot.arm(arm.name).tip)
+            for arm in arms
+        }
+        self._checks: tuple[object, dict[object, QuickCheck]] = (None, {})
+        self._obstacles: tuple[Solids, Room] | None = None
+        self._near: tuple[Room, Array, float, Room] | None = None
+        self._touched: tuple[object, tuple[Contact, ...]] | None = None
+        self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
+        self._arm_bodies: dict[tuple[str, bool], tuple[object, ArmBodies]] = {}
+
+    # Room
+
+    def floor(self) -> Floor:
+        """What takes room from the base: with the robot's body, arms left out, as it is now."""
+        joints = tuple(self._world.configuration().joints.items())
+        state = (self._state(), joints)
+        if self._floor is None or self._floor[0] != state:
+            arms = [name for arm in self._robot.arms for name in arm.joints]
+            shapes = outlines(self._world.outlines(arms))
+            floor = Floor(self.obstacles(), self._world.silhouette(arms), shapes, self._world.scene.bounds)
+            self._floor = state, floor
+        return self._floor[1]
+
+    def obstacles(self) -> Boxes:
+        """Boxes around the pieces of all bodies that are not held, the floor left out."""
+        return self.boxes_but(())[0]
+
+    def boxes_but(self, without: Sequence[str]) -> tuple[Boxes, tuple[str, ...]]:
+        """Boxes around the pieces of all bodies that are not held, some left out; and whose they are."""
+        boxes, solids = self._of_bodies()
+        if not set(without) & set(solids.bodies):
+            return boxes, solids.bodies
+        kept = np.flatnonzero([body not in without for body in solids.bodies])
+        return boxes.only(kept), tuple(solids.bodies[index] for index in kept)
+
+    def solids(self) -> Solids:
+        """The pieces of all bodies that are not held."""
+        return self._of_bodies()[1]
+
+    def silhouette(self) -> tuple[Band, ...]:
+        """What the robot needs of room when it stands or turns, with what it holds, in its present posture."""
+        return self._world.silhouette()
+
+    def _of_bodies(self) -> tuple[Boxes, Solids]:
+        """Boxes around the pieces, and the pieces themselves."""
+        state = self._state()
+        if self._bodies is None or self._bodies[0] != state:
+            pieces = self._world.solids()
+            sizes = np.array([piece.size for piece in pieces]).reshape(-1, 3)
+            self._bodies = state, Boxes.around([piece.pose for piece in pieces], sizes), Solids.of(pieces)
+        return self._bodies[1:]
+
+    def _state(self) -> object:
+        """What the places of all bodies depend on."""
+        return self._belief.revision, tuple(self._belief.held), tuple(self._world.attached())
+
+    # Exact checks
+
+    def contacts(
+        self,
+        base: BasePose,
+        arm: ArmModel | None = None,
+        q: Array | None = None,
+        touches: str | None = None,
+        opened: bool = False,
+        among: Collection[tuple[str, str]] | None = None,
+    ) -> tuple[Contact, ...]:
+        """Penetrations with an arm at ``q``, all else as it is; its hand may touch the body ``touches``.
+
+        ``opened``: with the fingers of the arm open. ``among``: the only pairs that can touch, if that is known.
+        """
+        now = self._world.configuration().joints
+        if arm is None or q is None:
+            found = self._world.contacts(Configuration(base, now), ("base",), among=among)
+            return found if among is not None else (*found, *self._own_contacts(now))
+        joints = dict(now)
+        gripper = self._robot.arm(arm.name).gripper
+        joints |= gripper.opened if opened and gripper is not None else {}
+        joints |= zip(arm.joints, map(float, q), strict=True)
+        ignore = [(link, touches) for link in sorted(arm.hand_links)] if touches is not None else []
+        moving = (*arm.joints, *(gripper.opened if opened and gripper is not None else ()))
+        return self._world.contacts(Configuration(base, joints), moving, ignore=ignore, among=among)
+
+    def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
+        """Where the robot, as it is, with what it holds, touches itself: wherever it stands."""
+        state = tuple(joints.items()), tuple(self._world.attached())
+        if self._touched is None or self._touched[0] != state:
+            self._touched = state, self._world.self_contacts(Configuration(self._world.configuration().base, joints))
+        return self._touched[1]
+
+    def stops_closing(self, base: BasePose, arm: ArmModel, q: Array, around: str) -> str | None:
+        """The body that a finger of an arm at ``q`` would meet, closing from open, before it meets ``around``."""
+        gripper = self._robot.arm(arm.name).gripper
+        if gripper is None:
+            return None
+        joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
+        joints |= gripper.opened
+        moving = list(gripper.joints)
+        steps = [
+            {name: (1.0 - share) * gripper.opened[name] + share * gripper.closed[name] for name in moving}
+            for share in np.linspace(0.0, 1.0, CLOSING_STEPS + 1)[1:].tolist()
+        ]
+        links = [self._world.robot.moved_by(name) for name in moving]
+        apart = len(frozenset[int]().union(*links)) == sum(map(len, links))
+        if apart and self._world.passed(Configuration(base, joints), steps) <= {around}:
+            return None  # each finger goes its way whatever becomes of the others
+        for step in steps:
+            for name in tuple(moving):
+                value = step[name]
+                contacts = self._world.contacts(Configuration(base, joints | {name: value}), [name])
+                bodies = [contact.body for contact in contacts]
+                if not bodies:
+                    joints[name] = value
+                elif around in bodies or set(bodies) <= self._links:
+                    moving.remove(name)
+                else:
+                    return next(body for body in bodies if body not in self._links)
+        return None
+
+    def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
+        """Positions of the torso at which the rest of the robot, in its present posture, does not touch itself."""
+        if arm.lift is None:
+            return tuple(torsos)
+        now = self._world.configuration()
+        state = tuple(now.joints.items())
+        if self._lifts[0] != state:
+            self._lifts = state, {}
+        known, joint, rest = self._lifts[1], arm.lift.joint, self._rest[arm.name]
+        for torso in torsos:
+            if (joint, torso) not in known:
+                found = self._world.self_contacts(Configuration(now.base, {**now.joints, joint: torso}))
+                known[joint, torso] = [(contact.part, contact.body) for contact in found]
+        return tuple(torso for torso in torsos if not any(rest.issuperset(pair) for pair in known[joint, torso]))
+
+    # Quick checks
+
+    def prepare(self) -> None:
+        """Work out now what arms need to find their way, once for this robot: later a plan would wait for it."""
+        for arm in self._arms:
+            self.quick_check(arm, None)
+
+    def quick_check(self, arm: ArmModel, touches: str | None) -> QuickCheck:
+        """What tells without PyBullet how an arm may move here; ``touches`` as in :meth:`contacts`."""
+        bodies = self._bodies_of(arm, opened=False)
+        base = self._world.link_pose(self._robot.base_link).matrix()
+        middle = moved(base, bodies.centre)
+        return bodies.against(base, self._room().near(middle, bodies.reach), (arm.hand_links, touches))
+
+    def arm_check(
+        self, arm: ArmModel, touches: str | None, *, opened: bool, near: tuple[Array, float] | None = None
+    ) -> QuickCheck:
+        """What rules out postures of an arm from any base, and poses of its hand."""
+        key, ignored = ("arm", arm.name, touches, opened), (arm.hand_links, touches)
+        return self._check(key, near, lambda: self._bodies_of(arm, opened=opened), ignored)
+
+    def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
+        """What rules out bases from which an arm, in its present posture, would stick into something."""
+        several = [self._chains[arm.name] for arm in self._arms]
+        return self._check("stance", near, lambda: ArmShapes.still(self._world, several), (frozenset(), None))
+
+    def _check(
+        self, key: object, near: tuple[Array, float] | None, bodies: Callable[[], ArmBodies], ignored: Ignored
+    ) -> QuickCheck:
+        """The check of some bodies against the room, kept as long as nothing moves."""
+        state = self._state(), tuple(self._world.configuration().joints.items()), tuple(self._belief.held.values())
+        if self._checks[0] != state:
+            self._checks = state, {}
+        whole = key, None if near is None else (near[0].tobytes(), near[1])
+        found = self._checks[1].get(whole)
+        if found is None:
+            found = self._checks[1][whole] = bodies().against(np.eye(4), self._room_near(near), ignored)
+        return found
+
+    def _room_near(self, near: tuple[Array, float] | None) -> Room:
+        """The bodies that meet a sphere, or all; the last is remembered, as several checks ask for the same."""
+        room = self._room()
+        if near is None:
+            return room
+        known = self._near
+        if known is None or known[0] is not room or known[2] != near[1] or not np.array_equal(known[1], near[0]):
+            known = self._near = room, *near, room.near(*near)
+        return known[3]
+
+    def _room(self) -> Room:
+        """All bodies as obstacles."""
+        solids = self.solids()
+        if self._obstacles is None or self._obstacles[0] is not solids:
+            floor = next((body.name for body in self._world.scene.bodies if body.shape == "room"), FLOOR)
+            self._obstacles = solids, Room.of(solids, floor)
+        return self._obstacles[1]
+
+    def _bodies_of(self, arm: ArmModel, *, opened: bool) -> ArmBodies:
+        """An arm with all that its joints move and may meet of the robot; its own joints may be anywhere."""
+        joints = self._world.configuration().joints
+        rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
+        opened = opened and any(joints.get(name) != value for name, value in self._fingers(arm).items())
+        state = rest, self._in_hands()
+        known = self._arm_bodies.get((arm.name, opened))
+        if known is None or known[0] != state:
+            found = self._chains[arm.name].now(self._world, self._fingers(arm) if opened else None)
+            known = self._arm_bodies[arm.name, opened] = state, found
+        return known[1]
+
+    def _in_hands(self) -> object:
+        """What the bodies of arms depend on beside joints; with empty hands nothing that happens in the world."""
+        held = tuple(self._belief.held.values())
+        return (self._state(), held) if held or self._world.attached() else None
+
+    def _fingers(self, arm: ArmModel) -> Mapping[str, float]:
+        """The joints of an arm's fingers where they are open."""
+        gripper = self._robot.arm(arm.name).gripper
+        return gripper.opened if gripper is not None else {}
+
+    def _own_links(self, arm: ArmModel) -> frozenset[str]:
+        """Links that other joints of an arm than the torso's move."""
+        robot = self._world.robot
+        moved = (robot.moved_by(name) for name in arm.joints if arm.lift is None or name != arm.lift.joint)
+        return frozenset(robot.solid_names[number] for number in frozenset[int]().union(*moved))

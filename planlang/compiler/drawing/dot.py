@@ -1,0 +1,88 @@
+"""The graph for Graphviz."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from planlang.compiler.drawing.model import Arrow, Box, Group, Order, TaskGraph
+from planlang.compiler.drawing.text import for_dot
+
+_ATTRIBUTES = """\
+    compound=true; rankdir=TB; newrank=true; nodesep=0.35; ranksep=0.45;
+    fontname="Helvetica"; fontsize=14; labeljust=l; tooltip=" ";
+    node [shape=box, style="rounded,filled", fillcolor="#f5f8fb", color="#7d93a6", fontname="Helvetica", fontsize=11];
+    edge [color="#44546a", arrowsize=0.7];
+"""
+
+
+def dot(graph: TaskGraph) -> str:
+    """The graph in the language of Graphviz: steps are nodes, nested recipes are clusters, implied orders left out."""
+    lines = [f'digraph "{for_dot(graph.title)}" {{', _ATTRIBUTES.rstrip("\n")]
+    lines.append(f'    label="{for_dot(graph.title)}\\l{for_dot(graph.subtitle)}\\l"; labelloc=t;')
+    lines += _group(graph.group, "    ")
+    return "\n".join([*lines, "}", ""])
+
+
+def _group(group: Group, indent: str) -> Iterator[str]:
+    for box in group.boxes:
+        yield from _box(box, indent)
+    boxes = {box.key: box for box in group.boxes}
+    for arrow in group.of(Order.STATED, Order.ADDED, Order.TRANSITION, Order.OVERLAP):
+        yield _arrow(arrow, boxes, indent)
+
+
+def _box(box: Box, indent: str) -> Iterator[str]:
+    hover = "\\n".join(map(for_dot, box.hover))
+    label = "".join(f"{for_dot(line)}\\l" for line in box.text())
+    if not box.groups:
+        style = ', style="rounded,dashed"' if box.is_abstract else ""
+        yield f'{indent}{box.key} [label="{label}", tooltip="{hover}"{style}];'
+        return
+    yield f"{indent}subgraph cluster_{box.key} {{"
+    yield f'{indent}    label="{label}"; tooltip="{hover}"; labelloc=t; fontsize=11;'
+    yield f'{indent}    style="rounded,filled"; fillcolor="#fbf9f3"; color="#c7b98f";'
+    if len(box.groups) == 1:
+        yield from _inside(box.groups[0], indent + "    ")
+    else:
+        for group in box.groups:
+            yield f"{indent}    subgraph cluster_{group.key} {{"
+            yield f'{indent}        label="one way: {for_dot(group.name)}"; style="rounded,dashed";'
+            yield from _inside(group, indent + "        ")
+            yield f"{indent}    }}"
+    yield f"{indent}}}"
+
+
+def _inside(group: Group, indent: str) -> Iterator[str]:
+    if not group.boxes:
+        yield f'{indent}{group.key} [shape=point, style=invis, label=""];'
+    yield from _group(group, indent)
+
+
+def _arrow(arrow: Arrow, boxes: dict[str, Box], indent: str) -> str:
+    tail, head = boxes[arrow.before], boxes[arrow.after]
+    attributes = [f'tooltip="{for_dot(arrow.hover)}"']
+    if tail.groups:
+        attributes.append(f"ltail=cluster_{tail.key}")
+    if head.groups:
+        attributes.append(f"lhead=cluster_{head.key}")
+    if arrow.label:
+        attributes.append(f'label="{for_dot(arrow.label)}", fontsize=9, fontname="Helvetica"')
+    if arrow.order is Order.TRANSITION:
+        attributes.append('color="#3f6b4f"')
+    if arrow.order is Order.OVERLAP:
+        attributes.append('dir=none, style=dotted, constraint=false, color="#8a4f8f"')
+    if arrow.order is Order.ADDED:
+        attributes.append('style=dashed, color="#b0741a"')
+    return f"{indent}{_end(tail, last=True)} -> {_end(head, last=False)} [{', '.join(attributes)}];"
+
+
+def _end(box: Box, *, last: bool) -> str:
+    """The node at which an arrow from or to a box ends: inside of a cluster a last or a first step."""
+    while box.groups:
+        group = box.groups[-1 if last else 0]
+        if not group.boxes:
+            return group.key
+        taken = {arrow.before if last else arrow.after for arrow in group.of(Order.STATED, Order.ADDED)}
+        free = [inner for inner in group.boxes if inner.key not in taken] or list(group.boxes)
+        box = free[-1 if last else 0]
+    return box.key

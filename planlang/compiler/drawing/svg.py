@@ -1,0 +1,231 @@
+"""The graph as an SVG of its own layout."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+from planlang.compiler.drawing.arrangement import (
+    LINE_HEIGHT,
+    LINE_SIZE,
+    NAME_SIZE,
+    PADDING,
+    Arrangement,
+    Frame,
+    Placed,
+    arranged,
+)
+from planlang.compiler.drawing.layers import Point
+from planlang.compiler.drawing.model import Arrow, Order, TaskGraph
+from planlang.compiler.drawing.text import INDENT, LONGEST_LINE, for_xml, shown, width
+
+MARGIN, HEAD = 24.0, 52.0
+
+STYLE = """\
+text { font-family: Helvetica, Arial, "Liberation Sans", sans-serif; fill: #1f2d3a; }
+.title { font-size: 18px; font-weight: bold; }
+.small, .line { font-size: 11px; fill: #51606e; }
+.name { font-size: 13px; font-weight: bold; }
+.step > rect { fill: #f5f8fb; stroke: #7d93a6; }
+.recipe > rect { fill: #fbf9f3; stroke: #c7b98f; }
+.abstract > rect { stroke-dasharray: 5 3; }
+.frame { fill: none; stroke: #c7b98f; stroke-dasharray: 5 3; }
+.order { fill: none; stroke: #44546a; stroke-width: 1.4; }
+.added { stroke: #b0741a; stroke-dasharray: 6 4; }
+.transition { stroke: #3f6b4f; }
+.overlap { fill: none; stroke: #8a4f8f; stroke-width: 1.4; stroke-dasharray: 1.5 3; }
+.label { font-size: 10px; fill: #3f6b4f; paint-order: stroke; stroke: #ffffff; stroke-width: 3px; }
+.overlap-label { fill: #8a4f8f; }
+.implied { stroke: #8a9aa8; stroke-width: 1; stroke-dasharray: 2 3; }
+.order:hover { stroke-width: 3; }
+.head { fill: #44546a; }
+.head-added { fill: #b0741a; }
+.head-implied { fill: #8a9aa8; }
+.head-transition { fill: #3f6b4f; }
+"""
+
+
+def svg(graph: TaskGraph) -> str:
+    """The graph as an SVG document: stated orders solid, those that the compiler adds dashed, implied ones left out."""
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + svg_element(graph)
+
+
+def svg_element(graph: TaskGraph, *, implied: bool = False) -> str:
+    """The ``svg`` element; with ``implied`` it holds implied orders, too, which are hidden unless a style shows them.
+
+    Groups of class ``step`` have the attribute ``data-key``, arrows ``data-before`` and ``data-after``.
+    """
+    found = arranged(graph.group)
+    has_added = any(route.arrow.order is Order.ADDED for route in found.routes)
+    legend = "dashed: added by the compiler, as what is done from one place is done together" if has_added else ""
+    title, subtitle = shown(graph.title, 80), shown(graph.subtitle, 120)
+    wide = max(found.width, width(title, 19), width(subtitle, LINE_SIZE), width(legend, LINE_SIZE)) + 2 * MARGIN
+    high = found.height + HEAD + 2 * MARGIN + (LINE_HEIGHT * 1.5 if legend else 0.0)
+    left, top = (wide - found.width) / 2, MARGIN + HEAD
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{_n(wide)}" height="{_n(high)}"'
+        f' viewBox="0 0 {_n(wide)} {_n(high)}" role="img">',
+        f"<title>{for_xml(graph.title)}</title>",
+        f"<style>\n{STYLE}{'.implied { display: none; }' + chr(10) if implied else ''}</style>",
+        *_heads(),
+        f'<rect width="{_n(wide)}" height="{_n(high)}" fill="#ffffff"/>',
+        f'<text class="title" x="{_n(MARGIN)}" y="{_n(MARGIN + 18)}">{for_xml(title)}</text>',
+        f'<text class="small" x="{_n(MARGIN)}" y="{_n(MARGIN + 36)}">{for_xml(subtitle)}</text>',
+        f'<g transform="translate({_n(left)} {_n(top)})">',
+        *_drawing(found),
+        *_beside(graph, found),
+        *(_implied(graph, found) if implied else ()),
+        "</g>",
+    ]
+    if legend:
+        lines.append(f'<text class="small" x="{_n(MARGIN)}" y="{_n(high - MARGIN)}">{for_xml(legend)}</text>')
+    return "\n".join([*lines, "</svg>", ""])
+
+
+def _heads() -> Iterator[str]:
+    yield "<defs>"
+    for kind in ("head", "head-added", "head-implied", "head-transition"):
+        yield (
+            f'<marker id="{kind}" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="8" markerHeight="8"'
+            f' markerUnits="userSpaceOnUse" orient="auto">'
+            f'<path class="{kind}" d="M 0 1 L 10 5 L 0 9 z"/></marker>'
+        )
+    yield "</defs>"
+
+
+def _drawing(found: Arrangement) -> Iterator[str]:
+    for placed in found.boxes:
+        yield from _box(placed)
+    for frame in found.frames:
+        yield from _frame(frame)
+    for route in found.routes:
+        points = route.points[::-1] if route.is_upward else route.points
+        yield _path(route.arrow, _curve(points, starts_curved=route.is_upward))
+    middles = {id(route): _middle(route.points) for route in found.routes if route.arrow.label}
+    beside: dict[frozenset[str], list[Point]] = {}
+    for route in found.routes:
+        if route.arrow.label:
+            beside.setdefault(frozenset((route.arrow.before, route.arrow.after)), []).append(middles[id(route)])
+    for route in found.routes:
+        if route.arrow.label:
+            x, y = middles[id(route)]
+            others = beside[frozenset((route.arrow.before, route.arrow.after))]
+            anchor = "middle" if len(others) == 1 else "end" if x == min(others)[0] else "start"
+            yield _label(route.arrow, (x + {"middle": 0, "end": -5, "start": 5}[anchor], y), anchor)
+
+
+def _box(placed: Placed) -> Iterator[str]:
+    box = placed.box
+    kind = "step" + (" recipe" if box.groups else "") + (" abstract" if box.is_abstract else "")
+    hover = "\n".join(for_xml(line) for line in box.hover)
+    yield f'<g class="{kind}" data-key="{box.key}"><title>{hover}</title>'
+    yield (
+        f'<rect x="{_n(placed.x)}" y="{_n(placed.y)}" width="{_n(placed.width)}" height="{_n(placed.height)}" rx="6"/>'
+    )
+    y = placed.y + PADDING + NAME_SIZE - 3
+    for number, line in enumerate(placed.lines):
+        kind = "line" if number else "name"
+        bare = line.removeprefix(INDENT)
+        x = placed.x + PADDING + width(line[: len(line) - len(bare)], LINE_SIZE)
+        yield f'<text class="{kind}" x="{_n(x)}" y="{_n(y)}">{for_xml(bare)}</text>'
+        y += LINE_HEIGHT
+    yield "</g>"
+
+
+def _frame(frame: Frame) -> Iterator[str]:
+    yield (
+        f'<rect class="frame" x="{_n(frame.x)}" y="{_n(frame.y)}" width="{_n(frame.width)}"'
+        f' height="{_n(frame.height)}" rx="6"/>'
+    )
+    name = for_xml(shown(frame.name, LONGEST_LINE))
+    yield f'<text class="line" x="{_n(frame.x + PADDING)}" y="{_n(frame.y + LINE_HEIGHT)}">{name}</text>'
+
+
+def _beside(graph: TaskGraph, found: Arrangement) -> Iterator[str]:
+    """Overlaps between the sides of two boxes, and states that follow themselves."""
+    where = {placed.box.key: placed for placed in found.boxes}
+    for group in graph.groups():
+        for arrow in group.of(Order.OVERLAP):
+            first, second = where[arrow.before], where[arrow.after]
+            left, right = (first, second) if first.x <= second.x else (second, first)
+            if abs(first.y - second.y) < min(first.height, second.height):
+                start, end = (left.x + left.width / 2, left.y), (right.x + right.width / 2, right.y)
+                high = min(start[1], end[1]) - 24
+                curve = f"M {_p(start)} C {_p((start[0], high))}, {_p((end[0], high))}, {_p(end)}"
+                middle = ((start[0] + end[0]) / 2, high + 9)
+            elif left.x + left.width < right.x:
+                start = (left.x + left.width, left.y + left.height / 2)
+                end = (right.x, right.y + right.height / 2)
+                curve = f"M {_p(start)} L {_p(end)}"
+                middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2 - 4)
+            else:
+                start, end = (first.x, first.y + first.height / 2), (second.x, second.y + second.height / 2)
+                out = min(start[0], end[0]) - 18 - abs(end[1] - start[1]) * 0.1
+                curve = f"M {_p(start)} C {_p((out, start[1]))}, {_p((out, end[1]))}, {_p(end)}"
+                middle = (out, (start[1] + end[1]) / 2)
+            yield f'<path class="overlap" d="{curve}"><title>{for_xml(arrow.hover)}</title></path>'
+            yield _label(arrow, middle)
+        for arrow in group.of(Order.TRANSITION):
+            if arrow.before == arrow.after:
+                box = where[arrow.before]
+                x, y = box.x + box.width, box.y + box.height / 2
+                yield _path(
+                    arrow, f"M {_p((x, y - 8))} C {_p((x + 30, y - 20))}, {_p((x + 30, y + 20))}, {_p((x, y + 8))}"
+                )
+                yield _label(arrow, (x + 24, y - 14))
+
+
+def _label(arrow: Arrow, at: Point, anchor: str = "middle") -> str:
+    kind = "label overlap-label" if arrow.order is Order.OVERLAP else "label"
+    return f'<text class="{kind}" text-anchor="{anchor}" x="{_n(at[0])}" y="{_n(at[1])}">{for_xml(arrow.label)}</text>'
+
+
+def _middle(points: Sequence[Point]) -> Point:
+    """Where the label of a route stands: in the middle of its first change of ranks."""
+    (x, y), (other, below) = points[1:3] if len(points) > 2 else points[:2]
+    return (x + other) / 2, (y + below) / 2 + 3
+
+
+def _implied(graph: TaskGraph, found: Arrangement) -> Iterator[str]:
+    """Implied orders as arcs that pass on the right of the boxes."""
+    where = {placed.box.key: placed for placed in found.boxes}
+    for group in graph.groups():
+        for arrow in group.of(Order.IMPLIED):
+            first, second = where[arrow.before], where[arrow.after]
+            start = (first.x + first.width, first.y + first.height / 2)
+            end = (second.x + second.width, second.y + second.height / 2)
+            out = max(start[0], end[0]) + 20 + abs(end[1] - start[1]) * 0.2
+            curve = f"M {_p(start)} C {_p((out, start[1]))}, {_p((out, end[1]))}, {_p(end)}"
+            yield _path(arrow, curve)
+
+
+def _path(arrow: Arrow, curve: str) -> str:
+    kind = "" if arrow.order is Order.STATED else f" {arrow.order.value}"
+    head = "head" if arrow.order is Order.STATED else f"head-{arrow.order.value}"
+    return (
+        f'<path class="order{kind}" data-before="{arrow.before}" data-after="{arrow.after}" d="{curve}"'
+        f' marker-end="url(#{head})"><title>{for_xml(arrow.hover)}</title></path>'
+    )
+
+
+def _curve(points: Sequence[Point], *, starts_curved: bool = False) -> str:
+    """A path through the points; parts are upright and curved by turns."""
+    parts = [f"M {_p(points[0])}"]
+    for number, (before, point) in enumerate(pairwise(points)):
+        if point == before:
+            continue  # a part without length would turn the arrow's head
+        if (number % 2 == 0) is not starts_curved:
+            parts.append(f"L {_p(point)}")
+        else:
+            middle = (before[1] + point[1]) / 2
+            parts.append(f"C {_p((before[0], middle))}, {_p((point[0], middle))}, {_p(point)}")
+    return " ".join(parts)
+
+
+def _p(point: Point) -> str:
+    return f"{_n(point[0])} {_n(point[1])}"
+
+
+def _n(value: float) -> str:
+    """A length with one digit: rounding noise of other machines does not show."""
+    return f"{value:.1f}".removesuffix(".0")

@@ -1,0 +1,201 @@
+"""Checks of what a file states about steps and their order without any recipe taking it up."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+
+from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, Span, error, warning
+from planlang.ontology import Literal, Ontology, Restriction
+from planlang.ontology.classes import RESTRICTING
+from planlang.ontology.terms import COMPLEMENT_OF, EQUIVALENT_CLASS, ON_PROPERTY, OWL, SUBCLASS_OF, THING
+from planlang.recipe.actions import Actions
+from planlang.recipe.checks import CheckedFile, check
+from planlang.recipe.fillers import action_properties
+from planlang.recipe.statements import KINDS, NAMING, is_word
+
+_DESCRIBED_BY = {
+    "orderingConstraints": ("occursBeforeInOrdering", "occursAfterInOrdering"),
+    "inputOutputConstraints": ("createsOutput", "requiresInput"),
+    "stateTransition": ("fromState", "toState"),
+}
+"""Word by which a task has something -> the words that describe it."""
+
+_STEPS = ("subAction", "subEvents")
+_NEGATIVE = frozenset({COMPLEMENT_OF, OWL + "disjointWith"})
+_FILLERS = (OWL + "someValuesFrom", OWL + "hasValue", OWL + "onClass")
+
+
+@check("R059")
+def lost_statements(checked: CheckedFile) -> Iterator[Diagnostic]:
+    """Report statements about steps and orders in the main document that reach no recipe."""
+    actions, ontology = checked.actions, checked.ontology
+    every: list[Restriction] = []
+    for cls in _own_classes(ontology):
+        stated = ontology.restrictions(cls)
+        if stated:
+            every += stated
+            yield from _of_no_recipe(actions, cls, stated)
+            yield from _permitted(ontology, cls, stated)
+            for one in stated:
+                if isinstance(one.filler, Literal):
+                    yield from _text(local_name(cls), one.property, one.filler, one.span)
+    yield from _texts_of_individuals(ontology)
+    yield from _inside_expressions(actions, every)
+    for holder, words in _DESCRIBED_BY.items():
+        yield from _held_by_nothing(ontology, holder, words, every)
+    yield from _crossed(ontology)
+
+
+def _own_classes(ontology: Ontology) -> Iterator[str]:
+    """The named classes of the main document that are said to be below or the same as something, each once."""
+    store = ontology.store
+    rows = (row for word in (SUBCLASS_OF, EQUIVALENT_CLASS) for row in _here(ontology, store.by(word)))
+    for number in dict.fromkeys(map(store.subjects.__getitem__, rows)):
+        name = store.name(number)
+        if name is not None:
+            yield name
+
+
+def _here(ontology: Ontology, rows: Iterable[int]) -> list[int]:
+    """Those rows that are of the main document."""
+    main = ontology.store.ranges[0]
+    return [row for row in rows if row in main]
+
+
+def _using(ontology: Ontology, *words: str) -> Sequence[int]:
+    """The rows whose property has one of these local names."""
+    return ontology.store.by(*ontology.properties_named(*words))
+
+
+def _of_no_recipe(actions: Actions, cls: str, stated: tuple[Restriction, ...]) -> Iterator[Diagnostic]:
+    """Orders that a class states of which no recipe is: one without sub-actions, whatever it inherits."""
+    order = next(
+        (one for one in stated if is_word(one.property, "orderingConstraints", "inputOutputConstraints")), None
+    )
+    if order is not None and actions.statements(cls) is None:
+        short = local_name(order.property)
+        message = f"`{local_name(cls)}` states {short}, but no sub-actions: they order nothing"
+        advice = "state them for the class that states the sub-actions, or state the sub-actions here, too"
+        yield error("R059", message, order.span, advice)
+
+
+def _permitted(ontology: Ontology, cls: str, stated: tuple[Restriction, ...]) -> Iterator[Diagnostic]:
+    """What may be there (only, max) of which nothing says that it is there: sub-actions, constraints, parameters."""
+    if all(one.kind in KINDS for one in stated):
+        return
+    there = {(one.property, one.filler) for one in stated if one.kind in KINDS}
+    filled = {one.property for one in stated if one.kind in KINDS}
+    parameters = frozenset(action_properties(ontology))
+    for one in stated:
+        if one.kind in KINDS or one.cardinality == 0 or not isinstance(one.filler, str) or one.filler == THING:
+            continue
+        is_held = is_word(one.property, *_STEPS, *_DESCRIBED_BY) and (one.property, one.filler) not in there
+        if is_held or (one.property in parameters - filled and ontology.defined(one.filler)):
+            word, name = local_name(one.property), local_name(one.filler)
+            message = f"`{word} {one.kind} {name}` of `{local_name(cls)}` says what may be, not what is: it is left out"
+            right = f"{word} {'some' if ontology.is_class(one.filler) else 'value'} {name}"
+            yield warning("R059", message, one.span, f"write `{right}` if it is meant to be there")
+
+
+def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[Diagnostic]:
+    """Sub-actions and constraints in alternatives, which say nothing certain.
+
+    In a complement they say what is not there, and in the definition of a class without a recipe what tasks it is of:
+    neither is lost.
+    """
+    ontology = actions.ontology
+    store = ontology.store
+    subjects, objects, lines, columns = store.subjects, store.objects, store.lines, store.columns
+    restricting = _here(ontology, store.by(ON_PROPERTY))
+    names = {number: store.name(number) or "" for number in {objects[row] for row in restricting}}
+    wanted = {number: local_name(name) for number, name in names.items() if is_word(name, *_STEPS, *_DESCRIBED_BY)}
+    places = {(one.span.line, one.span.column) for one in read}
+    certain = {subjects[row] for row in store.by(*RESTRICTING) if (lines[row], columns[row]) in places}
+    fillers = {store.numbers.get(word) for word in _FILLERS}
+    for row in restricting:
+        node = subjects[row]
+        if objects[row] in wanted and node not in certain:
+            filled = [other for other in store.about(node) if store.predicates[other] in fillers]
+            if filled and not _is_about_others(actions, node):
+                word = wanted[objects[row]]
+                message = f"{word} stands in an expression that does not say for certain what is done"
+                advice = "write alternatives as recipes of their own: classes below one that is the sub-action"
+                yield error("R059", message, store.span(filled[0]), advice)
+
+
+def _is_about_others(actions: Actions, node: int) -> bool:
+    """True if an expression (number of its node) says what is not, or defines a class of which no recipe is."""
+    store, through = actions.ontology.store, set[int]()
+    word: str | None = None
+    while store.name(node) is None and node not in through:
+        through.add(node)
+        holding = store.with_object(node)
+        if not holding:
+            return False
+        word, node = store.name(store.predicates[holding[0]]), store.subjects[holding[0]]
+        if word in _NEGATIVE:
+            return True
+    return word == EQUIVALENT_CLASS and actions.statements(store.name(node) or "") is None
+
+
+def _texts_of_individuals(ontology: Ontology) -> Iterator[Diagnostic]:
+    """Texts as values of words that name something."""
+    store = ontology.store
+    naming = {store.numbers[name] for name in ontology.properties_named(*NAMING)}
+    for text, number in store.numbers.items() if naming else ():
+        if isinstance(text, Literal):
+            for row in _here(ontology, store.with_object(number)):
+                owner, word = store.name(store.subjects[row]), store.predicates[row]
+                if owner is not None and word in naming:
+                    yield from _text(local_name(owner), store.name(word) or "", text, store.span(row))
+
+
+def _text(owner: str, name: str, value: Literal, span: Span) -> Iterator[Diagnostic]:
+    """A text where the name of an action, a constraint or a state is expected."""
+    if is_word(name, *NAMING):
+        message = f"{local_name(name)} of `{owner}` is the text {value.value!r}, which names nothing"
+        yield error("R059", message, span, f"write {value.value}, without quotation marks, or rdf:resource in XML")
+
+
+def _held_by_nothing(
+    ontology: Ontology, holder: str, words: tuple[str, str], stated: list[Restriction]
+) -> Iterator[Diagnostic]:
+    """Constraints, mappings and transitions that no task has, in files that have others.
+
+    Where a task has one that is not described, that may be one of them under a wrong name, which is told of it.
+    """
+    store = ontology.store
+    holding = {name for name in {one.property for one in stated} if is_word(name, holder)}
+    held = {store.find(one.filler) for one in stated if one.property in holding}
+    held |= set(map(store.objects.__getitem__, _using(ontology, holder)))
+    first, second = (set(map(store.subjects.__getitem__, _using(ontology, word))) for word in words)
+    if not held or any(number is not None and store.name(number) for number in held - first - second):
+        return
+    left = (first & second) - held
+    for row in _here(ontology, _using(ontology, words[0])) if left else ():
+        name = store.name(store.subjects[row])
+        if name is not None and store.subjects[row] in left:
+            left.remove(store.subjects[row])
+            short = local_name(name)
+            advice = f"add `{holder} value {short}` to the task that it is of, or remove it"
+            span = ontology.span(name) or store.span(row)
+            yield warning("R059", f"`{short}` is left out: no task has it", span, advice)
+
+
+def _crossed(ontology: Ontology) -> Iterator[Diagnostic]:
+    """Constraints with several ends on either side, as two of one name have: each before each."""
+    store, words = ontology.store, _DESCRIBED_BY["orderingConstraints"]
+    several = (Counter(map(store.subjects.__getitem__, _using(ontology, word))) for word in words)
+    befores_of, afters_of = ({number for number, times in counted.items() if times > 1} for counted in several)
+    for number in sorted(befores_of & afters_of, key=store.first_about):
+        name = store.name(number)
+        if name is None or not ontology.main(name):
+            continue
+        befores, afters = ontology.linked(name, *words)
+        if len(befores) > 1 and len(afters) > 1:
+            sides = (" and ".join(f"`{local_name(one)}`" for one in ends) for ends in (befores, afters))
+            message = f"`{local_name(name)}` puts each of {' before each of '.join(sides)}"
+            advice = "if these are two constraints, give each a name of its own"
+            yield warning("R059", message, ontology.span(name), advice)

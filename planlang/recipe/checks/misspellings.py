@@ -1,0 +1,411 @@
+"""Misspelt names of a recipe's file: words of the recipe vocabulary, classes, individuals, outcomes.
+
+Each is told once, as an error that names it. The recipe is then read as if the names were right, so that only what is
+wrong besides is told. A name is misspelt if nothing defines it and exactly one slip makes it a name that is known;
+what is merely foreign is left alone. A name that the file itself declares outside of the vocabularies may well be one
+of its own: it is read as it is written, with a warning.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from difflib import SequenceMatcher, get_close_matches
+from functools import cached_property
+
+from planlang.designators import RELATIONS, local_name
+from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
+from planlang.ontology import Ontology, shorten
+from planlang.ontology.terms import (
+    EQUIVALENT_CLASS,
+    FIRST,
+    KNOWROB,
+    NIL,
+    ON_PROPERTY,
+    OWL,
+    RDF,
+    RDFS,
+    SUBCLASS_OF,
+    TYPE,
+    VOCABULARIES,
+    XSD,
+    is_vocabulary,
+)
+from planlang.recipe.checks import check
+from planlang.recipe.fillers import action_properties
+from planlang.recipe.readers.data_flow import OUTPUTS
+from planlang.recipe.readers.workflow import RELATIONS as INTERVALS
+from planlang.recipe.readers.workflow import is_interval_relation
+from planlang.recipe.statements import MEANINGS, WORDS, ending_of, is_word, words_of
+
+_W3C = (OWL, RDF, RDFS, XSD)
+_NAMING = (
+    TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, FIRST,
+    *(OWL + name for name in ("someValuesFrom", "hasValue", "allValuesFrom", "onClass")),
+)  # fmt: skip
+"""Properties of OWL whose objects are names that something should define."""
+
+_OUTCOMES = {word: ending for ending, words in MEANINGS.items() for word in words}
+_WORDS_OF_THEIR_OWN = frozenset({"falling"})
+"""Words of outcomes that are one slip from those that say how a state ends, and mean something else."""
+_SURE_OUTCOME = 0.9
+"""As ``SURE``, for outcomes: nearer, since their words are inflected (``obtained``, ``completely``)."""
+
+
+@check("R058")
+def misspellings(ontology: Ontology) -> tuple[Diagnostic, ...]:
+    """An error for each misspelt name of the main document, with what was meant, in the order of the file.
+
+    It is a warning for one that the document declares.
+    """
+    names = _Names(ontology)
+    found = [*_properties(ontology, names), *_things(ontology, names), *_outcomes(ontology)]
+    return tuple(sorted(found, key=lambda one: one.span or Span("")))
+
+
+def corrected(ontology: Ontology, found: Iterable[Diagnostic], *, guessing: bool = False) -> Ontology:
+    """The ontology with what was meant in the place of what is misspelt, where that is sure or one is ``guessing``.
+
+    It is the same ontology if nothing is changed.
+    """
+    errors = (one for one in found if one.severity is Severity.ERROR)
+    renames = [one.suggestion for one in errors if isinstance(one.suggestion, Rename)]
+    names = {one.written: one.meant for one in renames if one.is_sure or guessing}
+    return ontology.renamed(names) if names else ontology
+
+
+class _Names:
+    """The names that a recipe may use, and which of those that it uses nothing defines."""
+
+    def __init__(self, ontology: Ontology) -> None:
+        self._ontology = ontology
+        self._store = ontology.store
+        self._main = ontology.store.ranges[0]
+
+    @cached_property
+    def own(self) -> tuple[str, ...]:
+        """The namespaces in which the main document defines something, the one with the most names first."""
+        defined = dict.fromkeys(self._store.subjects[row] for row in self._defining if row in self._main)
+        spaces = Counter(map(_space, filter(None, map(self._store.name, defined))))
+        return tuple(space for space, _ in spaces.most_common() if space not in _W3C)
+
+    @cached_property
+    def _defined(self) -> frozenset[int]:
+        return frozenset(map(self._store.subjects.__getitem__, self._defining))
+
+    @cached_property
+    def _defining(self) -> Sequence[int]:
+        return self._store.by(TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, RDFS + "subPropertyOf")
+
+    @cached_property
+    def properties(self) -> dict[int, int]:
+        """The properties that the main document uses, each with the row of its first use."""
+        store, main = self._store, self._main
+        restricted = {store.objects[row]: row for row in reversed(store.by(ON_PROPERTY)) if row in main}
+        stated = {number: rows[0] for number in store.used if (rows := store.by(store.name(number) or ""))}
+        found = restricted | {
+            number: min(row, restricted.get(number, row)) for number, row in stated.items() if row in main
+        }
+        return dict(sorted(found.items(), key=lambda one: one[1]))
+
+    def is_known_property(self, number: int) -> bool:
+        """True for a property about which a document says more than that it is one."""
+        name = self._store.name(number)
+        if name is None or name.startswith(_W3C) or is_vocabulary(shorten(name)) or _is_read(name):
+            return True
+        rows = list(self._store.about(number))
+        return any(row not in self._main or self._store.name(self._store.predicates[row]) != TYPE for row in rows)
+
+    @cached_property
+    def spaces_of_words(self) -> frozenset[str]:
+        """The namespaces in which words of the recipe vocabulary may stand in this file."""
+        names = (self._store.name(number) or "" for number in self.properties)
+        return frozenset((*VOCABULARIES.values(), *self.own, *(_space(name) for name in names if _is_read(name))))
+
+    @cached_property
+    def undefined(self) -> dict[str, int]:
+        """The names (IRIs) that the main document uses and nothing defines, each with the row of its first use."""
+        store = self._store
+        made = {store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS))}
+        naming = {store.numbers[name] for name in _NAMING if name in store.numbers}
+        naming |= {number for number in self.properties if self._links(number)}
+        words = (store.name(number) or "" for number in naming)
+        used = frozenset[int]().union(*(map(store.objects.__getitem__, store.by(word)) for word in words))
+        found: dict[str, int] = {}
+        for number in used - self._defined - made:
+            name = store.name(number)
+            if name is not None and name != NIL and not name.startswith(_W3C) and not self._ontology.defined(name):
+                rows = (row for row in store.with_object(number) if store.predicates[row] in naming)
+                row = next(rows)
+                if row in self._main:
+                    found[name] = row
+        return dict(sorted(found.items(), key=lambda one: one[1]))
+
+    def _links(self, number: int) -> bool:
+        """True for a property of the vocabulary of recipes that links things; its objects are names."""
+        name = self._store.name(number) or ""
+        return not name.startswith(_W3C) and (_is_read(name) or is_vocabulary(shorten(name)))
+
+    def span(self, row: int) -> Span:
+        return self._store.span(row)
+
+    @cached_property
+    def _known(self) -> dict[str, list[str]]:
+        """Local name -> the classes and individuals (IRIs) that are known by it."""
+        store = self._store
+        made = (store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS)))
+        found: dict[str, list[str]] = {}
+        for number in dict.fromkeys((*sorted(self._defined), *made)):
+            name = store.name(number)
+            if name is not None and not name.startswith(_W3C) and not self._ontology.is_property(name):
+                found.setdefault(local_name(name), []).append(name)
+        return found
+
+    @cached_property
+    def _neighbours(self) -> Neighbours:
+        return Neighbours(self._known)
+
+    def meant(self, written: str) -> list[str]:
+        """The names (IRIs) that are meant by one that nothing defines: the same elsewhere, or nearly the same.
+
+        A name of a thing (``cup``) is not meant for that of its class (``Cup``), nor the other way round.
+        """
+        kinds = {self._store.numbers.get(TYPE), self._store.numbers.get(SUBCLASS_OF)}
+        is_kind = self._store.predicates[self.undefined[written]] in kinds
+        space, short = _space(written), local_name(written)
+        same = [name for name in self._known.get(short, ()) if self._are_mixed(space, _space(name))]
+        near = (name for other in self._neighbours.of(short) for name in self._known[other])
+        return same or [
+            name
+            for name in near
+            if _space(name) == space
+            and (local_name(name)[1:] != short[1:] or (is_kind and self._ontology.is_class(name)))
+        ]
+
+    def _are_mixed(self, written: str, meant: str) -> bool:
+        """True for namespaces that are easily taken for each other: the file's own and those of the vocabulary."""
+        first, vocabulary = next(iter(self.own), None), VOCABULARIES.values()
+        return (meant in vocabulary and (written == first or written in vocabulary)) or (
+            written in vocabulary and meant == first
+        )
+
+
+def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
+    """Properties that are nearly words of the recipe vocabulary, or properties of KnowRob's."""
+    unknown = {number: row for number, row in names.properties.items() if not names.is_known_property(number)}
+    if not unknown:
+        return
+    listed = {local_name(name): name for name in _vocabulary(ontology)}
+    neighbours = Neighbours((*listed, *WORDS, *RELATIONS.values()))
+    spoken = (*WORDS, *RELATIONS.values(), *map(local_name, action_properties(ontology)))
+    for number, row in unknown.items():
+        written = ontology.store.name(number) or ""
+        space, short = _space(written), local_name(written)
+        if space not in names.spaces_of_words:
+            continue
+        near = neighbours.of(short) or get_close_matches(short, spoken, n=2, cutoff=SURE)
+        if not near and _relates_tasks(ontology, written):
+            near = [_like(short, word) for word in Neighbours(INTERVALS).of(_plain(short))]
+        if near:
+            meant = [_stated(ontology, space, word, listed) for word in near]
+            if space not in VOCABULARIES.values() and _is_declared(ontology, written):
+                yield _unusual(written, meant, names.span(row))
+                continue
+            message = f"`{short}` is no property that is known: what it says would be lost"
+            yield _misspelt(written, meant, names.span(row), message)
+
+
+def _vocabulary(ontology: Ontology) -> Iterator[str]:
+    """The properties that the bundled vocabulary declares."""
+    kinds = (OWL + kind for kind in ("ObjectProperty", "DatatypeProperty", "AnnotationProperty"))
+    for kind in kinds:
+        for triple in ontology.triples(p=TYPE, o=kind):
+            if isinstance(triple.subject, str) and is_vocabulary(shorten(triple.subject)):
+                yield triple.subject
+
+
+def _stated(ontology: Ontology, space: str, word: str, listed: dict[str, str]) -> str:
+    """The word in the namespace in which it was meant: that of what is written if it is used there, else KnowRob's."""
+    if space + word in ontology.properties_named(word):
+        return space + word
+    return listed.get(word) or (space if space in VOCABULARIES.values() else KNOWROB) + word
+
+
+def _relates_tasks(ontology: Ontology, name: str) -> bool:
+    """True for a property that links steps of workflows with each other."""
+    steps = {
+        term for triple in ontology.using("hasStep", "isStepOf", "stepOf") for term in (triple.subject, triple.object)
+    }
+    return bool(steps) and any(
+        triple.subject in steps and triple.object in steps for triple in ontology.triples(p=name)
+    )
+
+
+def _plain(short: str) -> str:
+    return short.lower().removeprefix("interval").removeprefix("temporally")
+
+
+def _like(short: str, word: str) -> str:
+    """The word with what stands before it in what is written."""
+    before = short[: len(short) - len(_plain(short))]
+    return before + (word.capitalize() if before else word)
+
+
+def _is_read(name: str) -> bool:
+    return is_word(name, *WORDS, *OUTPUTS) or is_interval_relation(name)
+
+
+def _things(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
+    """Names of classes and individuals that nothing defines, and nearly the same something does."""
+    outcomes = {triple.object for triple in ontology.using("causedBy")}
+    for written, row in names.undefined.items():
+        if written not in outcomes:
+            meant = names.meant(written)
+            if meant:
+                yield _misspelt(written, meant, names.span(row), f"nothing defines `{_shown(written, meant)}`")
+
+
+def _shown(written: str, meant: list[str]) -> str:
+    short = local_name(written)
+    return written if any(local_name(name) == short for name in meant) else short
+
+
+def _misspelt(written: str, meant: list[str], span: Span, message: str) -> Diagnostic:
+    renames = [Rename(written, name, is_sure=len(meant) == 1) for name in meant]
+    advice = f"did you mean {' or '.join(map(str, renames))}?"
+    return error("R058", message, span, advice, renames[0])
+
+
+def _is_declared(ontology: Ontology, name: str) -> bool:
+    """True if the main document says of what kind something is, more than that it has a name."""
+    return ontology.main(name) and any(kind != OWL + "NamedIndividual" for kind in ontology.values(name, TYPE))
+
+
+def _unusual(written: str, meant: list[str], span: Span) -> Diagnostic:
+    """A name that is nearly a word of the vocabulary, but declared as another one."""
+    short = local_name(written)
+    message = f"`{short}` is declared, and nearly a word of the vocabulary: it is kept as it is"
+    renames = [Rename(written, name) for name in meant]
+    advice = f"did you mean {' or '.join(map(str, renames))}? else give it a label"
+    return warning("R058", message, span, advice, renames[0])
+
+
+def _outcomes(ontology: Ontology) -> Iterator[Diagnostic]:
+    """Outcomes with a word that is nearly one that says how a state ends."""
+    seen: set[object] = set()
+    for triple in ontology.using("causedBy"):
+        outcome = triple.object
+        if triple.span.file != str(ontology.documents[0].path) or outcome in seen:
+            continue
+        seen.add(outcome)
+        if isinstance(outcome, str):
+            yield from _outcome(ontology, outcome, triple.span)
+
+
+def _outcome(ontology: Ontology, outcome: str, span: Span) -> Iterator[Diagnostic]:
+    short = local_name(outcome)
+    readings = [short]
+    for word in words_of(outcome):
+        if word.lower() not in (*_OUTCOMES, *_WORDS_OF_THEIR_OWN):
+            near = Neighbours(_OUTCOMES).of(word.lower())
+            near = near or get_close_matches(word.lower(), _OUTCOMES, n=len(_OUTCOMES), cutoff=_SURE_OUTCOME)
+            meanings = {_OUTCOMES[one]: one for one in sorted(near, key=list(_OUTCOMES).index, reverse=True)}
+            readings = [
+                reading.replace(word, _cased(one, word), 1)
+                for reading in readings
+                for one in reversed(meanings.values())
+            ] or readings
+    if readings == [short]:
+        return
+    meant = [_space(outcome) + reading for reading in readings]
+    if not _is_declared(ontology, outcome):
+        message = f"`{short}` is no outcome that is known: it would be taken for {ending_of(outcome).value}"
+        yield _misspelt(outcome, meant, span, message)
+    elif all(triple.predicate == TYPE for triple in ontology.triples(s=outcome)):
+        yield _unusual(outcome, meant, span)
+
+
+def _cased(word: str, like: str) -> str:
+    return word.upper() if like.isupper() else word.capitalize() if like[0].isupper() else word
+
+
+def _space(iri: str) -> str:
+    return iri[: len(iri) - len(local_name(iri))]
+
+
+SURE = 0.85
+"""How alike two names have to be, as difflib measures it, to take the one for the other if no third is as like."""
+
+SHORTEST = 4
+"""Letters that a name needs for one that differs in a single letter to be taken for it."""
+
+SHORTEST_REPLACED = 6
+"""Letters that a part of a name needs for another letter in it to be a slip: a plate is no place, basil no basin."""
+
+_PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
+
+
+def guess(
+    written: str, names: Iterable[str], *, least: float = 0.6, telling: Callable[[str], str] = local_name
+) -> Rename | None:
+    """The name (IRI) whose local part is most like that of what is written (IRI); None if none is ``least`` like it.
+
+    ``telling`` gives the part of an IRI that is compared, where names end alike whatever they mean.
+    It is sure if it is the only one that is nearly the same, and not the same with another number: of ``cup1`` and
+    ``cup2`` neither is a misspelling of the other.
+    """
+    known: dict[str, str] = {}
+    for name in names:
+        if name != written:
+            known.setdefault(telling(name), name)
+    short = telling(written)
+    similar = get_close_matches(short, known, n=2, cutoff=least)
+    if not similar:
+        return None
+    near = [name for name in similar if SequenceMatcher(None, name, short).ratio() >= SURE]
+    is_sure = len(near) == 1 and _digits(near[0]) == _digits(short)
+    return Rename(written, known[similar[0]], is_sure=is_sure)
+
+
+class Neighbours:
+    """Names that differ from others in one letter: one left out, added, another one, or two exchanged.
+
+    Names that differ in a digit, or in a part of one letter (``MoveToA``, ``MoveToB``), are names of different things,
+    as are those with another letter in a short part (``TakeCup``, ``TakeCap``), or with which they begin.
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._shortened: dict[str, list[str]] = {}
+        for name in dict.fromkeys(names):
+            for variant in _variants(name):
+                self._shortened.setdefault(variant, []).append(name)
+
+    def of(self, written: str) -> list[str]:
+        """The names that ``written``, which is none of them, differs from in one letter, sorted."""
+        near = {name for variant in _variants(written) for name in self._shortened.get(variant, ())}
+        return sorted(name for name in near if _is_slip(written, name))
+
+
+def _variants(name: str) -> set[str]:
+    return {name, *(name[:place] + name[place + 1 :] for place in range(len(name)))}
+
+
+def _is_slip(written: str, name: str) -> bool:
+    """True if one slip of a finger makes one name of the other, and hardly a person's will."""
+    shorter, longer = sorted((written, name), key=len)
+    if len(shorter) < SHORTEST or written == name or _digits(written) != _digits(name):
+        return False
+    start = next((place for place, (a, b) in enumerate(zip(shorter, longer, strict=False)) if a != b), len(shorter))
+    a, b = shorter[start:], longer[start:]
+    part = next((found[0] for found in _PART.finditer(longer) if found.start() <= start < found.end()), "--")
+    if len(a) < len(b):
+        return a == b[1:] and len(part) > 1
+    is_exchanged = a[:2] == b[1::-1] and a[2:] == b[2:]
+    if not start and a[0].lower() != b[0].lower():
+        return is_exchanged
+    return is_exchanged or (a[1:] == b[1:] and len(part) >= SHORTEST_REPLACED)
+
+
+def _digits(name: str) -> str:
+    return "".join(filter(str.isdecimal, name))

@@ -1,0 +1,252 @@
+"""Checks of what fills the properties of actions: known properties, defined fillers, ranges, units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+
+from planlang.designators import RELATIONS, local_name
+from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
+from planlang.ontology import BNode, Literal, Ontology, Term, shorten
+from planlang.ontology.terms import OWL, TYPE, XSD, is_vocabulary
+from planlang.recipe.checks import CheckedRecipe, check
+from planlang.recipe.checks.misspellings import SURE, guess
+from planlang.recipe.checks.places import places_of, statements_without_use
+from planlang.recipe.checks.repairs import ranges_of, violates_range
+from planlang.recipe.fillers import (
+    NUMERIC,
+    OBJECT_PROPERTY,
+    action_class,
+    classes_of,
+    fillings,
+    is_of_unknown_kind,
+    is_place,
+    is_vocabulary_class,
+    read_filler,
+    read_literal,
+    references_of_unknown_kind,
+    takes_numbers,
+    takes_things,
+    unread_facts,
+    unread_references,
+)
+from planlang.recipe.model import Name, Place, Recipe, Step, Thing
+from planlang.recipe.readers.data_flow import OUTPUTS, made
+from planlang.recipe.readers.workflow import is_interval_relation
+from planlang.recipe.statements import Filling, is_word
+from planlang.recipe.units import dimension_of, si_unit, unit, unit_of
+
+DATA_PROPERTY = OWL + "DatatypeProperty"
+AGENTS = frozenset({"performedBy", "doneBy"})
+"""Properties whose filler is not looked up to perform the action: the robot is known without it."""
+
+
+UNDEFINED = "define it in the file, with its class, or name it as outputsCreated of the step that makes it"
+
+
+@check("R032", "R033", "R035", "R037", "R049")
+def fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report values, things and places that cannot fill the property that they are given for.
+
+    First as the file states them for a task and its sub-actions, before anything is left out, then, after repairs,
+    whether they are in the range of the property. A name that nothing defines is reported once.
+    """
+    ontology = checked.ontology
+    known: set[Term] = set(made(ontology, checked.statements))
+    reported = set(known)
+    for owner, more in _owners(checked):
+        for filling in _stated(ontology, owner, more):
+            if filling.term not in known:
+                found = list(_filler(ontology, owner, filling))
+                yield from (one for one in found if one.code != "R049" or filling.term not in reported)
+                if isinstance(filling.term, str) and any(one.code in ("R033", "R049") for one in found):
+                    known.add(filling.term)
+                    reported.add(filling.term)
+                yield from _references(ontology, filling, reported)
+    for one in checked.owners:
+        yield from _out_of_range(ontology, one, made(ontology, checked.statements))
+
+
+@check("R031")
+def unlisted_properties(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report properties that the vocabulary does not list for the class of actions that has them."""
+    ontology = checked.ontology
+    for owner, more in _owners(checked):
+        cls = owner if ontology.is_class(owner) else action_class(ontology, owner) or owner
+        listed = checked.actions.properties(cls)
+        for filling in _stated(ontology, owner, more) if listed else ():
+            if filling.property in listed or is_word(filling.property, *OUTPUTS):  # any action may make something
+                continue
+            short = local_name(filling.property)
+            message = f"{short} is not listed for actions such as `{local_name(owner)}`: it is kept as it is"
+            if not is_vocabulary(short) and not ontology.is_property(filling.property):
+                message = f"nothing declares the property {short} of `{local_name(owner)}`: it is kept as it is"
+            yield warning("R031", message, filling.span, f"listed are {', '.join(sorted(map(local_name, listed)))}")
+
+
+@check("R038")
+def left_out(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report facts of individuals, and statements about places, with which nothing is done."""
+    yield from _unused_facts(checked.ontology, [owner for owner, _ in _owners(checked)])
+    for owner in checked.owners:
+        for parameter in owner.parameters:
+            if isinstance(parameter.filler, Place):
+                for place in places_of(parameter.filler):
+                    yield from statements_without_use(checked.ontology, place)
+
+
+def _owners(checked: CheckedRecipe) -> Iterator[tuple[str, tuple[Filling, ...]]]:
+    """The task and its sub-actions (IRIs) with what is filled in where they are mentioned."""
+    yield checked.statements.iri, checked.statements.fillings
+    for sub in checked.statements.sub_actions:
+        if sub.iri is not None:
+            yield sub.iri, sub.fillings
+
+
+def _stated(ontology: Ontology, owner: str, more: tuple[Filling, ...]) -> Iterator[Filling]:
+    """All that is stated to fill a property of an action (IRI), nearest first."""
+    return chain.from_iterable(fillings(ontology, owner, more))
+
+
+def _out_of_range(ontology: Ontology, owner: Step | Recipe, created: frozenset[str]) -> Iterator[Diagnostic]:
+    """Report fillers of a step, or of a task itself, that are not in the range of their property."""
+    for parameter in owner.parameters:
+        filler = parameter.filler
+        match filler:
+            case Thing():
+                cls, is_wrong = filler.stated, violates_range(ontology, parameter.property, filler.stated)
+                is_individual = filler.iri is not None
+            case Place() | Name() if filler.iri not in created:
+                classes = classes_of(ontology, filler.iri)
+                cls, is_individual = next(iter(classes), filler.iri), classes != (filler.iri,)
+                is_wrong = all(violates_range(ontology, parameter.property, one) for one in classes or (cls,))
+            case _:
+                continue
+        if is_wrong:
+            wanted = " and ".join(f"`{local_name(one)}`" for one in ranges_of(ontology, parameter.property))
+            is_what = f"`{filler.name}`" + (f" (a `{local_name(cls)}`)" if is_individual else "")
+            message = f"{parameter.property} of `{owner.name}` is {is_what}, but takes what is below {wanted}"
+            yield warning("R032", message, parameter.span, "check the property, or the class of what fills it")
+
+
+def _references(ontology: Ontology, filling: Filling, reported: set[Term]) -> Iterator[Diagnostic]:
+    """What a place relates to without anything saying what that is; ``reported`` need no further word, and grows."""
+    if isinstance(filling.term, str) and is_place(ontology, filling.term):
+        for relation, other in references_of_unknown_kind(ontology, filling.term):
+            if other not in reported:
+                reported.add(other)
+                what = f"{RELATIONS[relation]} of the place `{local_name(filling.term)}`"
+                yield _of_unknown_kind(ontology, what, other, ontology.span(filling.term) or filling.span)
+
+
+def _unused_facts(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
+    """Facts of individuals that no property of actions says, one message for each property."""
+    found: dict[str, dict[str, Span]] = {}
+    for owner in owners:
+        if not ontology.is_class(owner):
+            for fact in unread_facts(ontology, owner):
+                if is_interval_relation(fact.property):
+                    continue
+                found.setdefault(fact.property, {}).setdefault(owner, fact.span)
+    for name, spans in found.items():
+        owner, span = next(iter(spans.items()))
+        others = f" and {len(spans) - 1} more" if len(spans) > 1 else ""
+        message = f"{local_name(name)} of `{local_name(owner)}`{others} is left out: it is no property of actions"
+        cls = action_class(ontology, owner)
+        listed = ontology.valid_properties(cls) if cls is not None else ()
+        advice = "say it by such a property if a plan should know it"
+        if listed:
+            advice += f": {', '.join(sorted(map(local_name, listed)))}"
+        yield warning("R038", message, span, advice)
+
+
+def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagnostic]:
+    short, term, span = local_name(shorten(filling.property)), filling.term, filling.span
+    kinds = ontology.values(filling.property, TYPE)
+    if isinstance(term, Literal):
+        yield from _literal(ontology, owner, filling.property, term, span)
+        if OBJECT_PROPERTY in kinds and DATA_PROPERTY not in kinds:
+            message = f"{short} of `{local_name(owner)}` is the value {term.value!r}, but takes a thing or a place"
+            yield warning("R032", message, span, "name a class or an individual")
+        return
+    if isinstance(term, BNode):
+        message = f"{short} of `{local_name(owner)}` is an anonymous expression, which is left out"
+        yield warning("R035", message, span, "name a class or an individual")
+        return
+    if takes_numbers(ontology, filling.property) and not term.startswith(XSD):
+        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but takes a number"
+        yield error("R032", message, span, f"write a number in its place, such as `{short} value 0.5`")
+        return
+    if DATA_PROPERTY in kinds and OBJECT_PROPERTY not in kinds:
+        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but takes a value"
+        yield warning("R032", message, span, 'write a value, such as 0.5 or "text"')
+        return
+    if read_filler(ontology, term) is None:
+        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, which nothing defines"
+        severity = Severity.ERROR
+        if short in AGENTS or not is_vocabulary(short):
+            message, severity = f"{message}: it is left out", Severity.WARNING
+        meant = _meant(ontology, term)
+        yield Diagnostic(severity, "R033", message, span, _asked(meant), meant)
+    elif (
+        takes_things(ontology, filling.property) and is_of_unknown_kind(ontology, term) and not is_place(ontology, term)
+    ):
+        yield _of_unknown_kind(ontology, f"{short} of `{local_name(owner)}`", term, span)
+    for missing in unread_references(ontology, term):
+        message = f"`{local_name(term)}` relates to `{local_name(missing)}`, which nothing defines"
+        meant = _meant(ontology, missing)
+        yield error("R033", message, ontology.span(term) or span, _asked(meant), meant)
+
+
+def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Diagnostic:
+    """What fills a property, or a place relates to, is defined, but not as anything of which it is known what it is."""
+    cls = next(iter(classes_of(ontology, term)), term)
+    meant = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
+    is_what = f", of the class `{local_name(cls)}`" if cls != term else ""
+    message = (
+        f"{what} is `{local_name(term)}`{is_what}, which is below no class of the vocabulary: it is taken as an object"
+    )
+    advice = f"put `{local_name(cls)}` below a class such as HumanScaleObject, or import the file that does"
+    return warning("R049", message, span, f"did you mean {meant}? else {advice}" if meant else advice, meant)
+
+
+def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
+    """Judge a value: a number where its type or the property says so, in a unit that fits the property."""
+    name, short = unit_of(literal), local_name(shorten(property_name))
+    datatype = local_name(literal.datatype or "")
+    is_number = takes_numbers(ontology, property_name)
+    if name is not None or datatype in NUMERIC or is_number:
+        value = read_literal(literal, is_number=is_number)
+        if isinstance(value, str | bool):
+            message = f"{short} of `{local_name(owner)}` is {literal.value!r}, which is no number"
+            why = f"for its type {datatype}" if datatype in NUMERIC or name else f"as {short} takes numbers"
+            yield error("R037", message, span, f"write a number, such as 0.5, {why}")
+            return
+    if name is None:
+        return
+    known, wanted = unit(name), dimension_of(short)
+    if known is None:
+        message = (
+            f"{short} of `{local_name(owner)}` is in {name}, a unit that is not known: the number is taken as it is"
+        )
+        yield warning("R037", message, span, "use a unit of QUDT, such as Meter, SecondTime or MeterPerSecond")
+    elif wanted is not None and known.dimension != wanted:
+        message = (
+            f"{short} of `{local_name(owner)}` is in {name} ({si_unit(known.dimension)}),"
+            f" but is measured in {si_unit(wanted)}"
+        )
+        yield error("R037", message, span, "give it in a unit of that kind")
+
+
+def _meant(ontology: Ontology, undefined: str) -> Rename | None:
+    """A name of the main document that is like one that nothing defines."""
+    names = {
+        triple.subject: None
+        for triple in ontology.triples(p=TYPE)
+        if isinstance(triple.subject, str) and not isinstance(triple.subject, BNode) and ontology.main(triple.subject)
+    }
+    return guess(undefined, names)
+
+
+def _asked(meant: Rename | None) -> str:
+    return f"did you mean {meant}?" if meant else UNDEFINED

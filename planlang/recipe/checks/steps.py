@@ -1,0 +1,145 @@
+"""Checks of sub-actions: defined, executable, said once, without recursion; base motions in one order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from planlang.designators import local_name, told_apart
+from planlang.diagnostics import Diagnostic, Rename, Severity, error, note, warning
+from planlang.ontology import Ontology, expand
+from planlang.recipe.actions import Actions
+from planlang.recipe.checks import CheckedFile, CheckedRecipe, check
+from planlang.recipe.checks.misspellings import guess
+from planlang.recipe.model import RecipeSet, Step
+from planlang.recipe.statements import Statements, SubAction
+
+DEEPEST = 50
+"""Recipes that may be nested in each other."""
+
+
+@check("R020")
+def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report sub-actions that nothing defines, or that name no class."""
+    ontology, name = checked.ontology, checked.recipe.name
+    for sub_action in _once(checked):
+        iri = sub_action.iri
+        if iri is None:
+            message = f"a sub-action of `{name}` is an expression without a named action class"
+            yield error("R020", message, sub_action.span, "name an action class in it")
+        elif not ontology.defined(iri):
+            message = f"sub-action `{local_name(iri)}` of `{name}` is not defined"
+            advice, meant = _instead(ontology, checked.statements, iri)
+            yield error("R020", message, sub_action.span, advice, meant)
+
+
+@check("R024")
+def repeated_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report sub-actions that are stated twice, or to be performed several times."""
+    name, first = checked.recipe.name, _once(checked)
+    for sub_action in checked.statements.sub_actions:
+        short = local_name(sub_action.iri or "")
+        if sub_action not in first:
+            yield note("R024", f"`{short}` is a sub-action of `{name}` twice", sub_action.span)
+        elif sub_action.iri is not None and sub_action.times > 1:
+            message = f"`{name}` asks for {sub_action.times} times `{short}`, but a step is performed once"
+            advice = (
+                f"state a class of its own for each time: sub-actions {short}1, {short}2, ..., classes below {short}"
+            )
+            yield error("R024", message, sub_action.span, advice)
+
+
+def _once(checked: CheckedRecipe) -> dict[SubAction, None]:
+    """The sub-actions as they are first stated, and all that name nothing."""
+    found: dict[str, SubAction] = {}
+    subs = checked.statements.sub_actions
+    return dict.fromkeys(sub for sub in subs if sub.iri is None or found.setdefault(sub.iri, sub) is sub)
+
+
+@check("R005")
+def foreign_words(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report words of the recipe vocabulary that stand in another namespace."""
+    for filling in checked.statements.foreign:
+        word = local_name(filling.property)
+        message = f"{word} stands in a namespace of its own ({filling.property}): it is read as KnowRob's"
+        yield note("R005", message, filling.span, f"write knowrob:{word}")
+
+
+@check("R021")
+def abstract_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report steps that nothing performs."""
+    severity = Severity.WARNING if checked.file.allow_abstract else Severity.ERROR
+    for step in checked.recipe.steps:
+        if step.is_abstract:
+            message = f"nothing performs `{step.name}`: it is no primitive and has no recipe"
+            advice = _abstract_help(checked.actions, step.action_class, checked.file.allow_abstract)
+            yield Diagnostic(severity, "R021", message, step.span, advice)
+
+
+@check("R022", "R023")
+def recursion(checked: CheckedFile) -> list[Diagnostic]:
+    """Report each step through which a recipe performs itself, with the whole cycle, or recipes nested too deeply."""
+    recipes = checked.recipes
+    found: list[Diagnostic] = []
+    done: set[str] = set()
+    path = [recipes.task]
+    waiting = [_calls(recipes, recipes.task)]
+    while waiting:
+        call = next(waiting[-1], None)
+        if call is None:
+            waiting.pop()
+            done.add(path.pop())
+            continue
+        step, callee = call
+        if callee in path:
+            circle = (*path[path.index(callee) :], callee)
+            through = f" (`{step.name}` takes the recipe of its superclass)" if step.iri != callee else ""
+            message = "the recipe performs itself: " + " > ".join(f"`{local_name(name)}`" for name in circle)
+            advice = f"give `{step.name}` a recipe of its own, or make it a primitive"
+            found.append(error("R022", message + through, step.span, advice))
+        elif len(path) > DEEPEST:
+            message = f"`{step.name}` is nested in more than {DEEPEST} recipes"
+            return [*found, error("R023", message, step.span, "make the recipes between flatter")]
+        elif callee not in done:
+            path.append(callee)
+            waiting.append(_calls(recipes, callee))
+    return found
+
+
+def _calls(recipes: RecipeSet, iri: str) -> Iterator[tuple[Step, str]]:
+    for step in recipes.recipes[iri].steps:
+        for callee in step.recipes:
+            yield step, callee
+
+
+@check("R048")
+def same_names(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report steps that a reader of the plan cannot tell apart."""
+    recipe = checked.recipe
+    first: dict[str, Step] = {}
+    for step in recipe.steps:
+        for name in dict.fromkeys((step.name, step.label or step.name)):
+            earlier = first.setdefault(name.lower(), step)
+            if earlier is not step:
+                one, other = told_apart(earlier.iri, step.iri)
+                message = f"two steps of `{recipe.name}` are called {name!r}: `{one}` and `{other}`"
+                yield warning("R048", message, step.span, "give one of them another name or label")
+                break
+
+
+def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tuple[str, Rename | None]:
+    """What may have been meant by a name that nothing defines, in words and as a change."""
+    for name in statements.mentioned():
+        if name not in statements.names and ontology.defined(name):
+            return f"did you mean `{local_name(name)}`, which is ordered but is not a sub-action?", None
+    meant = guess(undefined, ontology.subclasses(expand("Action")))
+    if meant:
+        return f"did you mean {meant}?", meant
+    return f"define `{local_name(undefined)}` as a subclass of an action class", None
+
+
+def _abstract_help(actions: Actions, iri: str, allow_abstract: bool) -> str:
+    primitives = ", ".join(sorted(local_name(name) for name in actions.primitives))
+    if len(actions.ontology.ancestors(iri)) == 1:
+        return f"`{local_name(iri)}` has no superclass that is known: import the ontology that defines it"
+    also = "" if allow_abstract else "; --allow-abstract compiles it all the same"
+    return f"give it sub-actions, or put it below a primitive ({primitives}){also}"

@@ -1,0 +1,370 @@
+"""Reading what fills the properties of actions: objects, persons, devices, location designators, literals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from planlang.designators import RELATIONS, local_name
+from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
+from planlang.ontology.terms import OWL, RANGE, RDF, RDFS, TYPE, XSD, is_vocabulary
+from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
+from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, Filling, filled, is_word
+from planlang.recipe.units import dimension_of, unit, unit_of
+
+OBJECT_PROPERTY = OWL + "ObjectProperty"
+
+PLACES = ("Point2D", "Point3D")
+"""Classes of location designators: of the base, of the hand or an object."""
+
+ANYTHING = ("EnduringThing-Localized", "SpatialThing-Localized", "SpatialThing")
+"""Classes of things that are somewhere, whatever they are."""
+
+MOST_PLACES = 10
+"""Places that may refer to each other in a chain."""
+
+_RELATION_OF = {expand(owl_name): name for name, owl_name in RELATIONS.items()}
+_SIZES = ("long", "int", "short", "byte", "unsignedLong", "unsignedInt", "unsignedShort", "unsignedByte")
+_SIGNS = ("positiveInteger", "nonNegativeInteger", "negativeInteger", "nonPositiveInteger")
+_INTEGERS = frozenset({"integer", *_SIZES, *_SIGNS})
+NUMERIC = _INTEGERS | {"float", "double", "decimal"}
+"""Local names of the datatypes of numbers."""
+
+TEXT = frozenset({"", "string", "langString"})
+"""Local names of the datatypes of text; text without one is text."""
+
+
+def nearest_in_vocabulary(ontology: Ontology, cls: str, below: str | None = None) -> str:
+    """The class itself or its nearest ancestor that the bundled vocabulary knows, as a local name; else the IRI.
+
+    With ``below`` (IRI) only classes that are below that one count, unless there is none.
+    """
+    nearest = None
+    for ancestor in ontology.ancestors(cls):
+        short = shorten(ancestor)
+        if short != ancestor:
+            if below is None or ontology.is_a(ancestor, below):
+                return short
+            nearest = nearest or short
+    return nearest or cls
+
+
+def kind_of(ontology: Ontology, cls: str) -> Kind:
+    """Whether things of a class are persons, parts of a robot, or objects."""
+    if ontology.is_a(cls, expand("Person")):
+        return Kind.PERSON
+    return Kind.DEVICE if is_device(ontology, cls) else Kind.OBJECT
+
+
+def is_device(ontology: Ontology, cls: str) -> bool:
+    """True for classes of robot parts that can be used to do something, such as grippers and arms."""
+    return any(ontology.is_a(cls, expand(name)) for name in ("HolderGripper", "RobotPart", "ComponentComposition"))
+
+
+def is_place(ontology: Ontology, iri: str) -> bool:
+    """True for a location designator, written as an individual or as a class."""
+    return any(ontology.is_a(iri, expand(place)) for place in PLACES)
+
+
+def read_filler(ontology: Ontology, term: Term, property_name: str | None = None) -> Filler | None:
+    """What a term denotes; None if it is an IRI that nothing defines, or an anonymous expression.
+
+    What fills a property (IRI) that takes things is an object if nothing says what kind of thing it is.
+    """
+    if isinstance(term, Literal):
+        return read_literal(term, is_number=property_name is not None and takes_numbers(ontology, property_name))
+    if isinstance(term, BNode) or not ontology.defined(term):
+        return None
+    if is_place(ontology, term):
+        return read_place(ontology, term)
+    known = read_thing(ontology, term)
+    if known is None and property_name is not None and is_of_unknown_kind(ontology, term):
+        known = _unknown(ontology, term) if takes_things(ontology, property_name) else None
+    return known or Name(term)
+
+
+def read_thing(ontology: Ontology, iri: str) -> Thing | None:
+    """The individual or class as a thing; None if no class of it is one of localised things."""
+    for cls in classes_of(ontology, iri):
+        if is_localised(ontology, cls):
+            return Thing(kind_of(ontology, cls), _type_of(ontology, cls), _individual(ontology, iri), cls)
+    return None
+
+
+def classes_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
+    """A class itself; the classes of an individual, those with the most above them first."""
+    if _individual(ontology, iri) is None:
+        return (iri,)
+    return tuple(sorted(ontology.types(iri), key=lambda cls: (-len(ontology.ancestors(cls)), cls)))
+
+
+def is_of_unknown_kind(ontology: Ontology, iri: str) -> bool:
+    """True if no class of the vocabulary is above a class, or above any class of an individual."""
+    above = (ancestor for cls in classes_of(ontology, iri) for ancestor in ontology.ancestors(cls))
+    return not any(is_vocabulary_class(ancestor) for ancestor in above)
+
+
+def is_vocabulary_class(cls: str) -> bool:
+    """True for a class that the bundled vocabulary defines."""
+    short = shorten(cls)
+    return short != cls and is_vocabulary(short)
+
+
+def takes_things(ontology: Ontology, property_name: str) -> bool:
+    """True for a property whose range is one of localised things."""
+    ranges = (range_ for range_ in ontology.values(property_name, RANGE) if isinstance(range_, str))
+    return any(is_localised(ontology, cls) for cls in ranges)
+
+
+def takes_numbers(ontology: Ontology, property_name: str) -> bool:
+    """True for a property whose range, or that of one above it, is a type of numbers, or that has a physical dimension.
+
+    The last is told by the local name, as some recipes have the vocabulary in a namespace of their own; but not of a
+    property that a file declares as one of things, or of other values.
+    """
+    key = ("takes numbers", property_name)
+    if key not in ontology.kept:
+        above = ontology.superproperties(property_name)
+        ranges = [range_ for one in above for range_ in ontology.values(one, RANGE) if isinstance(range_, str)]
+        is_ranged = any(range_.startswith(XSD) and range_.removeprefix(XSD) in NUMERIC for range_ in ranges)
+        ontology.kept[key] = is_ranged or any(
+            dimension_of(local_name(one)) is not None and not _is_declared_otherwise(ontology, one) for one in above
+        )
+    known: bool = ontology.kept[key]
+    return known
+
+
+def _is_declared_otherwise(ontology: Ontology, property_name: str) -> bool:
+    """True for a property outside of the vocabulary that is declared as one of things, or has a range."""
+    if shorten(property_name) != property_name:
+        return False
+    return OBJECT_PROPERTY in ontology.values(property_name, TYPE) or bool(ontology.values(property_name, RANGE))
+
+
+def _individual(ontology: Ontology, iri: str) -> str | None:
+    return iri if ontology.is_individual(iri) and not ontology.is_class(iri) else None
+
+
+def _unknown(ontology: Ontology, iri: str) -> Thing:
+    """A thing of which nothing says what it is: an object of its first class."""
+    cls = next(iter(classes_of(ontology, iri)), expand(ANYTHING[0]))
+    return Thing(Kind.OBJECT, shorten(cls), _individual(ontology, iri), cls)
+
+
+def _type_of(ontology: Ontology, cls: str) -> str:
+    """The nearest class of the vocabulary; the class itself if that only says that it is a thing somewhere."""
+    nearest = nearest_in_vocabulary(ontology, cls)
+    return cls if nearest in ANYTHING and shorten(cls) == cls else nearest
+
+
+def is_localised(ontology: Ontology, cls: str) -> bool:
+    """True for classes of things that are somewhere: objects, persons, devices."""
+    return ontology.is_a(cls, expand("SpatialThing-Localized")) or kind_of(ontology, cls) is not Kind.OBJECT
+
+
+def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset()) -> Place:
+    """A location designator with its relations in the order of the file.
+
+    As an individual its facts count, as a class its restrictions. A place that refers to itself, directly or through
+    others, loses the reference that closes the circle; so does one that is :data:`MOST_PLACES` references away. What it
+    relates to is an object if nothing says what kind of thing it is.
+    """
+    relations: list[tuple[str, Thing | Place]] = []
+    for relation, term in references(ontology, iri):
+        if not isinstance(term, str) or term in seen | {iri}:
+            continue
+        if is_place(ontology, term):
+            if len(seen) + 1 >= MOST_PLACES:
+                continue
+            relations.append((relation, read_place(ontology, term, seen | {iri})))
+        elif (thing := read_thing(ontology, term)) is not None:
+            relations.append((relation, thing))
+        elif ontology.defined(term) and is_of_unknown_kind(ontology, term):
+            relations.append((relation, _unknown(ontology, term)))
+    return Place(iri, tuple(dict.fromkeys(relations)), ontology.label(iri))
+
+
+def is_relation(property_name: str) -> bool:
+    """True for a property (IRI) by which location designators relate to things and places."""
+    return property_name in _RELATION_OF
+
+
+def references_of_unknown_kind(ontology: Ontology, place: str) -> list[tuple[str, str]]:
+    """The relations of a location designator to what is defined, but as nothing of which it is known what it is."""
+    return [
+        (relation, term)
+        for relation, term in references(ontology, place)
+        if isinstance(term, str)
+        and not isinstance(term, BNode)
+        and ontology.defined(term)
+        and not is_place(ontology, term)
+        and is_of_unknown_kind(ontology, term)
+    ]
+
+
+def unread_references(ontology: Ontology, place: str) -> list[str]:
+    """IRIs that a location designator relates to but that nothing defines."""
+    return [
+        term for _, term in references(ontology, place) if isinstance(term, str) and read_filler(ontology, term) is None
+    ]
+
+
+def references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
+    """Relations of a location designator and what they relate to: its facts, and its restrictions if it is a class."""
+    for triple in ontology.triples(s=place):
+        if triple.predicate in _RELATION_OF:
+            yield _RELATION_OF[triple.predicate], triple.object
+    for restriction in ontology.restrictions(place):
+        if restriction.property in _RELATION_OF and restriction.kind in ("some", "value"):
+            yield _RELATION_OF[restriction.property], restriction.filler
+
+
+def read_literal(literal: Literal, *, is_number: bool = False) -> str | int | float | bool:
+    """A value of Python's; one with a unit that is known in SI units, text that is no number as it is.
+
+    With ``is_number`` text without a type is read as a number, too, if it is written like one.
+    """
+    name = unit_of(literal)
+    if name is not None:
+        known = unit(name)
+        try:
+            return known.to_si(literal.number()) if known is not None else literal.number()
+        except ValueError:
+            return literal.value
+    datatype = local_name(literal.datatype or "")
+    if datatype == "boolean":
+        return literal.value.strip() in ("true", "1")
+    if datatype in NUMERIC or (is_number and datatype in TEXT):
+        try:
+            number = literal.number()
+        except ValueError:
+            return literal.value
+        return int(number) if datatype in _INTEGERS and number.is_integer() else number
+    return literal.value
+
+
+NO_PARAMETERS = (
+    *ON_ACTIONS,
+    "dependsOnCapability",
+    "dependsOnComponent",
+    "hasCapability",
+    "hasCapabilityDependency",
+    "providedByMotionPrimitive",
+    "lispClass",
+    "startTime",
+    "endTime",
+)
+"""Properties of actions (local names) that say how, when or with what right, not on what."""
+
+READ_BY_DIALECTS = (*ON_INDIVIDUALS, "adtChunkSupport")
+"""Properties of individuals (local names) that readers of dialects take up."""
+
+
+def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> Iterator[list[Filling]]:
+    """What is stated to fill the properties of an action, nearest first: ``more``, its facts, its class, ancestors.
+
+    Superclasses and equivalent classes count alike. What the bundled vocabulary says about its own classes does not.
+    """
+    yield [filling for filling in more if not is_word(filling.property, *NO_PARAMETERS)]
+    cls = iri
+    if not ontology.is_class(iri):
+        cls = action_class(ontology, iri) or iri
+        yield [filling for filling in _facts(ontology, iri) if not is_word(filling.property, *NO_PARAMETERS)]
+    key = ("fillings", cls)
+    if key not in ontology.kept:
+        ancestors = ontology.ancestors(cls)
+        ontology.kept[key] = [level for ancestor in ancestors if (level := _restricted(ontology, ancestor))]
+    yield from ontology.kept[key]
+
+
+def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
+    """What the restrictions of a class fill in; nothing for classes of the bundled vocabulary."""
+    known: dict[str, list[Filling]] = ontology.kept.setdefault("restricted", {})
+    found = known.get(cls)
+    if found is None:
+        is_said = shorten(cls) == cls or ontology.main(cls)
+        every = filled(ontology.restrictions(cls)) if is_said else ()
+        found = known[cls] = [filling for filling in every if not is_word(filling.property, *NO_PARAMETERS)]
+    return found
+
+
+def read_parameters(
+    ontology: Ontology, iri: str, more: tuple[Filling, ...] = (), made: frozenset[str] = frozenset()
+) -> tuple[Parameter, ...]:
+    """What fills the properties of an action: ``more``, what it states itself, and what its ancestors state.
+
+    A nearer filler replaces a farther one of the same property. A robot part given as a body part is the device used.
+    ``made`` are individuals that need not be defined, as another step creates them.
+    """
+    found: dict[str, list[Parameter]] = {}
+    for level in fillings(ontology, iri, more):
+        nearer = set(found)
+        for filling in level:
+            parameter = _parameter(ontology, filling, made)
+            if parameter is not None and parameter.property not in nearer:
+                found.setdefault(parameter.property, []).append(parameter)
+    return tuple(dict.fromkeys(parameter for parameters in found.values() for parameter in parameters))
+
+
+def action_class(ontology: Ontology, individual: str) -> str | None:
+    """The class of actions of an individual: of its types the first that is one, else the first that is known."""
+    types = ontology.types(individual)
+    for wanted in ("Action", "Event"):
+        for cls in types:
+            if ontology.is_a(cls, expand(wanted)):
+                return cls
+    return next((cls for cls in types if len(ontology.ancestors(cls)) > 1), next(iter(types), None))
+
+
+def unread_facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
+    """The facts of an individual that neither fill a property of actions nor say how it is performed."""
+    for triple in ontology.triples(s=individual):
+        name = triple.predicate
+        is_bookkeeping = is_word(name, *NO_PARAMETERS, *READ_BY_DIALECTS) or _is_annotation(ontology, name)
+        if not is_bookkeeping and not _is_of_actions(ontology, name):
+            yield Filling(name, triple.object, triple.span)
+
+
+def _facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
+    """The facts of an individual in properties that the vocabulary lists for actions."""
+    for triple in ontology.triples(s=individual):
+        if _is_of_actions(ontology, triple.predicate):
+            yield Filling(triple.predicate, triple.object, triple.span)
+
+
+def action_properties(ontology: Ontology) -> tuple[str, ...]:
+    """The properties (IRIs) that the vocabulary lists for any class of actions."""
+    found = {triple.object: None for triple in ontology.triples(p=expand("hasParameter"))}
+    return tuple(name for name in found if isinstance(name, str))
+
+
+def _is_of_actions(ontology: Ontology, property_name: str) -> bool:
+    """True for a property that the vocabulary lists for a class of actions, or one below it."""
+    return any(
+        True
+        for above in ontology.superproperties(property_name)
+        for _ in ontology.triples(p=expand("hasParameter"), o=above)
+    )
+
+
+def _is_annotation(ontology: Ontology, name: str) -> bool:
+    return name.startswith((OWL, RDF, RDFS)) or OWL + "AnnotationProperty" in ontology.values(name, TYPE)
+
+
+def _parameter(ontology: Ontology, filling: Filling, made: frozenset[str]) -> Parameter | None:
+    filler = read_filler(ontology, filling.term, filling.property)
+    if filler is None and filling.term in made:
+        filler = Name(str(filling.term))
+    if filler is None:
+        return None
+    property_name = shorten(filling.property)
+    if property_name == "bodyPartsUsed" and _is_device_term(ontology, filling.term):
+        property_name = "deviceUsed"
+    return Parameter(property_name, filler, filling.span)
+
+
+def _is_device_term(ontology: Ontology, term: Term) -> bool:
+    return (
+        isinstance(term, str)
+        and not isinstance(term, BNode)
+        and any(is_device(ontology, cls) for cls in (ontology.types(term) or (term,)))
+    )

@@ -1,0 +1,274 @@
+"""The dependency graph of a recipe: its orderings as edges, cycles, reduction, closure, total orders."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Hashable, Iterable, Iterator
+from functools import cached_property
+from itertools import pairwise
+from typing import Generic, TypeVar
+
+import networkx as nx
+
+from planlang.recipe.model import Recipe
+
+Node = TypeVar("Node", bound=Hashable)
+
+
+class Precedence(Generic[Node]):
+    """The strict partial order that an acyclic graph stands for. Raises ValueError if the graph has a cycle.
+
+    Each node has its successors as one set of bits: bit i stands for the i-th node of a fixed linear extension. The
+    sets are filled from the last node to the first; an edge is kept in the reduction exactly when the edges kept before
+    it, to nodes nearer by in that extension, do not lead to its end: n + m unions and tests of n bits (A. Goralčíková,
+    V. Koubek, "A reduct-and-closure algorithm for graphs", 1979). 10,000 nodes take 13 MB, where a closure of as many
+    nodes may have 50 million edges.
+    """
+
+    def __init__(self, graph: nx.DiGraph) -> None:
+        self._work_out(graph.nodes, graph.edges)
+
+    @classmethod
+    def of(cls, nodes: Iterable[Node], pairs: Iterable[tuple[Node, Node]]) -> Precedence[Node]:
+        """The order of nodes in which the first of each pair comes before the second; of other nodes pairs say nothing.
+
+        It is that of the graph with these edges. Raises ValueError like that.
+        """
+        order = cls.__new__(cls)
+        order._work_out(nodes, pairs)
+        return order
+
+    def _work_out(self, nodes: Iterable[Node], pairs: Iterable[tuple[Node, Node]]) -> None:
+        self.nodes: tuple[Node, ...] = tuple(nodes)
+        """In the order of the graph."""
+        number = {node: index for index, node in enumerate(self.nodes)}
+        following: list[dict[int, None]] = [{} for _ in self.nodes]
+        for first, second in pairs:
+            before, after = number.get(first), number.get(second)
+            if before is not None and after is not None:
+                following[before][after] = None
+        self.number_of_edges = sum(map(len, following))
+        """How many different pairs the order was made from."""
+        successors = [list(after) for after in following]
+        extension = _linear_extension(successors)
+        if len(extension) != len(self.nodes):
+            raise ValueError("the graph has a cycle: it is no order")
+        self.extension: tuple[Node, ...] = tuple(self.nodes[index] for index in extension)
+        """The linear extension that keeps as close to the order of the graph's nodes as possible."""
+        self._position = {node: position for position, node in enumerate(self.extension)}
+        position_of = [0] * len(extension)
+        for position, index in enumerate(extension):
+            position_of[index] = position
+        self._later = [0] * len(extension)
+        self._covers: list[list[int]] = [[] for _ in extension]
+        for position in range(len(extension) - 1, -1, -1):
+            reached = 0
+            for after in sorted([position_of[other] for other in successors[extension[position]]]):
+                if not reached >> after & 1:
+                    self._covers[position].append(after)
+                    reached |= self._later[after] | 1 << after
+            self._later[position] = reached
+
+    def before(self, first: Node, second: Node) -> bool:
+        """True if the first comes before the second in every linear extension."""
+        return bool(self._later[self._position[first]] >> self._position[second] & 1)
+
+    def ordered(self, first: Node, second: Node) -> bool:
+        """True if one of two nodes comes before the other."""
+        return self.before(first, second) or self.before(second, first)
+
+    def later(self, node: Node) -> int:
+        """The bits of all nodes that come after a node."""
+        return self._later[self._position[node]]
+
+    def earlier(self, node: Node) -> int:
+        """The bits of all nodes that come before a node."""
+        return self._earlier[self._position[node]]
+
+    def bit(self, node: Node) -> int:
+        """The bit of a node."""
+        return 1 << self._position[node]
+
+    def members(self, bits: int) -> Iterator[Node]:
+        """The nodes whose bits are set, in the order of the linear extension."""
+        while bits:
+            lowest = bits & -bits
+            yield self.extension[lowest.bit_length() - 1]
+            bits ^= lowest
+
+    def number_of_pairs(self) -> int:
+        """How many pairs (before, after) there are: the edges of the transitive closure."""
+        return sum(bits.bit_count() for bits in self._later)
+
+    def size_of_reduction(self) -> int:
+        """How many pairs follow from no others."""
+        return sum(map(len, self._covers))
+
+    def reduction(self) -> Iterator[tuple[Node, Node]]:
+        """The pairs that follow from no others, sorted by the nodes of the graph."""
+        rank = {node: index for index, node in enumerate(self.nodes)}
+        for node in self.nodes:
+            after = [self.extension[position] for position in self._covers[self._position[node]]]
+            yield from ((node, other) for other in sorted(after, key=rank.__getitem__))
+
+    @cached_property
+    def _earlier(self) -> list[int]:
+        before: list[list[int]] = [[] for _ in self.extension]
+        for position, after in enumerate(self._covers):
+            for other in after:
+                before[other].append(position)
+        earlier = [0] * len(before)
+        for position, covered in enumerate(before):
+            for other in covered:
+                earlier[position] |= earlier[other] | 1 << other
+        return earlier
+
+
+def _linear_extension(successors: list[list[int]]) -> list[int]:
+    """Of the numbers whose predecessors are all listed the least one next; incomplete if there is a cycle."""
+    missing = [0] * len(successors)
+    for after in successors:
+        for other in after:
+            missing[other] += 1
+    ready = [number for number, left in enumerate(missing) if not left]
+    order: list[int] = []
+    while ready:
+        number = heapq.heappop(ready)
+        order.append(number)
+        for other in successors[number]:
+            missing[other] -= 1
+            if not missing[other]:
+                heapq.heappush(ready, other)
+    return order
+
+
+def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -> nx.DiGraph:
+    """A graph with the nodes in the given order and an edge before -> after for each ordering among them."""
+    graph = nx.DiGraph()
+    graph.add_nodes_from(nodes)
+    graph.add_edges_from((before, after) for before, after in orderings if before in graph and after in graph)
+    return graph
+
+
+def recipe_graph(recipe: Recipe) -> nx.DiGraph:
+    """The graph of a recipe: its steps (IRIs) in file order, an edge for each ordering among them.
+
+    It is made once and cannot be changed.
+    """
+    if "graph" not in recipe.derived:
+        pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
+        recipe.derived["graph"] = nx.freeze(order_graph((step.iri for step in recipe.steps), pairs))
+    return recipe.derived["graph"]
+
+
+def recipe_order(recipe: Recipe) -> Precedence[str]:
+    """The order that the graph of a recipe stands for. Raises ValueError if it has a cycle. Worked out once."""
+    if "order" not in recipe.derived:
+        pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
+        recipe.derived["order"] = Precedence.of((step.iri for step in recipe.steps), pairs)
+    order: Precedence[str] = recipe.derived["order"]
+    return order
+
+
+def recipe_cycle(recipe: Recipe) -> tuple[str, ...] | None:
+    """A shortest cycle of the graph of a recipe; None if its orders can be followed. Searched once."""
+    if "cycle" not in recipe.derived:
+        try:
+            recipe_order(recipe)
+            recipe.derived["cycle"] = None
+        except ValueError:
+            recipe.derived["cycle"] = shortest_cycle(recipe_graph(recipe))
+    cycle: tuple[str, ...] | None = recipe.derived["cycle"]
+    return cycle
+
+
+def shortest_cycle(graph: nx.DiGraph) -> tuple[Node, ...] | None:
+    """A shortest cycle, without its repeated end; among equals the one found from the earliest node.
+
+    Breadth first from each node that is on a cycle, no farther than the shortest cycle known; a node is taken out when
+    all cycles through it are known, and with it what then leads nowhere. O(n * m) at worst, O(m) for one long cycle.
+    """
+    for node in graph.nodes:
+        if graph.has_edge(node, node):
+            return (node,)
+    on_cycles = {node for part in nx.strongly_connected_components(graph) if len(part) > 1 for node in part}
+    after = {node: {other: None for other in graph.successors(node) if other in on_cycles} for node in on_cycles}
+    before = {node: {other: None for other in graph.predecessors(node) if other in on_cycles} for node in on_cycles}
+    best: tuple[Node, ...] | None = None
+    for node in graph.nodes:
+        if node in after:
+            found = _cycle_through(node, after, len(best) - 1 if best else len(after))
+            best = found or best
+            _take_out(node, after, before)
+    return best
+
+
+Links = dict[Node, dict[Node, None]]
+
+
+def _cycle_through(start: Node, after: Links[Node], longest: int) -> tuple[Node, ...] | None:
+    """A shortest way from a node back to it, of at most ``longest`` nodes."""
+    came_from: dict[Node, Node] = {}
+    front = [start]
+    for _ in range(longest):
+        reached: list[Node] = []
+        for node in front:
+            for other in after[node]:
+                if other == start:
+                    path = [node]
+                    while path[-1] != start:
+                        path.append(came_from[path[-1]])
+                    return tuple(reversed(path))
+                if other not in came_from:
+                    came_from[other] = node
+                    reached.append(other)
+        front = reached
+    return None
+
+
+def _take_out(node: Node, after: Links[Node], before: Links[Node]) -> None:
+    """Remove a node, and all that is then on no cycle because nothing leads to it or away from it."""
+    waiting = [node]
+    while waiting:
+        one = waiting.pop()
+        if one not in after:
+            continue
+        for forward, backward in ((after, before), (before, after)):
+            for other in forward.pop(one):
+                if other in backward:
+                    del backward[other][one]
+                    if not backward[other]:
+                        waiting.append(other)
+
+
+def reduced(graph: nx.DiGraph) -> nx.DiGraph:
+    """The transitive reduction of an acyclic graph; nodes and edges in the order of its nodes."""
+    order: Precedence[Hashable] = Precedence(graph)
+    return order_graph(graph.nodes, order.reduction())
+
+
+def closed(graph: nx.DiGraph) -> nx.DiGraph:
+    """The transitive closure of an acyclic graph; nodes and edges in the order of its nodes.
+
+    For drawing and for small graphs: to ask what comes before what a :class:`Precedence` takes far less room.
+    """
+    order: Precedence[Hashable] = Precedence(graph)
+    rank = {node: index for index, node in enumerate(graph.nodes)}
+    return order_graph(
+        graph.nodes,
+        ((a, b) for a in graph.nodes for b in sorted(order.members(order.later(a)), key=rank.__getitem__)),
+    )
+
+
+def sorted_nodes(graph: nx.DiGraph) -> list[Node]:
+    """The linear extension that keeps as close to node order as the graph allows."""
+    order: Precedence[Node] = Precedence(graph)
+    return list(order.extension)
+
+
+def total_order(graph: nx.DiGraph) -> tuple[Node, ...] | None:
+    """The only linear extension of an acyclic graph, or None if there are several."""
+    nodes: list[Node] = sorted_nodes(graph)
+    if all(graph.has_edge(a, b) for a, b in pairwise(nodes)):
+        return tuple(nodes)
+    return None
