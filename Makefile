@@ -103,7 +103,7 @@ bench-locations: $(VENV)/.pr2-stamp
 # Plans that recurse without end come last: Python stops tracing when they overflow.
 coverage: $(VENV)/.dev-stamp
 	$(BIN)/coverage run -m pytest -p no:cacheprovider -m "not hypothesis" tests/planlang/language \
-	    tests/planlang/kernel/test_[c-z]*.py tests/planlang/kernel/test_bad_plans.py
+	    tests/planlang/runs tests/planlang/kernel/test_[c-z]*.py tests/planlang/kernel/test_bad_plans.py
 	$(BIN)/coverage report
 
 mutants: $(VENV)/.dev-stamp

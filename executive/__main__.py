@@ -1,12 +1,6 @@
-"""Entry point of the command ``planlang`` and of ``python -m executive``."""
+"""Entry point of ``python -m executive``, which is the command ``planlang``."""
 
-from executive.cli.app import app
-
-
-def main() -> None:
-    """Run the command; ends the process with its exit code."""
-    app(prog_name="planlang")
-
+from planlang_command import main
 
 if __name__ == "__main__":
     main()

@@ -36,7 +36,6 @@ from planlang.kernel import (
     Status,
     StepLimit,
     StuckTask,
-    Trace,
     VirtualHost,
     checkpoint,
     in_thread,
@@ -85,6 +84,7 @@ from planlang.language.tags import (
     wake_up,
 )
 from planlang.language.tasktree import TaskNode, TaskTree
+from planlang.runs import Trace
 
 __all__ = [
     "PROPAGATE",

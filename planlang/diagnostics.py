@@ -282,7 +282,7 @@ CODES: dict[str, str] = {
     "C011": "the recipe of a plan was not found, or cannot be read",
     "C012": "recordings need a package that is not installed",
     "C013": "there is no display for a window",
-    "C014": "the suffix of a graph's file names no format",
+    "C014": "the file name of a graph names no known format",
     "C015": "no fix with this code waits for acceptance",
     "C016": "a fix was left out, as it is not safe or cannot be written into the text",
 }

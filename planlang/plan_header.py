@@ -14,7 +14,11 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
+
+from planlang.resources import bundled
 
 LONGEST = 10_000
 """Characters at the start of a plan among which its header is looked for."""
@@ -50,6 +54,17 @@ class PlanHeader:
     def is_edited(self, source: str) -> bool:
         """True if the plan's source is not as it was compiled, or that cannot be told."""
         return self.digest != digest(source)
+
+    def find_recipe(self, plan: Path, folders: Iterable[Path] = ()) -> Path | None:
+        """Return the recipe: the first file of its name beside the plan, in ``folders``, among the bundled ones."""
+        for folder in (plan.parent, *folders, bundled("recipes")):
+            path = folder / self.recipe
+            try:
+                if path.is_file():
+                    return path
+            except (OSError, ValueError):  # a name too long, or with a null character
+                return None
+        return None
 
     def paragraphs(self) -> list[str]:
         """What the header says, as lines of the docstring."""

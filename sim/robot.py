@@ -14,12 +14,12 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.box import corners
 from planlang.geometry.matrices import moved, product, rotated, rotations
 from planlang.protocols import Configuration
+from sim.description import Follower, loadable, read_description
 from sim.engine import bullet, quiet
 from sim.hulls import Hulled, hulls_of
 from sim.scene import RobotBody
 from sim.self_contact import TOLERANCE as TOLERANCE
 from sim.self_contact import watched_pairs
-from sim.urdf import Follower, loadable, read_description
 
 WITHIN = 0.001
 """Distance up to which links of one body are looked at [m]: asked for 0, PyBullet 3.2.7 tells no point of some that are

@@ -11,9 +11,9 @@ from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object, local_name
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
-from planlang.kernel.exact import dump, load
 from planlang.ontology import expand
 from planlang.protocols import Configuration, Detection
+from planlang.runs.codec import dump, load
 from sim import PyBulletWorld
 
 MOVED = 0.002

@@ -10,26 +10,38 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from typing import Any
 
 import typer
 
 from planlang.diagnostics import BadInput, Diagnostic, Severity, error
 
-DONE, FAILED, BAD_INPUT, MISSING_CAPABILITY, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 70, 130
-"""Exit codes of the command."""
+
+class ExitCode(IntEnum):
+    """Exit codes of the command; 128 and its number after a signal, which makes 130 of Ctrl-C."""
+
+    DONE = 0
+    FAILED = 1
+    BAD_INPUT = 2
+    MISSING_CAPABILITY = 3
+    INTERNAL_ERROR = 70
+    INTERRUPTED = 130
+
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
-"""What a file system answers that takes no more."""
+"""Errors of a file system that takes no more."""
+MOST_NOTES = 10
+"""Notes that are listed before a result; of more only their codes are counted, as they would hide what follows."""
 
 _COLOURS = {Severity.ERROR: typer.colors.RED, Severity.WARNING: typer.colors.YELLOW, Severity.NOTE: typer.colors.CYAN}
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a command came to."""
+    """The result of a command."""
 
-    exit_code: int = DONE
+    exit_code: ExitCode = ExitCode.DONE
     diagnostics: tuple[Diagnostic, ...] = ()
     text: str = ""
     """The result for people, printed to stdout."""
@@ -37,62 +49,88 @@ class Answer:
     """The result for machines: further keys of the JSON object."""
 
 
-def answer(command: str, work: Callable[[], Answer], *, as_json: bool) -> None:
-    """Do a command's work and say what it came to; always ends by raising ``typer.Exit``.
+def answer(command: str, work: Callable[[], Answer], *, as_json: bool, all_notes: bool = True) -> None:
+    """Do a command's work and print its result; always ends by raising ``typer.Exit``.
 
-    A user's mistake is shown as diagnostics. A programming error is told in one line; with ``PLANLANG_TRACEBACK=1``
-    in the environment its traceback is printed too.
+    A user's mistake is shown as diagnostics. A programming error is reported in one line; with
+    ``PLANLANG_TRACEBACK=1`` in the environment its traceback is printed too.
     """
     try:
         reply = work()
     except BadInput as problem:
-        reply = Answer(BAD_INPUT, problem.diagnostics)
+        reply = Answer(ExitCode.BAD_INPUT, problem.diagnostics)
     except KeyboardInterrupt:
-        reply = Answer(INTERRUPTED, data={"error": "interrupted"})
+        reply = Answer(ExitCode.INTERRUPTED, data={"error": "interrupted"})
         say("interrupted")
     except (BrokenPipeError, typer.Exit, typer.BadParameter):
         raise
     except Exception as problem:
         if isinstance(problem, OSError) and problem.errno in _FULL:
-            told = "; ".join((f"what was to be written does not fit: {problem}", *getattr(problem, "__notes__", ())))
-            reply = Answer(BAD_INPUT, (error("C004", told, help="make room on the disk, or name another place"),))
+            message = "; ".join((f"no room to write: {problem}", *getattr(problem, "__notes__", ())))
+            advice = "free space on the disk, or name another place"
+            reply = Answer(ExitCode.BAD_INPUT, (error("C004", message, help=advice),))
         else:
             reply = _internal_error(problem)
-    if as_json:
-        whole = {"command": command, "exit_code": reply.exit_code, **reply.data}
-        whole["diagnostics"] = [diagnostic.as_json() for diagnostic in reply.diagnostics]
-        typer.echo(json.dumps(whole, indent=2, ensure_ascii=False, default=str))
-    else:
-        show(reply.diagnostics)
-        if reply.text:
-            typer.echo(reply.text.removesuffix("\n"))
+    give(command, reply, as_json=as_json, all_notes=all_notes)
     raise typer.Exit(reply.exit_code)
 
 
-def show(diagnostics: Iterable[Diagnostic]) -> None:
+def give(command: str, reply: Answer, *, as_json: bool, all_notes: bool = True) -> None:
+    """Print a result; raises ``typer.Exit`` if stdout takes no more."""
+    if as_json:
+        whole = {"command": command, "exit_code": int(reply.exit_code), **reply.data}
+        whole["diagnostics"] = [diagnostic.as_json() for diagnostic in reply.diagnostics]
+        text = json.dumps(whole, indent=2, ensure_ascii=False, default=str)
+    else:
+        show(reply.diagnostics, all_notes=all_notes)
+        text = reply.text.removesuffix("\n")
+    try:
+        if text:
+            typer.echo(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as problem:  # a full disk behind stdout; what is buffered would fail again at the end
+        say(f"error: stdout cannot be written: {problem.strerror or problem}")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(ExitCode.BAD_INPUT) from None
+
+
+def show(diagnostics: Iterable[Diagnostic], *, all_notes: bool = True) -> None:
     """Print diagnostics to stderr, in their order, and how many there are of each severity.
 
-    What helps several of them is told once.
+    The same help is printed once. Without ``all_notes``, more than a few notes are counted by code instead.
     """
-    counts: Counter[Severity] = Counter()
-    told: set[str | None] = {None}
+    diagnostics = list(diagnostics)
+    counts = Counter(one.severity for one in diagnostics)
+    hidden = not all_notes and counts[Severity.NOTE] > MOST_NOTES
+    printed: set[str | None] = {None}
     for diagnostic in diagnostics:
         severity = diagnostic.severity
-        counts[severity] += 1
+        if hidden and severity is Severity.NOTE:
+            continue
         label = f"{severity.value} {diagnostic.code}"
-        text = str(diagnostic if diagnostic.help not in told else replace(diagnostic, help=None))
-        told.add(diagnostic.help)
+        text = str(diagnostic if diagnostic.help not in printed else replace(diagnostic, help=None))
+        printed.add(diagnostic.help)
         if _is_colourful():
             text = text.replace(label, typer.style(label, fg=_COLOURS[severity], bold=True), 1)
         typer.echo(text, err=True)
+    if hidden:
+        codes = Counter(one.code for one in diagnostics if one.severity is Severity.NOTE).most_common()
+        listed = ", ".join(f"{number} {code}" for code, number in codes)
+        typer.echo(f"{_counted(counts[Severity.NOTE], 'note')}: {listed} (--verbose lists them)", err=True)
     if counts[Severity.ERROR] or counts[Severity.WARNING]:
-        said = [_counted(counts[severity], severity.value) for severity in Severity if counts[severity]]
-        typer.echo(", ".join(said), err=True)
+        listed = ", ".join(_counted(counts[severity], severity.value) for severity in Severity if counts[severity])
+        typer.echo(listed, err=True)
 
 
 def say(line: str) -> None:
     """Print one line of progress to stderr."""
     typer.echo(line, err=True)
+
+
+def silent(_: object) -> None:
+    """Print nothing: what takes the place of :func:`say` with ``--json``."""
 
 
 def _counted(number: int, word: str) -> str:
@@ -110,7 +148,5 @@ def _internal_error(problem: Exception) -> Answer:
     if os.environ.get("PLANLANG_TRACEBACK"):
         say("".join(traceback.format_exception(problem)).removesuffix("\n"))
     else:
-        say(
-            "    help: this is a mistake in planlang, not in your input; PLANLANG_TRACEBACK=1 shows where it comes from"
-        )
-    return Answer(INTERNAL_ERROR, data={"error": f"internal error: {reason}"})
+        say("    help: this is a bug in planlang, not in your input; PLANLANG_TRACEBACK=1 prints the traceback")
+    return Answer(ExitCode.INTERNAL_ERROR, data={"error": f"internal error: {reason}"})

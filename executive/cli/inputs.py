@@ -1,20 +1,16 @@
-"""What the user named on the command line: a bundled thing or a file, and which kind of file by its content."""
+"""Recipes and plans that the user names: which of the two a file is, its content decides."""
 
 from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.plan_header import PlanHeader, header
-from planlang.resources import bundled
-
-SUFFIXES = (".omn", ".owl", ".ttl", ".owl.in", ".toml")
-"""Suffixes that a bundled thing may have; a user's own file may have any."""
+from planlang.resources import Bundled
 
 LARGEST_PLAN = 10_000_000
 """Bytes of a plan that are read at most; recipes are bounded by their own reader."""
@@ -31,63 +27,22 @@ class PlanFile:
 
 @dataclass(frozen=True, slots=True)
 class RecipeFile:
-    """A file that holds a recipe, as far as its first characters tell."""
+    """A file that holds a recipe, as far as its first characters show."""
 
     path: Path
 
     @property
     def is_bundled(self) -> bool:
         """True if the recipe came with planlang."""
-        return self.path.resolve().is_relative_to(bundled("recipes").resolve())
-
-
-def names(folder: Path) -> tuple[str, ...]:
-    """Names of the bundled things in a folder, without suffixes, sorted."""
-    found = {path.name.removesuffix(suffix) for suffix in SUFFIXES for path in folder.glob(f"*{suffix}")}
-    return tuple(sorted(found))
-
-
-def find(what: str, name: str, folder: Path) -> Path:
-    """The file called ``name``: an existing path, or the name of a bundled ``what`` in ``folder``.
-
-    Raises BadInput when there is none, naming the bundled ones.
-    """
-    if not name.strip():
-        raise BadInput([error("C001", f"the name of the {what} is empty", help=_advice(what, names(folder)))])
-    path = Path(name)
-    try:
-        if path.is_file():
-            return path
-        is_folder = path.is_dir()
-        is_stream = name == "-" or (path.exists() and not is_folder)
-    except (OSError, ValueError) as problem:  # a name too long, or with a null character
-        raise BadInput([error("C001", f"no {what} can be read at {name[:80]!r}: {problem}")]) from None
-    if path.name == name:
-        for suffix in SUFFIXES:
-            candidate = folder / f"{name}{suffix}"
-            if candidate.is_file():
-                return candidate
-    if is_folder:
-        raise BadInput([error("C001", f"{name} is a folder", help=f"name the {what}'s file in it")])
-    if is_stream:
-        why = f"{name} is no file: the {what} is read more than once, which a pipe or a device cannot be"
-        raise BadInput([error("C001", why, help=f"write it to a file, and name that: ... > {what}.owl")])
-    known = names(folder)
-    similar = get_close_matches(name, known, n=1)
-    guess = f"did you mean {similar[0]}? " if similar else ""
-    raise BadInput([error("C001", f"no such {what}: {name}", help=guess + _advice(what, known))])
-
-
-def _advice(what: str, known: Sequence[str]) -> str:
-    return f"give the path of a file, or the name of a bundled {what}: {', '.join(known) or 'there is none'}"
+        return self.path.resolve().is_relative_to(Bundled.RECIPE.folder.resolve())
 
 
 def read(name: str) -> PlanFile | RecipeFile:
-    """The plan or recipe that the user named; its kind is told by its content, never by its suffix.
+    """Return the plan or recipe that the user named.
 
     Raises BadInput when there is no such file, it cannot be read, or it is neither.
     """
-    path = find("recipe", name, bundled("recipes"))
+    path = Bundled.RECIPE.find(name)
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST_PLAN + 1)
@@ -99,16 +54,13 @@ def read(name: str) -> PlanFile | RecipeFile:
     return _plan(path, text, is_whole=len(content) <= LARGEST_PLAN)
 
 
-def recipe_of(plan: Path, origin: PlanHeader, folders: Sequence[Path] = ()) -> Path | None:
-    """The recipe that a plan's header names: the first beside the plan, in ``folders``, among the bundled ones."""
-    for place in (plan.parent, *folders, bundled("recipes")):
-        path = place / origin.recipe
-        try:
-            if path.is_file():
-                return path
-        except (OSError, ValueError):  # a name too long, or with a null character
-            return None
-    return None
+def read_recipe_file(name: str) -> RecipeFile:
+    """Return the recipe that the user named; raises BadInput for a plan."""
+    found = read(name)
+    if isinstance(found, PlanFile):
+        advice = f"planlang check {name} checks a plan, planlang run {name} runs it"
+        raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(str(found.path)), advice)])
+    return found
 
 
 def _is_utf16(content: bytes) -> bool:
@@ -124,7 +76,7 @@ _PYTHON_START = re.compile(
 
 
 def _starts_like_owl(text: str) -> bool:
-    """True for RDF/XML, Manchester syntax, Turtle, and whatever is not Python: their reader says what is wrong."""
+    """Return True for RDF/XML, Manchester syntax, Turtle, and all but Python: their reader says what is wrong."""
     for line in text.splitlines():
         line = line.strip()
         if line and not line.startswith("#"):
@@ -146,9 +98,8 @@ def _plan(path: Path, text: str, *, is_whole: bool) -> PlanFile:
         raise BadInput([found]) from None
     if not _imports_planlang(module.body):
         advice = "a plan imports its constructs: from planlang import plan, perform, ..."
-        raise BadInput(
-            [error("C003", "Python source that is no plan: it never imports planlang", Span(str(path)), advice)]
-        )
+        message = "Python source, but no plan: it does not import planlang"
+        raise BadInput([error("C003", message, Span(str(path)), advice)])
     return PlanFile(path, text, header(text))
 
 

@@ -1,15 +1,13 @@
-"""``planlang robot inspect``: what a robot is made of, what its arms reach, and what it lacks."""
+"""The work of ``planlang robot inspect``: a robot is bound, its arms mapped and drawn, its parts listed."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from executive.cli.console import Answer
-from executive.cli.outputs import replace
+from executive.cli.console import Answer, ExitCode, silent
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.locations.reachability_building import keep_maps, reachability_maps
 from executive.robots import Arm, Robot, bind_robot
@@ -17,59 +15,62 @@ from executive.robots.arms import arm_models
 from executive.robots.carrying import with_carrying
 from executive.runs.assembly import mapped
 from planlang.diagnostics import BadInput, error
+from planlang.outputs import replace
 from sim import PyBulletWorld, Scene
 
 USEFUL = ("carrying", "prepare_grasp", "handover")
-"""Postures that plans and the executive ask for."""
+"""Postures that plans and the executive use."""
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 
 
-@dataclass(frozen=True, slots=True)
-class InspectOptions:
-    """What to inspect, and where to draw what the arms reach."""
-
-    robot: Path | str
-    urdf: Path | None = None
-    picture: Path | None = None
-    record: Path | None = None
-    """Where to write a recording for the rerun viewer."""
-    progress: Callable[[str], None] = lambda line: None
-
-
-def inspect(options: InspectOptions) -> Answer:
-    """Bind a robot, map its arms, say and draw what was found; raises BadInput."""
-    bare = bind_robot(options.robot, urdf=options.urdf)
+def inspect(
+    source: Path | str,
+    urdf: Path | None = None,
+    picture: Path | None = None,
+    record: Path | None = None,
+    progress: Callable[[str], None] = silent,
+) -> Answer:
+    """Bind a robot, map its arms, list and draw what was found; raises BadInput. ``record`` is for the rerun viewer."""
+    bare = bind_robot(source, urdf=urdf)
     robot = with_carrying(bare)
     world = PyBulletWorld(Scene(()), robot.body())
     try:
-        return _inspected(options, bare, robot, world)
+        return _inspected(bare, robot, world, picture, record, progress)
     finally:
         world.close()
 
 
-def _inspected(options: InspectOptions, bare: Robot, robot: Robot, world: PyBulletWorld) -> Answer:
+def _inspected(
+    bare: Robot,
+    robot: Robot,
+    world: PyBulletWorld,
+    picture: Path | None,
+    record: Path | None,
+    progress: Callable[[str], None],
+) -> Answer:
     models = arm_models(robot, world)
     bounds = dict(world.robot.limits)
-    for file in (options.picture, options.record):
+    for file in (picture, record):
         if file is not None and not models:
             raise BadInput([error("C004", f"{file}: {robot.name} has no arm whose reach could be drawn")])
-    built = keep_maps(models, robot.torso, lambda *done: mapped(options.progress, *done))
+    built = keep_maps(models, robot.torso, lambda *done: mapped(progress, *done))
     maps: dict[str, dict[GraspClass, ReachabilityMap]] = {}
     for model in models:
         kept = [grasp for grasp in GraspClass if (model.name, grasp) not in built]
         found = {**reachability_maps(model, robot.torso, kept)}
         maps[model.name] = {grasp: found.get(grasp) or built[model.name, grasp] for grasp in GraspClass}
-    if options.record is not None:
+    if record is not None:
         from executive.pictures.reach_recording import save_reach_recording
         from executive.pictures.shapes import drawn_in
 
-        save_reach_recording(options.record, drawn_in(world, robot.urdf), models, maps)
-    if options.picture is not None:
+        drawn = drawn_in(world, robot.urdf)
+        replace(record, lambda path: save_reach_recording(path, drawn, models, maps))
+    if picture is not None:
         from executive.pictures.reach_picture import save_reach_picture
 
         radius = robot.base.radius
-        replace(options.picture, lambda path: save_reach_picture(path, robot.name, models, maps, radius))
+        replace(picture, lambda path: save_reach_picture(path, robot.name, models, maps, radius))
     lacking = list(_lacking(bare))
     lines = [*_body_lines(robot)]
     for arm in robot.arms:
@@ -81,7 +82,8 @@ def _inspected(options: InspectOptions, bare: Robot, robot: Robot, world: PyBull
     data: dict[str, Any] = {"robot": robot.name, "urdf": str(robot.urdf), "arms": arms}
     data |= {"torso": robot.torso, "neck": list(robot.neck), "camera": robot.camera.link if robot.camera else None}
     data |= {"postures": {name: dict(joints) for name, joints in robot.postures.items()}, "missing": lacking}
-    return Answer(diagnostics=robot.diagnostics, text="\n".join(lines), data=data)
+    code = ExitCode.DONE if robot.arms else ExitCode.MISSING_CAPABILITY
+    return Answer(code, robot.diagnostics, text="\n".join(lines), data=data)
 
 
 def _body_lines(robot: Robot) -> Iterator[str]:
@@ -116,7 +118,7 @@ def _positions(joints: Mapping[str, float]) -> str:
 
 
 def _lacking(robot: Robot) -> Iterator[str]:
-    """What would be of use and is not there."""
+    """Yield parts that plans use and the robot does not have."""
     if not robot.arms:
         yield "arms"
     yield from (f"a gripper of the {arm.name} arm" for arm in robot.arms if arm.gripper is None)

@@ -1,8 +1,8 @@
-"""What ``planlang locate`` does: a phrase, a robot and a map in, places for the base out."""
+"""The work of ``planlang locate``: a phrase is read, its things found in the map, its poses searched and listed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -11,8 +11,7 @@ from typing import Any
 
 from executive.belief import SemanticMap, read_map, scene_of
 from executive.belief.free_floor import BasePose
-from executive.cli.console import DONE, FAILED, MISSING_CAPABILITY, Answer
-from executive.cli.outputs import replace as write_complete
+from executive.cli.console import Answer, ExitCode, silent
 from executive.locations import TABLE, Rejections
 from executive.locations.idle import without_idle
 from executive.locations.meaningless import LocationMeaningless
@@ -20,18 +19,19 @@ from executive.locations.relations import base_demand, sides, thing_demand
 from executive.modules.platform import Platform
 from executive.robots import bind_robot
 from executive.robots.carrying import with_carrying
-from executive.runs.assembly import platform_of, world_at_start
+from executive.runs.assembly import build_maps, platform_of, world_at_start
 from planlang.designators import Location, Object, Person, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.ontology import expand, load, shorten
+from planlang.outputs import replace as write_complete
 from planlang.phrases import FORMS, Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.words import GRASP_FORMS
 
 
 @dataclass(frozen=True, slots=True)
 class LocateOptions:
-    """What is looked for, by whom and where."""
+    """A phrase to resolve, the robot, and the map."""
 
     phrase: str
     robot: Path
@@ -39,20 +39,22 @@ class LocateOptions:
     urdf: Path | None = None
     ontologies: tuple[Path, ...] = ()
     of: str | None = None
-    """A thing that is to be put somewhere; None: the robot's base."""
+    """A thing that is to be put somewhere; None for the robot's base."""
     start: BasePose | None = None
     count: int = 3
     explain: Path | None = None
+    progress: Callable[[str], None] = silent
 
 
 def locate(options: LocateOptions) -> Answer:
-    """Find places; raises BadInput for what cannot be understood or used."""
+    """Find poses; raises BadInput for what cannot be understood or used."""
     with ExitStack() as stack:
         found: list[Diagnostic] = []
         ontology = load(options.environment, folders=options.ontologies)
         semantic_map = read_map(ontology)
         lexicon = lexicon_of(semantic_map)
         location = read_location(options.phrase, lexicon)
+        what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
         robot = with_carrying(bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies))
         found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
         if location.device is not None and not robot.arms_of(location.device):
@@ -61,9 +63,9 @@ def locate(options: LocateOptions) -> Answer:
             return _missing(f"{robot.name} has no {asked}; its arms: {arms}", found)
         world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
         platform = platform_of(robot, semantic_map, world, world, 0)
-        what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
         meant = _meant([*references(location), *([] if what is None else [what])], lexicon, platform)
         found.extend(_choices(meant, lexicon, platform))
+        build_maps(platform, options.progress)  # last: for a new robot it takes minutes
         try:
             return _resolved(location, what, lexicon, platform, meant, found, options)
         except LocationMeaningless as problem:
@@ -72,14 +74,15 @@ def locate(options: LocateOptions) -> Answer:
             return _missing(str(problem), found)
 
 
-def _missing(said: str, found: Iterable[Diagnostic]) -> Answer:
-    """What is answered when the robot has no part for what is asked."""
-    text = f"MissingCapability: {said}"
-    return Answer(MISSING_CAPABILITY, tuple(found), text, {"failure": ["MissingCapability"], "message": said})
+def _missing(message: str, found: Iterable[Diagnostic]) -> Answer:
+    """Return the answer when the robot has no part for what is asked."""
+    text = f"MissingCapability: {message}"
+    data = {"failure": ["MissingCapability"], "message": message}
+    return Answer(ExitCode.MISSING_CAPABILITY, tuple(found), text, data)
 
 
 def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
-    """The nouns of a map: its things by name, the classes of its ontology by their words."""
+    """Return the nouns of a map: its things by name, the classes of its ontology by their words."""
     ontology = semantic_map.ontology
     things: dict[str, Object] = {}
     for thing in semantic_map.objects:
@@ -91,7 +94,7 @@ def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
 
 
 def references(location: Location) -> Iterator[Object]:
-    """The things that a location is about, those of places within places included."""
+    """Yield the things that a location is about, those of nested locations included."""
     for relation in location.relations:
         match relation.reference:
             case Location() as inner:
@@ -101,7 +104,7 @@ def references(location: Location) -> Iterator[Object]:
 
 
 def _meant(designators: Iterable[Object], lexicon: Lexicon, platform: Platform) -> dict[Object, str]:
-    """The body that each designator means; raises BadInput when the map has none."""
+    """Return the body that each designator means; raises BadInput when the map has none."""
     meant: dict[Object, str] = {}
     problems = []
     for what in dict.fromkeys(designators):
@@ -117,7 +120,7 @@ def _meant(designators: Iterable[Object], lexicon: Lexicon, platform: Platform) 
 
 
 def _choices(meant: Mapping[Object, str], lexicon: Lexicon, platform: Platform) -> Iterator[Diagnostic]:
-    """Which of several things was taken."""
+    """Yield a note for each thing that was chosen among several."""
     for what, name in meant.items():
         others = [other for other in platform.belief.alike(what) if other != name]
         if what.iri is None and others:
@@ -129,7 +132,7 @@ def _choices(meant: Mapping[Object, str], lexicon: Lexicon, platform: Platform) 
 def _of_no_place(
     problem: LocationMeaningless, location: Location, what: Object | None, lexicon: Lexicon
 ) -> Iterator[Diagnostic]:
-    """Why a phrase is of no place, in the words of phrases."""
+    """Yield why a phrase describes no location, in the words of phrases."""
 
     def words(part: object) -> str:
         if isinstance(part, Relation):
@@ -140,43 +143,43 @@ def _of_no_place(
 
 
 def _used(location: Location, what: Object | None, platform: Platform) -> Location:
-    """The same without arms and grasps that nothing uses."""
+    """Return the location without arms and grasps that nothing uses."""
     if what is not None:
         return replace(location, device=None, grasp=None)
     return without_idle(location, platform.scene, platform.base()[:2])
 
 
 def _idle(said: Location, used: Location) -> Iterator[Diagnostic]:
-    """The arms and grasps that were said and are not used, places within places included."""
+    """Yield a warning for unused arms and grasps, those of nested locations included."""
     idle = []
     if said.device is not None and used.device is None:
         idle.append(f"with {write_thing(said.device)}")
     if said.grasp is not None and used.grasp is None:
         idle.append(GRASP_FORMS[said.grasp][0])
     if idle:
-        help = "arms and grasps are said of what is reached: in reach of the bottle with the left arm from the top"
-        yield warning("P011", f"nothing uses {' '.join(idle)!r} here; it is left out", help=help)
+        help = "arms and grasps belong to a thing to reach: in reach of the bottle with the left arm from the top"
+        yield warning("P011", f"{' '.join(idle)!r} has no effect here; it is left out", help=help)
     for one, other in zip(said.relations, used.relations, strict=True):
         if isinstance(one.reference, Location) and isinstance(other.reference, Location):
             yield from _idle(one.reference, other.reference)
 
 
 def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) -> str | None:
-    """How to ask for places of what a relation means something for, if it means nothing for what was asked for."""
+    """Return how to ask for poses that a relation has a meaning for, if it has none for what was asked for."""
     for relation in location.relations:
         meaning = TABLE[relation.name]
         if what is None and meaning.base is None:
-            hints = ["--of THING asks for places of a thing"] if meaning.thing else []
+            hints = ["--of THING asks for poses of a thing"] if meaning.thing else []
             if meaning.hand:
                 hints.append(f'the base for a hand is "in reach of a place {write_relation(relation, lexicon)}"')
             return "; ".join(hints)
         if what is not None and meaning.thing is None and meaning.base is not None:
-            return "without --of it asks for places of the base"
+            return "without --of, poses of the base are searched"
     return None
 
 
 def _bases(location: Location, platform: Platform, count: int, log: Rejections) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Places for the base: a line for people, what machines read."""
+    """Yield base poses: a line for people, and data."""
     for number, solution in enumerate(islice(platform.resolver.bases(location, log), count), 1):
         x, y, yaw = solution.base
         detail = solution.detail
@@ -189,7 +192,7 @@ def _bases(location: Location, platform: Platform, count: int, log: Rejections) 
 def _things(
     location: Location, what: Object, frame: Mapping[str, str], platform: Platform, count: int, log: Rejections
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Places for a thing: the centre of its box."""
+    """Yield poses of a thing, of the centre of its box: a line for people, and data."""
     for number, pose in enumerate(islice(platform.resolver.things(location, what, log), count), 1):
         x, y, z = pose.position
         line = f"{number}  {_listed(x=x, y=y, z=z, yaw=pose.yaw)}"
@@ -197,15 +200,15 @@ def _things(
 
 
 def _frame(location: Location, what: str | None, platform: Platform) -> dict[str, str]:
-    """Whose sides are meant, by what is said of them."""
+    """Return whose sides are meant, by the words of the phrase."""
     scene, (x, y, _) = platform.scene, platform.base()
     if what is None:
         return sides(base_demand(location, scene, (x, y)), scene)
     return sides(thing_demand(location, what, scene, (x, y)), scene)
 
 
-def _told(frame: Mapping[str, str], platform: Platform) -> Iterator[str]:
-    """A line for each side."""
+def _frame_lines(frame: Mapping[str, str], platform: Platform) -> Iterator[str]:
+    """Yield a line for each side."""
     x, y, _ = platform.base()
     for words, whose in frame.items():
         seen = f"as seen from the robot at {_listed(x=x, y=y)}"
@@ -213,7 +216,7 @@ def _told(frame: Mapping[str, str], platform: Platform) -> Iterator[str]:
 
 
 def _listed(**numbers: float) -> str:
-    """Numbers of a pose [m, rad] with their names; nothing is less than nothing."""
+    """Return the numbers of a pose [m, rad] with their names; adding zero avoids -0.000."""
     return "  ".join(f"{name} {round(number, 3) + 0.0:.3f}" for name, number in numbers.items())
 
 
@@ -250,11 +253,11 @@ def _resolved(
         "counts": counts,
         "blocking": blocking,
     }
-    lines = [phrase, *_told(frame, platform), *(f"  {line}" for line, _ in places)]
+    lines = [phrase, *_frame_lines(frame, platform), *(f"  {line}" for line, _ in places)]
     if not places:
-        said = str(failure).replace(f": {location}", "", 1)  # the phrase says it already
-        data |= {"failure": [type(failure).__name__], "message": said}
-        lines.append(said)
+        message = str(failure).replace(f": {location}", "", 1)  # the phrase is printed above
+        data |= {"failure": [type(failure).__name__], "message": message}
+        lines.append(message)
     elif counts:
         lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in counts.items())}")
     if options.explain is not None:
@@ -266,7 +269,7 @@ def _resolved(
         arms = [place.get("arm", "") for _, place in places]
         details = [arm if not arm or arm.endswith("arm") else f"{arm} arm" for arm in arms]
         resolution = Resolution(options.phrase, bases, log.places, log.scored, log.refused, counts, blocking, details)
-        scenery = scenery_of(platform, location, meant.values(), None if what is None else meant[what])
+        scenery = scenery_of(platform.scene, location, meant.values(), None if what is None else meant[what])
         write_complete(options.explain, lambda temporary: save_picture(temporary, scenery, resolution))
         data["picture"] = str(options.explain)
-    return Answer(DONE if places else FAILED, tuple(found), "\n".join(lines), data)
+    return Answer(ExitCode.DONE if places else ExitCode.FAILED, tuple(found), "\n".join(lines), data)

@@ -1,4 +1,4 @@
-"""Hands what an arm holds to a person: offers it, feels it being taken, only then opens the gripper."""
+"""The process module of handovers: offers what an arm holds, feels it being taken, only then opens the gripper."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from planlang.failures import (
     GripperFailure,
     HandoverNotTaken,
 )
+from planlang.modules import process_module
 
 PATIENCE = 15.0
-"""How long an object is offered [s]."""
+"""How long an object is offered [s]: long enough to notice it and to reach out."""
 
 
+@process_module
 class Handover:
-    """Offers and lets go."""
+    """Offers what an arm holds until somebody takes it."""
 
     name = "handover"
     actions = ("HandingOverAnObject",)
@@ -29,11 +31,11 @@ class Handover:
         self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """The arm that holds the object."""
+        """Return the arm that holds the object."""
         return tuple(arm.name for arm in self._arm(action))
 
     async def execute(self, action: Action) -> str:
-        """Hand over ``object_acted_on`` (default: what is held); the name of the person who took it."""
+        """Hand over ``object_acted_on`` (default: what is held); return the name of the person who took it."""
         arms = self._arm(action)
         if not arms:
             raise ActionUnresolvable("no arm holds what is to be handed over", designator=str(action))
@@ -42,13 +44,13 @@ class Handover:
         assert held is not None
         recipient = action.get("recipient")
         wanted = str(recipient) if isinstance(recipient, Person) else None
-        person = await wait_for(platform.taken(held.name), timeout=PATIENCE)
+        person = await wait_for(platform.hands.taken(held.name), timeout=PATIENCE)
         if person is None:
             raise HandoverNotTaken(what=held.name, recipient=wanted)
         if isinstance(recipient, Person) and platform.scene.bodies.bind(recipient) != person:
             raise HandoverNotTaken(f"{person} takes {held.name} instead of {wanted}", what=held.name, recipient=wanted)
-        platform.let_go(held.name, to=person)
-        await platform.move_gripper(arm, closed=False)
+        platform.hands.let_go(held.name, to=person)
+        await platform.hands.move(arm, closed=False)
         return str(person)
 
     def _arm(self, action: Action) -> list[ArmModel]:

@@ -1,12 +1,14 @@
-"""Points the camera at things."""
+"""The process module of the head: points the camera at things."""
 
 from __future__ import annotations
 
 from executive.modules.platform import Platform
 from planlang.designators import Action, Object
 from planlang.failures import ActionUnresolvable, DesignatorFailure, LookingFailure
+from planlang.modules import process_module
 
 
+@process_module
 class Head:
     """Turns the neck so that an object is in the middle of the picture."""
 
@@ -18,7 +20,7 @@ class Head:
         self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """The head."""
+        """Return the head."""
         return ("head",)
 
     async def execute(self, action: Action) -> None:
@@ -26,5 +28,6 @@ class Head:
         what = action.get("object_acted_on")
         if not isinstance(what, Object):
             raise ActionUnresolvable("looking at something needs object_acted_on", designator=str(action))
-        name = self.platform.scene.bodies.bind(what)
-        await self.platform.look_at(self.platform.scene.bodies.block(name).centre, name)
+        scene = self.platform.scene
+        name = scene.bodies.bind(what)
+        await self.platform.sensing.look_at(scene.bodies.block(name).centre, name)

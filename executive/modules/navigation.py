@@ -1,4 +1,4 @@
-"""Drives the base: plans in the believed world, drives in the real one, learns from what it bumps into."""
+"""The process module of the base: plans in the planning scene, drives in the true world, learns from contacts."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from planlang.failures import (
     NavigationGoalNotReached,
     NavigationPoseUnreachable,
 )
+from planlang.modules import process_module
 from planlang.protocols import Trajectory
 
 REPLANS = 3
-"""How often a path is planned anew around an obstacle that was not believed to be there."""
+"""Paths that are planned around obstacles that were not believed to be there: then the plan decides."""
 
 
+@process_module
 class Navigation:
-    """Moves the base to a pose, or to the best place of a location."""
+    """Moves the base to a pose, or to the best base pose of a location."""
 
     name = "navigation"
     actions = ("Translation-LocationChange",)
@@ -33,22 +35,22 @@ class Navigation:
         self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """The base."""
+        """Return the base."""
         return ("base",)
 
     async def execute(self, action: Action) -> None:
-        """Drive to ``x``, ``y``, ``yaw``, or to a place that satisfies ``to_location``."""
+        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``."""
         goal = self._goal(action)
         blocked_by: str | None = None
         for _ in range(REPLANS):
             if _close(goal, self.platform.base()):
                 return
             motion = await self.platform.follow("base", self._path(goal))
-            self.platform.base_moved()
+            self.platform.drive.moved()
             if motion.state == "done":
                 return
             blocked_by = motion.blocked_by
-            self.platform.bump(blocked_by)
+            self.platform.sensing.bump(blocked_by)
         raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
 
     def _goal(self, action: Action) -> BasePose:
@@ -61,7 +63,7 @@ class Navigation:
 
     def _path(self, goal: BasePose) -> Trajectory:
         try:
-            return self.platform.base_path(goal)
+            return self.platform.drive.path(goal)
         except GoalInCollision as problem:
             raise NavigationGoalInCollision(target=goal, blocked_by=_blocking(problem)) from problem
         except StartInCollision as problem:

@@ -1,4 +1,4 @@
-"""Looks for things: where they are believed to be first, then over what they are believed to stand on."""
+"""The process module of perception: looks where a thing is believed to be, then over what it stands on."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ from planlang.failures import (
     PerceptionFailure,
 )
 from planlang.geometry import Array, Pose
+from planlang.modules import process_module
 
 MOST_GAZES = 6
-"""Directions that are looked into before an object counts as not found."""
+"""Directions that are looked into before an object counts as not found; 0.3 m apart they cover 0.6 m by 0.9 m."""
 
 
+@process_module
 class Perception:
     """Turns the head and asks the camera; everything seen changes the belief."""
 
@@ -33,11 +35,11 @@ class Perception:
         self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """The head."""
+        """Return the head."""
         return ("head",)
 
     async def execute(self, action: Action) -> Pose:
-        """Look for ``object_acted_on``; its pose as seen, or ObjectNotFound."""
+        """Look for ``object_acted_on``; return its pose as seen, or raise ObjectNotFound."""
         what = action.get("object_acted_on")
         if not isinstance(what, Object):
             raise ActionUnresolvable("perceiving needs object_acted_on", designator=str(action))
@@ -48,20 +50,20 @@ class Perception:
             if count == MOST_GAZES:
                 break
             try:
-                await platform.look_at(point, name)
+                await platform.sensing.look_at(point, name)
             except LookingGoalUnreachable as failure:
                 beyond = beyond or failure
                 continue
-            if name in platform.see():
-                return platform.believed_pose(name)
-        platform.not_seen(name)
+            if name in platform.sensing.see():
+                return platform.belief.pose(name)
+        platform.sensing.not_seen(name)
         raise ObjectNotFound(what=name) from beyond
 
     def _gazes(self, name: str) -> Iterator[Array]:
-        """Points (3,) to look at: the believed place, then over its support, nearest to that place first."""
+        """Yield points (3,) to look at: the believed place, then over its support, nearest to that place first."""
         block = self.platform.scene.bodies.block(name)
         yield block.centre
-        support = self.platform.support_of(name)
+        support = self.platform.sensing.support_of(name)
         if support is None:
             return
         points = support.grid(0.3, 0.1)

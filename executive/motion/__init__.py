@@ -14,11 +14,9 @@ from executive.motion.base_path import plan_base_path
 from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
 from executive.motion.collision import QuickCheck
 from executive.motion.errors import (
-    BadRobotDescription,
     GoalInCollision,
     MotionError,
     NoPath,
-    NoSuchChain,
     OutsideLimits,
     StartInCollision,
 )
@@ -29,7 +27,6 @@ from executive.motion.timing import time_curve, time_path
 from executive.motion.tip_line import TipLine, cartesian_path, keeps_line
 
 __all__ = [
-    "BadRobotDescription",
     "Boxes",
     "Chain",
     "Gaze",
@@ -39,7 +36,6 @@ __all__ = [
     "JointSpace",
     "MotionError",
     "NoPath",
-    "NoSuchChain",
     "OutsideLimits",
     "QuickCheck",
     "StartInCollision",

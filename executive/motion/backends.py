@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.urdf import Joint, Variable
+from executive.motion.symbolic import Variable
 from planlang.geometry import Array
+from planlang.geometry.urdf import Joint
 
 if TYPE_CHECKING:
     from executive.motion.body_arrays import Bodies

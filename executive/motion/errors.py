@@ -2,32 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 
 class MotionError(Exception):
     """Root of everything that motion planning raises on purpose."""
-
-
-class BadRobotDescription(MotionError):
-    """A URDF file cannot be used: what is wrong with it, and where."""
-
-    def __init__(self, path: Path, problem: str) -> None:
-        self.path = path
-        self.problem = problem
-        super().__init__(f"{path}: {problem}")
-
-
-class NoSuchChain(MotionError):
-    """Two links do not hang together as base and tip of one chain."""
-
-    def __init__(self, base_link: str, tip_link: str, problem: str, links: Iterable[str]) -> None:
-        self.base_link = base_link
-        self.tip_link = tip_link
-        self.links = tuple(links)
-        shown = ", ".join(self.links[:12]) + (", ..." if len(self.links) > 12 else "")
-        super().__init__(f"no chain from {base_link!r} to {tip_link!r}: {problem} (links: {shown})")
 
 
 class StartInCollision(MotionError):

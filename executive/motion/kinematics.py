@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from executive.motion.backends import Backend, ChainFacts, Solver, backend
-from executive.motion.errors import NoSuchChain
-from executive.motion.urdf import KINDS, Joint, Variable, joints_between, read_joints
+from executive.motion.symbolic import Variable
 from planlang.geometry import Array
+from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, joints_between, read_urdf
 
 POSITION_TOLERANCE = 1e-4
 """How far a solution's tip may be from its target [m]."""
@@ -69,10 +69,10 @@ class Chain:
     ) -> Chain:
         """Read a chain; ``locked`` joints keep the position given, or the one nearest to zero within their limits.
 
-        Raises :class:`BadRobotDescription` for a file that is not a usable URDF, :class:`NoSuchChain` for links that
+        Raises BadInput for a file that is not a usable URDF, :class:`NoSuchChain` for links that
         do not form a chain with at least one moving joint of the kinds revolute, continuous and prismatic.
         """
-        every = read_joints(Path(path))
+        every = read_urdf(Path(path)).joints
         joints = joints_between(every, base_link, tip_link)
         links = [joint.child for joint in every]
         at = dict(locked) if isinstance(locked, Mapping) else dict.fromkeys(locked, 0.0)

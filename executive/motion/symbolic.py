@@ -9,9 +9,18 @@ from typing import Any
 import casadi
 import numpy as np
 
-from executive.motion.urdf import Joint, Variable, displacement
 from planlang.geometry import Array
 from planlang.geometry.matrices import cross_matrix
+from planlang.geometry.urdf import Joint, displacement
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """How a joint of a chain gets its position: ``multiplier * q[index] + offset``; index None is a fixed position."""
+
+    index: int | None
+    multiplier: float = 1.0
+    offset: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from executive.cli.outputs import replace
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.pictures.drawing import blended
 from executive.pictures.reach_picture import SCALE
 from executive.pictures.recording import placed, stream_to
 from executive.pictures.shapes import Drawn
 from executive.robots.arms import ArmModel
+from planlang.outputs import replace
 
 if TYPE_CHECKING:
     import rerun

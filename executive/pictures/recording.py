@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from executive.cli.outputs import replace
-from executive.cli.progress import line_of
 from executive.pictures.shapes import Drawn, Shape
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.geometry import Pose
@@ -62,17 +60,8 @@ class Recording:
         """Keep a line about the plan."""
         self._events.append((step, text))
 
-    def listen(self, record: Mapping[str, Any]) -> None:
-        """Keep what a record of the trace says to people, if anything."""
-        line = line_of(record)
-        if line is not None:
-            self.event(record["step"], line)
-
     def save(self, path: Path) -> None:
-        """Write the recording, complete or not at all. Raises BadInput when ``path`` cannot be written."""
-        replace(path, self._write)
-
-    def _write(self, path: Path) -> None:
+        """Write the recording."""
         import rerun
 
         stream = stream_to(path, self._title, _blueprint())

@@ -7,9 +7,9 @@ from functools import partial
 
 import numpy as np
 
+from executive.belief.planning_scene import PlanningScene
 from executive.locations.areas import Facing
 from executive.locations.relations import base_demand, thing_demand
-from executive.modules.platform import Platform
 from executive.pictures.floor_plan import Outline, Region, Scenery
 from planlang.designators import Location
 from planlang.failures import LocationUnresolvable
@@ -19,10 +19,10 @@ from planlang.geometry.outline import outline_of
 
 
 def scenery_of(
-    platform: Platform, location: Location, meant: Collection[str], placed_thing: str | None = None
+    scene: PlanningScene, location: Location, meant: Collection[str], placed_thing: str | None = None
 ) -> Scenery:
     """The room as it is believed; places are as large as the base, or as a thing that is placed."""
-    world = platform.scene.world
+    world = scene.world
     bodies = []
     tops = {name: float(corners(world.pose(name), world.scene.body(name).size)[:, 2].max()) for name in world.names()}
     for name in sorted(tops, key=lambda name: tops[name]):  # what is on top is drawn last
@@ -30,25 +30,25 @@ def scenery_of(
         if body.shape == "room" or name in world.attached():
             continue
         if body.shape == "cylinder":
-            block = platform.scene.bodies.block(name)
+            block = scene.bodies.block(name)
             turns = np.arange(32) * 2 * np.pi / 32
             circle = np.column_stack([block.half_x * np.cos(turns), block.half_y * np.sin(turns)])
             points = block.to_map(circle)
         else:
             points = outline_of(corners(world.pose(name), body.size)[:, :2])
         kind = "meant" if name in meant else body.shape if body.shape in ("person", "marker") else "solid"
-        facing = platform.scene.bodies.front(name) if body.shape == "person" else None
+        facing = scene.bodies.front(name) if body.shape == "person" else None
         bodies.append(Outline(name, points, kind, facing))
-    robot = platform.robot.base.radius
+    robot = scene.base_radius
     size = robot if placed_thing is None else max(world.size(placed_thing)[:2]) / 2
-    regions = list(_regions(platform, location, placed_thing))
+    regions = list(_regions(scene, location, placed_thing))
     on_floor = placed_thing is None
-    return Scenery(world.scene.bounds, bodies, size, platform.base(), robot, regions, on_floor)
+    return Scenery(world.scene.bounds, bodies, size, scene.base(), robot, regions, on_floor)
 
 
-def _regions(platform: Platform, location: Location, placed_thing: str | None) -> Iterator[Region]:
+def _regions(scene: PlanningScene, location: Location, placed_thing: str | None) -> Iterator[Region]:
     """Where each conjunct about the floor holds, for the base or for a thing."""
-    scene, (x, y, _) = platform.scene, platform.base()
+    x, y, _ = scene.base()
     try:
         if placed_thing is None:
             areas = base_demand(location, scene, (x, y)).areas

@@ -8,23 +8,28 @@ recipe, and ``remedies`` tells where what is missing could be had.
 """
 
 from executive.robots.binding import bind_robot, robots
-from executive.robots.finding import Availability, Finding
-from executive.robots.matching import Missing, missing_capabilities
+from executive.robots.finding import Availability, Finding, FindingKind
+from executive.robots.matching import Missing, missing_capabilities, possessions_of
 from executive.robots.requirements import Semantics, requirements
-from executive.robots.robot import Arm, BaseDrive, Gripper, JointLimits, Robot
+from executive.robots.robot import CARRYING, Arm, BaseDrive, Gripper, JointLimits, Robot
+from executive.robots.tasks import match
 
 __all__ = [
+    "CARRYING",
     "Arm",
     "Availability",
     "BaseDrive",
     "Finding",
+    "FindingKind",
     "Gripper",
     "JointLimits",
     "Missing",
     "Robot",
     "Semantics",
     "bind_robot",
+    "match",
     "missing_capabilities",
+    "possessions_of",
     "requirements",
     "robots",
 ]

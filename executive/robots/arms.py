@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from executive.motion import Chain, Gaze, InverseKinematics
-from executive.motion.urdf import Joint, displacement, joints_between, read_joints
 from executive.robots import Arm, Robot
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
+from planlang.geometry.urdf import Joint, displacement, joints_between, read_urdf
 from planlang.protocols import Configuration
 from sim import PyBulletWorld
 
@@ -126,7 +126,7 @@ def gaze_of(robot: Robot) -> Gaze | None:
     if robot.camera is None:
         return None
     posture = robot.postures.get("carrying", {})
-    joints = joints_between(read_joints(robot.urdf), robot.base_link, robot.camera.link)
+    joints = joints_between(read_urdf(robot.urdf).joints, robot.base_link, robot.camera.link)
     still = {joint.name: posture.get(joint.name, 0.0) for joint in joints if joint.kind != "fixed"}
     if not robot.neck:
         return Gaze.fixed(_pose(joints, still), robot.camera.forward)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.motion import BadRobotDescription
 from executive.robots.limbs import Limbs, renamed, with_camera_neck
 from executive.robots.mechanism import Mechanism
 from executive.robots.naming import Naming
@@ -25,9 +24,9 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
 from planlang.geometry.matrices import inverse, product
 from planlang.ontology import Ontology, load
-from planlang.resources import bundled
+from planlang.resources import Bundled
 from sim import CameraModel
-from sim.urdf import read_description
+from sim.description import read_description
 
 
 def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders: Iterable[Path] = ()) -> Robot:
@@ -60,14 +59,14 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
 
 def robots() -> tuple[str, ...]:
     """Names of the bundled robots, sorted."""
-    return tuple(sorted(path.stem for path in (bundled("ontologies") / "robots").glob("*.toml")))
+    return tuple(sorted(path.stem for path in Bundled.ROBOT.folder.glob("*.toml")))
 
 
 def _bundled_file(name: str) -> Path:
     if name not in robots():
         help = f"give the path of a file, or the name of a bundled robot: {', '.join(robots())}"
         raise BadInput([error("B008", f"there is no robot {name}", None, help)])
-    return bundled("ontologies") / "robots" / f"{name}.toml"
+    return Bundled.ROBOT.folder / f"{name}.toml"
 
 
 def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
@@ -108,7 +107,7 @@ def _matching(model: SelfModel) -> RobotFile | None:
             return numbers
         if not _mentions(numbers.urdf, said):
             continue
-        mechanism = _mechanism(numbers.urdf)
+        mechanism = Mechanism(numbers.urdf)
         common = sum(mechanism.actuated(joint) for joint in sorted(said))
         whole = any(said.issuperset(mechanism.movers(arm.tip)) for arm in numbers.arms)
         if whole and (best is None or common > best[0]):
@@ -118,11 +117,11 @@ def _matching(model: SelfModel) -> RobotFile | None:
 
 def _numbers_for(urdf: Path) -> RobotFile | None:
     """The numbers of the bundled robot whose arms are those of a URDF: same joints, same lengths."""
-    mechanism = _mechanism(urdf)
+    mechanism = Mechanism(urdf)
     for numbers in _installed():
         if not _mentions(numbers.urdf, mechanism.joints):
             continue
-        bundled_one = _mechanism(numbers.urdf)
+        bundled_one = Mechanism(numbers.urdf)
         if has_errors(_check(numbers, mechanism)) or not numbers.arms:
             continue
         if all(_same_arm(mechanism, bundled_one, arm.tip) for arm in numbers.arms):
@@ -142,15 +141,8 @@ def _same_arm(one: Mechanism, other: Mechanism, tip: str) -> bool:
     return bool(np.allclose(mine, others, atol=0.002))
 
 
-def _mechanism(urdf: Path) -> Mechanism:
-    try:
-        return Mechanism(urdf)
-    except BadRobotDescription as problem:
-        raise BadInput([error("B009", problem.problem, Span(str(urdf)))]) from None
-
-
 def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Robot:
-    mechanism = _mechanism(urdf)
+    mechanism = Mechanism(urdf)
     found = list(read_description(urdf).diagnostics)
     if numbers is not None:
         found += _check(numbers, mechanism)

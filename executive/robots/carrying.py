@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from executive.modules.platform import CARRYING
 from executive.motion import Chain, InverseKinematics
-from executive.robots import Arm, Robot
+from executive.robots.robot import CARRYING, Arm, Robot
 from planlang.diagnostics import note
 from planlang.geometry import Array
 from planlang.geometry.matrices import product

@@ -1,4 +1,4 @@
-"""What was found when a task was compared with a robot: a tree of reasons, as text and as data."""
+"""The result of comparing a task with a robot: a tree of reasons, as text and as data."""
 
 from __future__ import annotations
 
@@ -11,23 +11,37 @@ from planlang.diagnostics import Span
 
 
 class Availability(Enum):
-    """Whether something is there."""
+    """Whether a robot has something."""
 
     AVAILABLE = "available"
     MISSING = "missing"
     UNKNOWN = "unknown"
 
 
+class FindingKind(Enum):
+    """What a node of the tree is about."""
+
+    TASK = "task"
+    ACTION = "action"
+    ALTERNATIVES = "alternatives"
+    CAPABILITY = "capability"
+    COMPONENT = "component"
+
+
+NEEDED = (FindingKind.CAPABILITY, FindingKind.COMPONENT)
+"""Kinds that a robot has or lacks; the others are parts of the task."""
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A node: ``kind`` is "task", "action", "alternatives", "capability" or "component".
+    """A node of the tree of reasons.
 
-    ``iri`` is None for an expression; ``span`` is where the robot says that it has it, ``required`` where that it is
-    needed is stated; ``remedy`` tells where what is missing could be had. What does not count is told for the reason
-    alone: a part of a combination, or what leads back to itself.
+    ``iri`` is None for an expression; ``span`` is where the robot claims it, ``required`` where the requirement is
+    stated; ``remedy`` says where a missing thing could be had. A node that does not count is listed for its reason
+    alone: a part of a combination, or a requirement that leads back to itself.
     """
 
-    kind: str
+    kind: FindingKind
     text: str
     iri: str | None
     state: Availability
@@ -39,23 +53,23 @@ class Finding:
     counts: bool = True
 
     def walk(self, path: tuple[Finding, ...] = ()) -> Iterator[tuple[Finding, tuple[Finding, ...]]]:
-        """This and everything below it that counts, each with the findings that it stands under, outermost first."""
+        """Yield this and everything below it that counts, each with the findings above it, outermost first."""
         yield self, path
         for one in self.below:
             if one.counts:
                 yield from one.walk((*path, self))
 
     def lines(self, *, all_of_it: bool = True) -> Iterator[str]:
-        """The tree as lines of text; else only what is not available, and what it stands under."""
+        """Yield the tree as lines of text; without ``all_of_it`` only what is not available, and what is above that."""
         yield from self._lines("", "", all_of_it, set())
 
-    def _lines(self, first: str, rest: str, all_of_it: bool, told: set[tuple[str, str]]) -> Iterator[str]:
-        key = (self.kind, self.iri or self.text)
-        repeated = bool(self.below) and self.kind == "capability" and key in told
-        told.add(key)
-        label = self.text if self.kind in ("task", "action", "alternatives") else f"{self.kind} {self.text}"
+    def _lines(self, first: str, rest: str, all_of_it: bool, shown: set[tuple[str, str]]) -> Iterator[str]:
+        key = (self.kind.value, self.iri or self.text)
+        repeated = bool(self.below) and self.kind is FindingKind.CAPABILITY and key in shown
+        shown.add(key)
+        label = f"{self.kind.value} {self.text}" if self.kind in NEEDED else self.text
         reason = f": {self.reason}" if self.reason else ""
-        where = f" ({self.span})" if self.span is not None and self.kind in ("capability", "component") else ""
+        where = f" ({self.span})" if self.span is not None and self.kind in NEEDED else ""
         yield f"{first}{label} - {self.state.value}{reason}{where}{'; see above' if repeated else ''}"
         if self.remedy:
             yield f"{rest}   {self.remedy}"
@@ -65,11 +79,11 @@ class Finding:
         for one in below:
             last = one is below[-1]
             corner, beam = ("`- ", "   ") if last else ("|- ", "|  ")
-            yield from one._lines(rest + corner, rest + beam, all_of_it, told)
+            yield from one._lines(rest + corner, rest + beam, all_of_it, shown)
 
     def as_json(self) -> dict[str, Any]:
-        """The tree as JSON data."""
-        data: dict[str, Any] = {"kind": self.kind, "name": self.text, "iri": self.iri, "state": self.state.value}
+        """Return the tree as JSON data."""
+        data: dict[str, Any] = {"kind": self.kind.value, "name": self.text, "iri": self.iri, "state": self.state.value}
         for key, value in (("reason", self.reason), ("remedy", self.remedy)):
             if value:
                 data[key] = value
@@ -82,7 +96,7 @@ class Finding:
 
 
 def together(states: Iterable[Availability], *, any_of: bool = False) -> Availability:
-    """What all of some states come to, or the best of them; nothing at all is available."""
+    """Return the worst of some states, or the best with ``any_of``; AVAILABLE for none at all."""
     found = set(states)
     order = [Availability.MISSING, Availability.UNKNOWN, Availability.AVAILABLE]
     if any_of:

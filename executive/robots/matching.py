@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from executive.robots.closed_world import ClosedWorld, compared
-from executive.robots.finding import Availability, Finding, together
+from executive.robots.finding import NEEDED, Availability, Finding, FindingKind, together
 from executive.robots.parts import Part
 from executive.robots.requirements import Requirement, Semantics, requirements_of
 from executive.robots.robot import Robot
@@ -58,10 +58,10 @@ class Missing:
     """Something that a task requires and a robot does not have, or may not have."""
 
     iri: str
-    kind: str
-    """"capability" or "component"."""
-    state: str
-    """"missing", or "unknown" when neither the self-model nor the vocabulary says enough."""
+    kind: FindingKind
+    """CAPABILITY or COMPONENT."""
+    state: Availability
+    """MISSING, or UNKNOWN when neither the self-model nor the vocabulary says enough."""
     because: tuple[str, ...]
     """Classes from the action to the requirement, each depending on the next (IRIs)."""
     reason: str
@@ -72,21 +72,21 @@ class Missing:
         return local_name(self.iri)
 
     def __str__(self) -> str:
-        return f"{self.kind} {self.name}: {self.reason} (required by {' > '.join(map(local_name, self.because))})"
+        return f"{self.kind.value} {self.name}: {self.reason} (required by {' > '.join(map(local_name, self.because))})"
 
 
 def missing_capabilities(ontology: Ontology, actions: Iterable[str], robot: Robot) -> tuple[Missing, ...]:
     """What action classes (a task with all its steps) require and the robot lacks or may lack, capabilities first."""
     judge = Judge(ontology, possessions_of(robot))
-    found: dict[tuple[str, str], Missing] = {}
+    found: dict[tuple[FindingKind, str], Missing] = {}
     for action in dict.fromkeys(actions):
         for finding, path in judge.action(action).walk():
-            if finding.kind in ("capability", "component") and finding.state is not AVAILABLE:
+            if finding.kind in NEEDED and finding.state is not AVAILABLE:
                 because = tuple(one.iri or one.text for one in (*path, finding))
                 what = finding.iri or finding.text
-                missing = Missing(what, finding.kind, finding.state.value, because, finding.reason)
+                missing = Missing(what, finding.kind, finding.state, because, finding.reason)
                 found.setdefault((finding.kind, what), missing)
-    return tuple(sorted(found.values(), key=lambda one: one.kind))
+    return tuple(sorted(found.values(), key=lambda one: one.kind.value))
 
 
 class Judge:
@@ -105,13 +105,13 @@ class Judge:
         below = tuple(self.requirement(one) for one in requirements_of(self.ontology, cls, self.semantics))
         closed = (one for top in below for one, _ in top.walk())
         state = together(one.state for one in (below if self.semantics is Semantics.ORIGINAL else closed))
-        return Finding("action", text or local_name(cls), cls, state, "", span, below)
+        return Finding(FindingKind.ACTION, text or local_name(cls), cls, state, "", span, below)
 
     def requirement(self, needed: Requirement) -> Finding:
         """Whether one requirement is met."""
-        if needed.kind == "capability" and needed.name is not None:
+        if needed.kind is FindingKind.CAPABILITY and needed.name is not None:
             return replace(self.capability(self._class_of(needed.name)), required=needed.span)
-        if needed.kind == "capability":
+        if needed.kind is FindingKind.CAPABILITY:
             return self._expressed_capability(needed)
         return self.component(needed)
 
@@ -140,7 +140,7 @@ class Judge:
             return UNKNOWN
 
         state = judged(needed.expression)
-        return Finding("capability", needed.text, None, state, "", None, tuple(below), required=needed.span)
+        return Finding(FindingKind.CAPABILITY, needed.text, None, state, "", None, tuple(below), required=needed.span)
 
     # -- components
 
@@ -154,15 +154,15 @@ class Judge:
         if enough:
             named = ", ".join(part.name for part in found[:3]) + (", ..." if len(found) > 3 else "")
             span = next((part.span for part in found if part.span), None)
-            return Finding("component", text, name, AVAILABLE, named or "none", span, (), needed.span)
+            return Finding(FindingKind.COMPONENT, text, name, AVAILABLE, named or "none", span, (), needed.span)
         who = self.robot.robot
         if enough is None or (name is not None and not self.world.is_known(name)):
-            return Finding("component", text, name, UNKNOWN, "nothing says what that is", None, (), needed.span)
+            return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, "no ontology defines it", None, (), needed.span)
         if self.robot.model is None and not found and not self._shows(name):
             reason = f"{who} has no self-model that would tell"
-            return Finding("component", text, name, UNKNOWN, reason, None, (), needed.span)
+            return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, reason, None, (), needed.span)
         reason = f"{who} has {f'only {len(found)}' if found and kind != 'max' else len(found) or 'none'}"
-        return Finding("component", text, name, MISSING, reason, None, (), needed.span)
+        return Finding(FindingKind.COMPONENT, text, name, MISSING, reason, None, (), needed.span)
 
     def _fits(self, part: Part, needed: Requirement) -> bool | None:
         name = needed.name
@@ -200,7 +200,9 @@ class Judge:
         """Whether the robot has a capability: claims it and has the components, or has all that it takes."""
         if cls not in self._known:
             if cls in self._open:  # not remembered: it may be there by another way
-                return Finding("capability", local_name(cls), cls, MISSING, "it depends on itself", counts=False)
+                return Finding(
+                    FindingKind.CAPABILITY, local_name(cls), cls, MISSING, "it depends on itself", counts=False
+                )
             self._open[cls] = None
             finding = self._judged(cls)
             del self._open[cls]
@@ -212,8 +214,8 @@ class Judge:
     def _judged(self, cls: str) -> Finding:
         """A capability with everything that it takes; what a claimed one takes is required all the same."""
         needed = requirements_of(self.ontology, cls, self.semantics)
-        components = [self.requirement(one) for one in needed if one.kind == "component"]
-        capabilities = [self.requirement(one) for one in needed if one.kind == "capability"]
+        components = [self.requirement(one) for one in needed if one.kind is FindingKind.COMPONENT]
+        capabilities = [self.requirement(one) for one in needed if one.kind is FindingKind.CAPABILITY]
         below = (*components, *capabilities)
         claim = next((one for one in self.robot.claims if self.world.is_below(one, cls)), None)
         disproved = [a for a in map(local_name, self.ontology.ancestors(cls)) if a in self.robot.lacks]
@@ -231,7 +233,7 @@ class Judge:
             state, reason = together(one.state for one in below), "all that it takes is there"
             if state is not AVAILABLE:
                 reason = f"{self.robot.robot} does not claim it and {_lacking(state, below)}"
-        return Finding("capability", local_name(cls), cls, state, reason, span, below)
+        return Finding(FindingKind.CAPABILITY, local_name(cls), cls, state, reason, span, below)
 
     def _claimed(self, cls: str, claim: str, components: Iterable[Finding]) -> tuple[Availability, str]:
         components = tuple(components)

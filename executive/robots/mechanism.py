@@ -7,19 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.motion.urdf import Joint, displacement, read_joints
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
-from sim.urdf import read_description
+from planlang.geometry.urdf import Joint, displacement, read_urdf
 
 
 class Mechanism:
-    """Joints by name, and who hangs from whom; raises BadInput or BadRobotDescription for a bad file."""
+    """Joints by name, and who hangs from whom; raises BadInput for a bad file."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.root = read_description(path).root
-        self.joints: dict[str, Joint] = {joint.name: joint for joint in read_joints(path)}
+        urdf = read_urdf(path)
+        self.root = urdf.root
+        self.joints: dict[str, Joint] = {joint.name: joint for joint in urdf.joints}
         self.above: dict[str, Joint] = {joint.child: joint for joint in self.joints.values()}
         """Link -> the joint it hangs from."""
         self.links: dict[str, None] = {self.root: None}
@@ -29,7 +29,7 @@ class Mechanism:
     def moves(self, name: str) -> bool:
         """Whether a joint of that name exists and moves, by itself or after another one."""
         joint = self.joints.get(name)
-        return joint is not None and joint.kind in ("revolute", "continuous", "prismatic")
+        return joint is not None and joint.moves
 
     def actuated(self, name: str) -> bool:
         """Whether a joint of that name exists and moves by itself."""

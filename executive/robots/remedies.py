@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from executive.robots.finding import Availability, Finding
+from executive.robots.finding import NEEDED, Availability, Finding, FindingKind
 from executive.robots.matching import Judge
 from executive.robots.requirements import requirements_of
 from executive.robots.tasks import Match
@@ -37,25 +37,25 @@ class _Search:
     def told(self, finding: Finding) -> Finding:
         below = tuple(self.told(one) for one in finding.below)
         remedy = ""
-        if finding.iri and finding.state is not Availability.AVAILABLE and finding.kind in ("component", "capability"):
+        if finding.iri and finding.state is not Availability.AVAILABLE and finding.kind in NEEDED:
             had = self.had(finding.kind, finding.iri, ())
             remedy = f"could be had: {', with '.join(had)}" if had else ""
         return replace(finding, below=below, remedy=remedy)
 
-    def had(self, kind: str, cls: str, above: tuple[str, ...]) -> tuple[str, ...]:
+    def had(self, kind: FindingKind, cls: str, above: tuple[str, ...]) -> tuple[str, ...]:
         """What to get so that a missing class is there, with what that takes; nothing if there is no way."""
         if cls in above or len(above) >= DEEPEST:
             return ()
         inside = (*above, cls)
         for special in self._specialisations(cls):
-            if kind == "component" and self._is_hardware(special):
+            if kind is FindingKind.COMPONENT and self._is_hardware(special):
                 continue
             unmet = self._unmet(special)
             needed = [self.had(one.kind, one.iri or "", inside) for one in unmet]
             if any(not one for one in needed):
                 continue
             met = tuple(what for one in needed for what in one)
-            if kind == "component":
+            if kind is FindingKind.COMPONENT:
                 source = next(self._individuals(special), None)
                 if source is not None:
                     return (source, *met)

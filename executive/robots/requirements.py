@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from executive.robots.finding import FindingKind
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Ontology, Term, expand
@@ -13,13 +14,13 @@ from planlang.ontology.described import expression_of, text_of
 from planlang.ontology.expressions import Expression
 
 PROPERTIES = {
-    "capability": expand("srdl2-cap:dependsOnCapability"),
-    "component": expand("srdl2-comp:dependsOnComponent"),
+    FindingKind.CAPABILITY: expand("srdl2-cap:dependsOnCapability"),
+    FindingKind.COMPONENT: expand("srdl2-comp:dependsOnComponent"),
 }
 WORDS = {
-    "dependsOnCapability": "capability",
-    "hasCapabilityDependency": "capability",
-    "dependsOnComponent": "component",
+    "dependsOnCapability": FindingKind.CAPABILITY,
+    "hasCapabilityDependency": FindingKind.CAPABILITY,
+    "dependsOnComponent": FindingKind.COMPONENT,
 }
 """The same by local names, and that of 2010: SRDL has them in several namespaces."""
 
@@ -39,12 +40,12 @@ class Semantics(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """One restriction: ``kind`` is "capability" or "component", ``quantifier`` as in Restriction.
+    """One restriction: ``kind`` is CAPABILITY or COMPONENT, ``quantifier`` as in Restriction.
 
     ``number`` is that of a cardinality, else 1.
     """
 
-    kind: str
+    kind: FindingKind
     quantifier: str
     expression: Expression
     number: int
@@ -70,7 +71,7 @@ def requirements_of(ontology: Ontology, cls: str, semantics: Semantics = Semanti
     checks of the ontology tell of them.
     """
     kinds = {below: kind for kind, prop in PROPERTIES.items() for below in ontology.subproperties(prop)}
-    found: dict[tuple[str, str, Term, int], Requirement] = {}
+    found: dict[tuple[FindingKind, str, Term, int], Requirement] = {}
     for restriction in ontology.inherited_restrictions(cls):
         kind = kinds.get(restriction.property)
         if kind is None and semantics is Semantics.CLOSURE:
@@ -95,13 +96,13 @@ def requirements(ontology: Ontology, actions: Iterable[str]) -> tuple[Mapping[st
 
     Keys are IRIs of classes; of other expressions their text.
     """
-    found: dict[str, dict[str, tuple[str, ...]]] = {"capability": {}, "component": {}}
+    found: dict[FindingKind, dict[str, tuple[str, ...]]] = {kind: {} for kind in PROPERTIES}
     queue: list[tuple[str, tuple[str, ...]]] = [(action, (action,)) for action in dict.fromkeys(actions)]
     for cls, path in queue:
         for needed in requirements_of(ontology, cls):
             key = needed.name or needed.text
             if key not in found[needed.kind]:
                 found[needed.kind][key] = path
-                if needed.kind == "capability" and needed.name is not None:
+                if needed.kind is FindingKind.CAPABILITY and needed.name is not None:
                     queue.append((needed.name, (*path, needed.name)))
-    return found["capability"], found["component"]
+    return found[FindingKind.CAPABILITY], found[FindingKind.COMPONENT]

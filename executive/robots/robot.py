@@ -16,6 +16,9 @@ from sim import CameraModel, RobotBody
 
 Axis = tuple[float, float, float]
 
+CARRYING = "carrying"
+"""The posture in which the robot drives, and from which another base pose can be tried."""
+
 
 @dataclass(frozen=True, slots=True)
 class Gripper:
@@ -141,7 +144,7 @@ class Robot:
         """
         camera = self.camera or CameraModel(self.base_link, near=0.0, far=0.0)
         hands = {arm.hand_link: arm.gripper.finger_links for arm in self.arms if arm.gripper}
-        start = self.postures.get(posture or "carrying", {}) if posture is None else self.postures[posture]
+        start = self.postures.get(posture or CARRYING, {}) if posture is None else self.postures[posture]
         fingers = tuple(pair for links in hands.values() for pair in combinations(links, 2))
         return RobotBody(self.urdf, camera, hands, (*self.allowed_contacts, *fingers), start, tuple(self.limits))
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from executive.robots.finding import Availability, Finding, together
+from executive.robots.finding import NEEDED, Availability, Finding, FindingKind, together
 from executive.robots.matching import Judge, Missing, Possessions
 from executive.robots.requirements import Semantics
 from planlang.designators import local_name
@@ -31,12 +31,12 @@ class Match:
         """False if something is missing, None if something may be."""
         return {Availability.AVAILABLE: True, Availability.MISSING: False}.get(self.tree.state)
 
-    def required(self, kind: str) -> tuple[Finding, ...]:
-        """All capabilities or components ("capability", "component") that the task requires, each once."""
+    def required(self, kind: FindingKind) -> tuple[Finding, ...]:
+        """Return the capabilities, or the components, that the task requires, each once."""
         found: dict[str, Finding] = {}
         for finding, path in self.tree.walk():
-            followed = sum(one.kind == "capability" for one in path)
-            if self.semantics is Semantics.ORIGINAL and followed > (kind == "component"):
+            followed = sum(one.kind is FindingKind.CAPABILITY for one in path)
+            if self.semantics is Semantics.ORIGINAL and followed > (kind is FindingKind.COMPONENT):
                 continue
             if finding.kind == kind:
                 found.setdefault(finding.iri or finding.text, finding)
@@ -44,31 +44,29 @@ class Match:
 
     def in_state(self, state: Availability) -> tuple[Finding, ...]:
         """Required capabilities, then components, that are missing, unknown or available."""
-        return tuple(one for kind in ("capability", "component") for one in self.required(kind) if one.state is state)
+        return tuple(one for kind in NEEDED for one in self.required(kind) if one.state is state)
 
     def lacking(self) -> tuple[Missing, ...]:
         """What is missing, or may be, for the task; not what only an alternative needs for which another stands in."""
-        found: dict[tuple[str, str], Missing] = {}
+        found: dict[tuple[FindingKind, str], Missing] = {}
         for finding, path in self.tree.walk():
-            if finding.kind not in ("capability", "component") or finding.state is Availability.AVAILABLE:
+            if finding.kind not in NEEDED or finding.state is Availability.AVAILABLE:
                 continue
-            choices = [one.state for one in path if one.kind == "alternatives"]
+            choices = [one.state for one in path if one.kind is FindingKind.ALTERNATIVES]
             if Availability.AVAILABLE in choices or (
                 finding.state is Availability.MISSING and any(one is not Availability.MISSING for one in choices)
             ):
                 continue
-            because = tuple(one.iri or one.text for one in (*path, finding) if one.kind != "alternatives")
+            because = tuple(one.iri or one.text for one in (*path, finding) if one.kind is not FindingKind.ALTERNATIVES)
             what = finding.iri or finding.text
-            found.setdefault(
-                (finding.kind, what), Missing(what, finding.kind, finding.state.value, because, finding.reason)
-            )
+            found.setdefault((finding.kind, what), Missing(what, finding.kind, finding.state, because, finding.reason))
         return tuple(found.values())
 
     def lines(self, *, all_of_it: bool = True) -> Iterator[str]:
         """The verdict, the tree, and where what is missing could be had."""
         yield from self.tree.lines(all_of_it=all_of_it)
         for state, verb in ((Availability.MISSING, "lacks"), (Availability.UNKNOWN, "may lack")):
-            names = [f"{one.kind} {one.text}" for one in self.in_state(state)]
+            names = [f"{one.kind.value} {one.text}" for one in self.in_state(state)]
             if names:
                 yield f"{self.robot} {verb} {', '.join(names)}"
         if self.feasible:
@@ -77,7 +75,7 @@ class Match:
     def as_json(self) -> dict[str, Any]:
         """The match as JSON data; names are local ones."""
         data: dict[str, Any] = {"robot": self.robot, "semantics": self.semantics.value, "feasible": self.feasible}
-        for kind, plural in (("capability", "capabilities"), ("component", "components")):
+        for kind, plural in ((FindingKind.CAPABILITY, "capabilities"), (FindingKind.COMPONENT, "components")):
             required = self.required(kind)
             data[f"required_{plural}"] = sorted(one.text for one in required)
             for state in (Availability.MISSING, Availability.UNKNOWN):
@@ -107,7 +105,7 @@ class _Tree:
         performed = [self.step(step, (*above, recipe.iri)) for step in steps]
         state = together(one.state for one in (own, *performed))
         text = recipe.name if not above else f"recipe {recipe.name}"
-        return Finding("task", text, recipe.iri, state, "", recipe.span, (*own.below, *performed))
+        return Finding(FindingKind.TASK, text, recipe.iri, state, "", recipe.span, (*own.below, *performed))
 
     def step(self, step: Step, above: tuple[str, ...]) -> Finding:
         """A step: what its class requires, and the recipe that performs it, or the best of several."""
@@ -116,7 +114,7 @@ class _Tree:
         performed = tuple(self.task(recipe, above) for recipe in inner)
         if len(performed) > 1:
             state = together((one.state for one in performed), any_of=True)
-            performed = (Finding("alternatives", "one of", None, state, "", None, performed),)
+            performed = (Finding(FindingKind.ALTERNATIVES, "one of", None, state, "", None, performed),)
         state = together(one.state for one in (own, *performed))
         text = step.name if step.action == step.name else f"{step.name} ({local_name(step.action)})"
-        return Finding("action", text, step.iri, state, "", step.span, (*own.below, *performed))
+        return Finding(FindingKind.ACTION, text, step.iri, state, "", step.span, (*own.below, *performed))

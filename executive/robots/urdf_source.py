@@ -16,8 +16,8 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from planlang.cache import Cache
+from planlang.geometry.xml_tree import BadXml, Element, read_content, read_tree
 from sim.meshes import places_of
-from sim.xml_tree import BadXml, Element, read_content, read_tree
 
 VERSION = 1
 """Raised whenever the same source is written otherwise."""

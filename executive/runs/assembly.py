@@ -1,8 +1,7 @@
-"""Puts worlds, belief and robot together: what a run needs before it can begin."""
+"""Worlds, belief and robot, put together: what a run needs before it can begin."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -23,20 +22,20 @@ from planlang.ontology import Ontology, expand, shorten
 from sim import PyBulletWorld, Scene, perturb
 
 MOST_STARTS = 5000
-"""Places with room for the base that are looked at for one with room for the arms, too."""
+"""Free base poses that are tried for one where the arms have room, too; 5,000 are a disc of 2 m in the fine grid."""
 
 
 def real_scene(scene: Scene, seed: int, robot_in: PyBulletWorld) -> Scene:
-    """The scene as it might really be, by a seed; ``robot_in`` is a world that has the robot in its first posture."""
+    """Return the scene as it might really be, by a seed; ``robot_in`` is a world with the robot at its start."""
     bands = robot_in.silhouette()
     radius, height = max(radius for _, _, radius in bands), max(high for _, high, _ in bands)
     return perturb(scene, seed, radius=radius, height=height)
 
 
 def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack) -> PyBulletWorld:
-    """A world with the robot at its start: where the user says, else at a free place near the middle.
+    """Return a world with the robot at its start: where the user says, else at a free pose near the middle.
 
-    ``stack`` closes the world. Raises BadInput when there is no place, or something stands where the user says.
+    ``stack`` closes the world. Raises BadInput when there is no free pose, or the user's is not free.
     """
     places = default_starts(scene, robot.base.radius) if start is None else iter((start,))
     first = next(places, None)
@@ -61,8 +60,8 @@ def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: Ex
 
 
 def _nowhere() -> BadInput:
-    advice = "say where with --start x,y,yaw"
-    return BadInput([error("X003", "there is no free place for the robot to start", help=advice)])
+    advice = "name a pose with --start x,y,yaw"
+    return BadInput([error("X003", "there is no free pose for the robot to start at", help=advice)])
 
 
 def _check_start(world: PyBulletWorld) -> None:
@@ -84,14 +83,11 @@ def platform_of(
     truth: PyBulletWorld,
     believed: PyBulletWorld,
     seed: int,
-    say: Callable[[str], None] = lambda line: None,
 ) -> Platform:
-    """A robot in a true and a believed world; ``say`` is told while maps of what its arms reach are built."""
+    """Return a robot in a true and a believed world; its reachability maps are built by :func:`build_maps`."""
     belief = Belief(semantic_map, believed)
     belief.sync(believed, truth.configuration())
-    scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
-    resolver = Resolver(scene)
-    resolver.maps.build(scene.arms.all, partial(mapped, say))
+    planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology
 
     @cache
@@ -102,24 +98,26 @@ def platform_of(
         truth,
         robot,
         belief,
-        scene,
-        resolver,
+        planning_scene,
+        Resolver(planning_scene),
         ancestors,
         releasing(ontology),
         np.random.default_rng(seed),
     )
 
 
+def build_maps(platform: Platform, say: Callable[[str], None]) -> None:
+    """Build the reachability maps that are not in the cache: later the plan would wait for them."""
+    platform.resolver.maps.build(platform.scene.arms.all, partial(mapped, say))
+
+
 def mapped(say: Callable[[str], None], done: int, count: int, what: str) -> None:
-    """Say on a terminal that so many maps of what the arms reach are built: whether they have to be is no result."""
-    if not sys.stderr.isatty():
-        return
-    bar = "#" * done + "-" * (count - done)
-    say(f"mapping what the arms reach, once for this robot [{bar}] {done} of {count}: {what}")
+    """Say that a reachability map is built, which takes seconds and is kept for later runs."""
+    say(f"building reachability maps, once for this robot: {done} of {count} done, {what}")
 
 
 def releasing(ontology: Ontology) -> frozenset[str]:
-    """Action classes whose primitive says that it releases something."""
+    """Return the action classes whose primitive says that it releases something."""
     primitives = [iri for iri in ontology.individuals(expand("Primitive")) if ontology.values(iri, expand("releases"))]
     performed = (cls for iri in primitives for cls in ontology.values(iri, expand("performsAction")))
     return frozenset(shorten(cls) for cls in performed if isinstance(cls, str))

@@ -1,50 +1,67 @@
-"""The executive that plans see: grounds locations, looks facts up in the belief, offers the process modules."""
+"""The executive that plans see: it resolves locations, decides conditions by the belief, offers process modules.
+
+Its state for a trace is about 5 kB of JSON: worlds, belief, random numbers, and choices that are kept.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from dataclasses import astuple
+from typing import Any, Protocol, runtime_checkable
 
-from executive.modules.arm import Reaching
-from executive.modules.gripper import GripperModule
-from executive.modules.handover import Handover
-from executive.modules.head import Head
-from executive.modules.navigation import Navigation
-from executive.modules.perception import Perception
-from executive.modules.platform import CARRYING, Platform
-from executive.runs import memory
+import numpy as np
+
+from executive.belief.free_floor import BasePose
+from executive.locations import Reach, ReachSolution
+from executive.locations.reach import HandTerm
+from executive.locations.ways import HandPlan
+from executive.modules.arm_choice import ArmChoices
+from executive.modules.platform import Platform
+from executive.modules.registry import bundled_modules
+from executive.robots import CARRYING
+from executive.robots.arms import ArmModel
 from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
+from planlang.geometry import Array
 from planlang.language.executive import ProcessModule
 from planlang.protocols import Solution
+from planlang.runs.codec import dump, load
+
+
+@runtime_checkable
+class RestorableWorld(Protocol):
+    """A world whose state can be restored: a simulator."""
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the state as JSON."""
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Continue from a snapshot; raises ValueError for one that does not fit."""
 
 
 class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
-    def __init__(self, platform: Platform) -> None:
+    def __init__(
+        self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]] | None = None
+    ) -> None:
+        """``modules`` are classes of process modules, the bundled ones without it; of equal ones the first is used."""
         self.platform = platform
         self.world_as_left = False
-        """Whether the user says that the world is as a snapshot left it: it is not brought back then."""
-        self.modules: Sequence[ProcessModule] = (
-            Navigation(platform),
-            Reaching(platform),
-            GripperModule(platform),
-            Head(platform),
-            Perception(platform),
-            Handover(platform),
-        )
+        """True if the user states that the world is as a snapshot left it: it is not restored then."""
+        chosen = bundled_modules() if modules is None else modules
+        self.modules: Sequence[ProcessModule] = tuple(create(platform) for create in chosen)
 
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """The class itself and its superclasses, nearest first."""
+        """Return the class itself and its superclasses, nearest first; local names."""
         return self.platform.ancestors(action_type)
 
     def revision(self) -> int:
-        """Counts changes of the belief."""
+        """Return the number of changes of the belief."""
         return self.platform.belief.revision
 
     def solutions(self, location: Location) -> Iterator[Solution]:
-        """Places for the base, lazily, best first; begun anew when the belief has changed in between."""
+        """Yield base poses, best first; the search starts again when the belief has changed in between."""
         while True:
             self.platform.sync()
             revision = self.revision()
@@ -54,20 +71,20 @@ class RobotExecutive:
                     break
 
     def move_to(self, solution: Solution) -> Action:
-        """The base motion that goes to a solution; the arm with which it was found is the plan's choice from now on."""
+        """Return the base motion to a solution; the arm with which it was found is the plan's choice from now on."""
         if (arm := solution.detail.get("arm")) is not None:
-            self.platform.choices.choose(arm)
+            self.platform.arms.choices.choose(arm)
         x, y, yaw = map(float, solution.base)
         return action("Translation-LocationChange", x=x, y=y, yaw=yaw)
 
     def is_at(self, solution: Solution) -> bool:
-        """True while the base is where the solution put it."""
+        """Return whether the base is where the solution put it, to 1 cm and about 1 degree."""
         x, y, yaw = self.platform.base()
         turn = math.remainder(yaw - solution.base[2], 2 * math.pi)
         return math.dist((x, y), solution.base[:2]) < 0.01 and abs(turn) < 0.02
 
     def holds(self, condition: Condition) -> bool:
-        """Whether the belief says so; raises ValueError for a predicate that nothing here decides."""
+        """Return whether the belief says so; raises ValueError for a predicate that nothing here decides."""
         match condition:
             case Condition("holding", (Object() as what,)):
                 return self.platform.scene.bodies.bind(what) in self.platform.belief.held
@@ -82,17 +99,17 @@ class RobotExecutive:
         )
 
     def before_retry(self) -> Iterable[Action]:
-        """Arms go to the carrying posture with what they hold; first the base backs off if there is no room for it."""
+        """Yield motions of the arms to the carrying posture; first the base backs off if there is no room for them."""
         platform = self.platform
         platform.sync()
-        untucked = [arm for arm in platform.scene.arms.all if not platform.is_at(arm, platform.posture(arm, CARRYING))]
+        untucked = platform.arms.untucked()
         if not untucked:
             return
-        room = platform.room_to_tuck(untucked)
+        room = platform.drive.room_for(untucked)
         if room is not None and room != platform.base():
             x, y, yaw = map(float, room)
             yield action("Translation-LocationChange", x=x, y=y, yaw=yaw)
-        for arm in untucked if room is not None else ():
+        for arm, _ in untucked if room is not None else ():
             yield action("Reaching", to_location=a_posture(CARRYING), device_used=self._device(arm.name))
 
     def _device(self, name: str) -> Device:
@@ -100,21 +117,107 @@ class RobotExecutive:
         return Device(f"{(arm.side or '').capitalize()}Arm", arm.iri)
 
     def held(self) -> Sequence[str]:
-        """Names of the objects that the robot holds."""
+        """Return the names of the objects that the robot holds."""
         return tuple(self.platform.belief.held)
 
     def releases(self, action: Action) -> bool:
-        """Whether the action lets go of something, by the vocabulary's primitives."""
+        """Return whether the action lets go of something, by the vocabulary's primitives."""
         return any(cls in self.platform.releasing for cls in self.ancestors(action.type))
 
     def snapshot(self) -> dict[str, Any]:
-        """World and belief as JSON, for the trace."""
-        return memory.snapshot(self.platform)
+        """Return worlds that can be restored, belief, random numbers and kept choices as JSON."""
+        platform, arms = self.platform, self.platform.arms
+        state: dict[str, Any] = {}
+        if isinstance(platform.world, RestorableWorld):
+            state["world"] = platform.world.snapshot()
+        state["believed"] = platform.scene.world.snapshot()
+        state["belief"] = platform.belief.snapshot()
+        state["rng"] = platform.rng.bit_generator.state
+        state["arms"] = arms.choices.state()
+        state["begun"] = [
+            [arm, revision, list(base), _solution_json(solution)]
+            for arm, (revision, base, solution) in arms.begun.items()
+            if revision == platform.belief.revision and base == platform.base()
+        ]
+        state["reached"] = [
+            [arm, list(base), [_solution_json(solution) for solution in solutions.values()]]
+            for (arm, base), solutions in platform.resolver.reached_from(platform.base()).items()
+        ]
+        state["viewers"] = [[dump(location), list(place)] for location, place in platform.resolver.viewers()]
+        return state
 
     def restore(self, left: Mapping[str, Any]) -> None:
-        """Bring belief and world, if it can be brought back, to a snapshot; raises ValueError if it does not fit."""
-        memory.restore(self.platform, left, world=not self.world_as_left)
+        """Restore belief and, unless it is as left, the world to a snapshot; raises ValueError if it does not fit."""
+        platform = self.platform
+        try:
+            if not self.world_as_left and isinstance(platform.world, RestorableWorld):
+                platform.world.restore_state(left["world"])
+            platform.belief.restore(left["belief"])
+            platform.scene.world.restore_state(left["believed"])
+            platform.rng.bit_generator.state = left["rng"]
+            arms = {arm.name: arm for arm in platform.scene.arms.all}
+            platform.arms.choices = ArmChoices.restored(left["arms"], arms)
+            platform.arms.begun = {
+                arms[arm].name: (int(revision), _base(base), _solution(solution, arms))
+                for arm, revision, base, solution in left["begun"]
+            }
+            platform.resolver.remember(
+                {
+                    (arms[arm].name, _base(base)): [_solution(solution, arms) for solution in solutions]
+                    for arm, base, solutions in left["reached"]
+                }
+            )
+            platform.resolver.remember_viewers([_viewer(*viewer) for viewer in left["viewers"]])
+        except (KeyError, TypeError, AttributeError) as problem:
+            raise ValueError(f"the state of the robot is damaged: {problem!r}") from None
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
-        """Belief changes are written into the trace."""
+        """Write changes of the belief into the trace."""
         self.platform.belief.tell = write
+
+
+def _solution_json(solution: ReachSolution) -> list[Any]:
+    plan = solution.plan
+    hand = [plan.label, plan.poses.tolist(), plan.touches, plan.opened]
+    return [_listed(astuple(solution.reach)), solution.arm.name, hand, solution.joints.tolist()]
+
+
+def _listed(value: Any) -> Any:
+    """Return a value with lists for tuples, as JSON gives them back: a state is compared with one that was read."""
+    return [_listed(one) for one in value] if isinstance(value, tuple) else value
+
+
+def _solution(state: Any, arms: Mapping[str, ArmModel]) -> ReachSolution:
+    reach, arm, (label, poses, touches, opened), joints = state
+    plan = HandPlan(str(label), _array(poses, (-1, 4, 4)), touches, bool(opened))
+    return ReachSolution(_reach(*reach), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
+
+
+def _reach(
+    kind: str, body: str, grasp: str | None, some: Any, heights: Any, inside: bool, also: Any, before: bool
+) -> Reach:
+    low, high = heights
+    named = None if some is None else tuple(map(str, some))
+    terms = tuple(_term(*term) for term in also)
+    return Reach(kind, body, grasp, named, (float(low), float(high)), inside, terms, before)
+
+
+def _term(name: str, body: str, within: float | None, beyond: float | None, negated: bool, viewer: Any) -> HandTerm:
+    seen = None if viewer is None else (float(viewer[0]), float(viewer[1]))
+    return HandTerm(name, body, within, beyond, negated, seen)
+
+
+def _viewer(what: Any, place: Any) -> tuple[Location, tuple[float, float]]:
+    location, (x, y) = load(what), place
+    if not isinstance(location, Location):
+        raise TypeError(f"{location!r} is no location")
+    return location, (float(x), float(y))
+
+
+def _array(state: Any, shape: tuple[int, ...]) -> Array:
+    return np.array(state, dtype=float).reshape(shape)
+
+
+def _base(state: Any) -> BasePose:
+    x, y, yaw = state
+    return float(x), float(y), float(yaw)

@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from planlang.compiler.canonical import canonical
 from planlang.compiler.emit import emit
 from planlang.compiler.lowering import Lowering
 from planlang.compiler.recoveries import check_recoveries
+from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, has_errors
 from planlang.kernel.environment import quiet_collector
 from planlang.ontology import Ontology, load
 from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES
-from planlang.recipe import RecipeSet, read_recipe
+from planlang.recipe import read_recipe
 from planlang.recipe.actions import Actions
+from planlang.recipe.model import (
+    Description,
+    Filler,
+    Name,
+    Ordering,
+    Parameter,
+    Place,
+    Reason,
+    Recipe,
+    RecipeSet,
+    StateMachine,
+    Step,
+    Thing,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,3 +110,128 @@ def installed_version() -> str:
         return version("planlang")
     except PackageNotFoundError:
         return "0.1.0"
+
+
+Key = tuple[tuple[int, int, str], ...]
+
+
+def canonical(recipes: RecipeSet, *, data_flow: bool = True) -> RecipeSet:
+    """Return the same recipes in an order of their own; without ``data_flow`` steps pass nothing on.
+
+    Equal statements give equal plans, in whatever order a file makes them: it is a set of triples, in which no step
+    stands before another. Where the recipe leaves an order open, names decide, and numbers in them count as numbers.
+
+    Recipes come in the order of first use, the task first, as that of steps tells it.
+    """
+    known = {iri: _recipe(recipe, data_flow=data_flow) for iri, recipe in recipes.recipes.items()}
+    found: dict[str, Recipe] = {}
+    waiting = [recipes.task]
+    while waiting:
+        iri = waiting.pop()
+        if iri not in found:
+            found[iri] = known[iri]
+            waiting += reversed([callee for step in known[iri].steps for callee in step.recipes])
+    return replace(recipes, recipes=found)
+
+
+def natural(name: str) -> Key:
+    """A key that sorts names as people do: ``pour2`` before ``pour10``."""
+    parts = re.split(r"([0-9]+)", name)
+    return tuple((1, int(part), part) if index % 2 else (0, 0, part) for index, part in enumerate(parts))
+
+
+def iri_key(iri: str | None) -> tuple[Key, str]:
+    """A key that sorts IRIs by their local names."""
+    return natural(local_name(iri or "")), iri or ""
+
+
+def _recipe(recipe: Recipe, *, data_flow: bool) -> Recipe:
+    keys = {step.iri: iri_key(step.iri) for step in recipe.steps}
+    orderings = [
+        ordering
+        for ordering in recipe.orderings
+        if ordering.before in keys and ordering.after in keys and (data_flow or ordering.reason is not Reason.DATA_FLOW)
+    ]
+
+    rank = {iri: number for number, iri in enumerate(sorted(keys, key=keys.__getitem__))}
+
+    def order(ordering: Ordering) -> tuple[int, int, str, str]:
+        return rank[ordering.before], rank[ordering.after], ordering.reason.value, ordering.iri or ""
+
+    machine = recipe.machine
+    if machine is not None:
+        transitions = sorted(
+            machine.transitions, key=lambda one: (iri_key(one.source), one.outcome or "", iri_key(one.target))
+        )
+        machine = replace(machine, transitions=tuple(transitions), ends=tuple(sorted(machine.ends, key=iri_key)))
+    visit = _visits(machine) if machine is not None else {}
+    return replace(
+        recipe,
+        steps=tuple(
+            sorted(map(_step, recipe.steps), key=lambda step: (visit.get(step.iri, len(keys)), keys[step.iri]))
+        ),
+        orderings=tuple(sorted(orderings, key=order)),
+        parameters=_parameters(recipe.parameters),
+        overlaps=tuple(
+            sorted(recipe.overlaps, key=lambda one: (iri_key(one.first), one.relation.value, iri_key(one.second)))
+        ),
+        flows=tuple(
+            sorted(
+                recipe.flows if data_flow else (),
+                key=lambda one: (iri_key(one.producer), iri_key(one.consumer), one.consumes or "", one.resource or ""),
+            )
+        ),
+        machine=machine,
+    )
+
+
+def _visits(machine: StateMachine) -> dict[str, int]:
+    """The states that can be reached, numbered as they are from the start on, nearer ones first."""
+    after: dict[str, list[str]] = {}
+    for transition in machine.transitions:
+        after.setdefault(transition.source, []).append(transition.target)
+    found = {machine.start: 0}
+    waiting = [machine.start]
+    for state in waiting:
+        for target in after.get(state, ()):
+            if target not in found:
+                found[target] = len(found)
+                waiting.append(target)
+    return found
+
+
+def _step(step: Step) -> Step:
+    if not step.parameters and step.condition is None and len(step.recipes) < 2:
+        return step
+    condition = step.condition
+    if condition is not None:
+        condition = Description(condition.type, _parameters(condition.parameters))
+    recipes = tuple(sorted(step.recipes, key=iri_key))
+    return replace(step, parameters=_parameters(step.parameters), recipes=recipes, condition=condition)
+
+
+def _parameters(parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
+    sorted_inside = (replace(parameter, filler=_filler(parameter.filler)) for parameter in parameters)
+    return tuple(sorted(sorted_inside, key=lambda one: (one.property, _filler_key(one.filler))))
+
+
+def _filler(filler: Filler) -> Filler:
+    return _place(filler) if isinstance(filler, Place) else filler
+
+
+def _place(place: Place) -> Place:
+    relations = [
+        (relation, _place(reference) if isinstance(reference, Place) else reference)
+        for relation, reference in place.relations
+    ]
+    return replace(place, relations=tuple(sorted(relations, key=lambda one: (one[0], _filler_key(one[1])))))
+
+
+def _filler_key(filler: Filler) -> tuple[int, tuple[Key, str], str]:
+    match filler:
+        case Thing():
+            return 0, iri_key(filler.iri or filler.stated), repr(filler)
+        case Place() | Name():
+            return 1, iri_key(filler.iri), ""
+        case _:
+            return 2, (natural(str(filler)), ""), repr(filler)

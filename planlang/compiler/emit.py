@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 import textwrap
 
+from planlang.compiler.bodies import BodyWriter
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, sequence, signature, statement
-from planlang.compiler.statements import Statements
-from planlang.compiler.symbols import Symbols, is_iri, quoted
+from planlang.compiler.names import Symbols, is_iri, quoted
 from planlang.compiler.tree import Function, PlanTree
 from planlang.designators import local_name
 from planlang.plan_header import PlanHeader, digest
@@ -162,7 +162,7 @@ def _function(symbols: Symbols, function: Function) -> list[str]:
         for thing in function.parameters
     ]
     title = _sentence(function.label or humanised(local_name(function.iri)))
-    body = Statements(symbols, name, function.body).lines()
+    body = BodyWriter(symbols, name, function.body).lines()
     first = next((line.lstrip() for line in body if not line.lstrip().startswith("#")), "")
     if first.startswith("async def "):
         body.insert(0, "")

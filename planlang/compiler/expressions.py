@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.layout import Expression, Text, call, sequence
-from planlang.compiler.symbols import Symbols, is_iri, quoted
+from planlang.compiler.names import Symbols, is_iri, quoted
 from planlang.compiler.tree import (
     ActionTerm,
     Condition,

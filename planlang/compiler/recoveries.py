@@ -7,7 +7,7 @@ from collections.abc import Set as AbstractSet
 from difflib import get_close_matches
 
 from planlang import failures
-from planlang.compiler.naming import snake_case
+from planlang.compiler.names import snake_case
 from planlang.compiler.tree import Recover
 from planlang.diagnostics import Diagnostic, error, warning
 from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailure

@@ -7,7 +7,7 @@ its own. Unordered primitives need no such order: process modules take turns by 
 
 from __future__ import annotations
 
-from planlang.compiler.naming import snake_case
+from planlang.compiler.names import snake_case
 from planlang.compiler.terms import Terms, callees_first
 from planlang.designators import local_name
 from planlang.recipe.actions import Actions

@@ -1,15 +1,26 @@
-"""From an order to constructs: what is one after another, side by side, or a partial order of its own."""
+"""From orders, overlaps and transitions to constructs of the plan language.
+
+An order becomes what is one after another, side by side, or a partial order of its own. Steps that overlap run side by
+side: what a relation says about their beginnings and ends (:meth:`planlang.recipe.model.Allen.endpoints`) becomes
+gates: a step begins, or counts as ended, only after the events that it has to wait for; two that begin or end together
+each signal that they are ready, and wait for the other. States and transitions become a state machine.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import networkx as nx
 
-from planlang.compiler.naming import Names, snake_case
-from planlang.compiler.tree import Node, Parallel, PartialOrder, Series
+from planlang.compiler.names import Names, snake_case
+from planlang.compiler.tree import Case, Event, Gate, Handle, Machine, Node, Parallel, PartialOrder, Series, State
+from planlang.designators import local_name
+from planlang.failures import ObjectNotFound, PlanFailure
+from planlang.recipe.model import End, Ending, Recipe, Step, Transition
 from planlang.recipe.order.decomposition import Parallel as ParallelPart
 from planlang.recipe.order.decomposition import Part, Prime, Serial, decomposed
+from planlang.recipe.order.graph import Precedence
 
 MOST_NESTED = 3
 """How deep constructs stand in each other: what is nested deeper is one partial order, which says the same."""
@@ -91,3 +102,184 @@ def _leaves(part: Part) -> list[int]:
         else:
             waiting += reversed(one.parts)
     return found
+
+
+BEGINS, ENDS = "begins", "ends"
+READY_TO_BEGIN, READY_TO_END = "is ready to begin", "is ready to end"
+
+_READY = {BEGINS: READY_TO_BEGIN, ENDS: READY_TO_END}
+
+
+@dataclass(slots=True)
+class _Point:
+    """The beginning or the end of a step: what it waits for, and what happens together with it."""
+
+    waits: dict[Event, None] = field(default_factory=dict)
+    together: dict[Event, None] = field(default_factory=dict)
+
+
+class Overlaps:
+    """The gates of the steps of one recipe; ``order`` is that of its steps (IRIs)."""
+
+    def __init__(self, recipe: Recipe, order: Precedence[str]) -> None:
+        self._points: dict[tuple[str, str], _Point] = {}
+        self._told: set[Event] = set()
+        self._said: dict[str, str] = {}
+        """Of a step what the recipe says about how it overlaps others, in words."""
+        known = {step.iri for step in recipe.steps}
+        for overlap in recipe.overlaps:
+            said = f"{overlap.relation.value} {local_name(overlap.second)}"
+            self._said[overlap.first] = ", ".join(filter(None, (self._said.get(overlap.first), said)))
+            points = {
+                End.FIRST_BEGINS: (overlap.first, BEGINS),
+                End.FIRST_ENDS: (overlap.first, ENDS),
+                End.SECOND_BEGINS: (overlap.second, BEGINS),
+                End.SECOND_ENDS: (overlap.second, ENDS),
+            }
+            if {overlap.first, overlap.second} <= known:
+                for one, sign, other in overlap.relation.endpoints():
+                    self._relate(points[one], sign, points[other], order)
+            elif recipe.iri in (overlap.first, overlap.second):
+                for one, sign, other in overlap.relation.endpoints():
+                    if sign == "=":
+                        self._with_recipe(recipe, points[one], points[other], order)
+
+    def gated(self, step: str, node: Node) -> Node:
+        """The node of a step behind its gates; as it is if nothing overlaps the step."""
+        if not self._points and not self._told:
+            return node
+        opens, closes = self._gates(step, BEGINS), self._gates(step, ENDS)
+        return Gate(local_name(step), opens, node, closes, self._said.get(step, "")) if opens or closes else node
+
+    def _gates(self, step: str, moment: str) -> tuple[Event | tuple[Event, ...], ...]:
+        """First wait, then meet those that are ready, then tell."""
+        point = self._points.get((step, moment), _Point())
+        gates: list[Event | tuple[Event, ...]] = []
+        if point.waits:
+            gates.append(tuple(point.waits))
+        if point.together:
+            gates += [Event(step, _READY[moment]), tuple(point.together)]
+        if Event(step, moment) in self._told:
+            gates.append(Event(step, moment))
+        return tuple(gates)
+
+    def _relate(self, one: tuple[str, str], sign: str, other: tuple[str, str], order: Precedence[str]) -> None:
+        if one[0] == other[0] or order.ordered(one[0], other[0]):
+            return
+        if sign == "=":
+            for mine, theirs in ((one, other), (other, one)):
+                self._point(mine).together[Event(theirs[0], _READY[theirs[1]])] = None
+        else:
+            event = Event(*one)
+            self._told.add(event)
+            self._point(other).waits[event] = None
+
+    def _with_recipe(
+        self, recipe: Recipe, one: tuple[str, str], other: tuple[str, str], order: Precedence[str]
+    ) -> None:
+        """A step that begins with the recipe begins before any other; one that ends with it ends after any other."""
+        step, moment = one if other[0] == recipe.iri else other
+        for another in recipe.steps:
+            if another.iri == step or order.ordered(step, another.iri):
+                continue
+            if moment == BEGINS and not order.earlier(another.iri):
+                self._relate((step, BEGINS), "<", (another.iri, BEGINS), order)
+            elif moment == ENDS and not order.later(another.iri):
+                self._relate((another.iri, ENDS), "<", (step, ENDS), order)
+
+    def _point(self, point: tuple[str, str]) -> _Point:
+        return self._points.setdefault(point, _Point())
+
+
+DONE, TRUE, FALSE = "done", "true", "false"
+
+NOT_SEEN = ObjectNotFound.__name__
+"""The failure by which a step that checks whether something is seen says that it is not."""
+
+
+def machine(
+    recipe: Recipe, node_of: Callable[[Step], Node], kept: Callable[[Step], tuple[str, ...]] = lambda step: ()
+) -> Machine:
+    """The state machine of a finite-state recipe; ``node_of`` says what is done in a state.
+
+    ``kept`` are the names under which other states find what a state has made.
+    """
+    assert recipe.machine is not None
+    steps = {step.iri: step for step in recipe.steps}
+    known = Names()
+    names = {iri: known.claim(snake_case(step.name), is_key=True) for iri, step in steps.items()}
+    ends = [end for end in recipe.machine.ends if end in steps]
+    leaving: dict[str, list[Transition]] = {iri: [] for iri in steps}
+    for transition in recipe.machine.transitions:
+        if transition.source in steps and transition.target in steps:
+            leaving[transition.source].append(transition)
+    states, cases = [], []
+    for iri, step in steps.items():
+        if iri in ends:
+            leaves = [transition for transition in leaving[iri] if transition.ending is Ending.FAILED]
+            states.append(State(names[iri], node_of(step)))
+        else:
+            leaves = leaving[iri]
+            states.append(replace(_state(names[iri], node_of(step), leaves), keeps=kept(step)))
+        cases += _cases(names, iri, leaves)
+    reached = _reached(names[recipe.machine.start], cases)
+    final = tuple(names[end] for end in ends if names[end] in reached)
+    return Machine(tuple(states), tuple(cases), names[recipe.machine.start], final)
+
+
+def _state(name: str, body: Node, leaving: list[Transition]) -> State:
+    endings = {transition.ending for transition in leaving}
+    if endings & {Ending.TRUE, Ending.FALSE}:
+        return State(name, _not_cured(body) if Ending.FALSE in endings else body, checks=True)
+    others = dict.fromkeys(
+        local_name(transition.outcome or "") for transition in leaving if transition.ending is Ending.OTHER
+    )
+    return State(name, body, outcomes=tuple(others))
+
+
+def _not_cured(body: Node) -> Node:
+    """What is done when nothing is seen is for the machine to say, not for a recovery."""
+    if not isinstance(body, Handle):
+        return body
+    kept = tuple(recovery for recovery in body.recoveries if recovery.failure != NOT_SEEN)
+    return Handle(body.body, kept) if kept else body.body
+
+
+def _cases(names: Mapping[str, str], state: str, leaving: list[Transition]) -> list[Case]:
+    """One case for each outcome of a state; a transition for any outcome stands for those that have no other."""
+    endings = {transition.ending for transition in leaving}
+    checks = bool(endings & {Ending.TRUE, Ending.FALSE})
+    found: dict[tuple[str, bool], str] = {}
+    for transition in leaving:
+        target = names[transition.target]
+        match transition.ending:
+            case Ending.TRUE:
+                found.setdefault((TRUE, False), target)
+            case Ending.FALSE:
+                found.setdefault((FALSE, False), target)
+                found.setdefault((NOT_SEEN, True), target)
+            case Ending.OTHER:
+                found.setdefault((local_name(transition.outcome or ""), False), target)
+            case Ending.FAILED:
+                found.setdefault((PlanFailure.__name__, True), target)
+            case _ if not checks:
+                found.setdefault((DONE, False), target)
+    for transition in leaving:
+        if checks and transition.ending is Ending.DONE:
+            for outcome in (TRUE, FALSE):
+                found.setdefault((outcome, False), names[transition.target])
+    by_kind = sorted(found.items(), key=lambda item: (item[0][1], item[0][0] == PlanFailure.__name__))
+    return [Case(names[state], outcome, target, is_failure) for (outcome, is_failure), target in by_kind]
+
+
+def _reached(start: str, cases: list[Case]) -> set[str]:
+    after: dict[str, list[str]] = {}
+    for case in cases:
+        after.setdefault(case.state, []).append(case.target)
+    reached, waiting = {start}, [start]
+    while waiting:
+        for target in after.get(waiting.pop(), ()):
+            if target not in reached:
+                reached.add(target)
+                waiting.append(target)
+    return reached

@@ -1,12 +1,15 @@
-"""The kernel: tasks, deterministic scheduler, integer clock, fluents, hosts, trace. It knows no construct by name.
+"""The kernel: tasks, a deterministic event loop, integer clock, fluents, hosts. It knows no construct by name.
 
-General layout: ``scheduler`` is the state of a run, ``rounds`` its loop, ``turn`` what a task does when it is its turn,
-``endings`` how a run ends. ``scope`` is what constructs are made of; ``evaporation`` and ``suspension`` say who is
-reached; ``primitives`` and ``fluent`` are what a task can wait for; ``hosts`` and ``realtime`` let time pass;
-``threads`` runs blocking calls; ``watchdog`` interrupts what never waits; ``park`` is the narrow place where tasks and
-scheduler meet; ``trace`` and ``listing`` tell what happened and where.
+General layout, each file importing only those above it: ``errors``, ``tree`` (nodes and their names), ``timers``,
+``signals`` (what can be waited for), ``observer`` (the two interfaces through which a run is recorded), ``hosts`` and
+``realtime`` (what lets time pass). ``core`` is what the rest shares: tasks, the state of a run, how a task waits. On it
+stand ``listing`` (where tasks are), ``cancel`` (evaporation and suspension), ``schedule``, ``primitives``, ``fluent``,
+``threads`` and ``scope``, which constructs are made of. ``event_loop`` drives all that; ``watchdog``, ``environment``
+and ``runner`` are around it.
 """
 
+from planlang.kernel.cancel import checkpoint, shield
+from planlang.kernel.core import Scheduler, Task
 from planlang.kernel.errors import (
     CleanupOverrun,
     CutShort,
@@ -18,18 +21,16 @@ from planlang.kernel.errors import (
     StepLimit,
     StuckTask,
 )
-from planlang.kernel.evaporation import shield
-from planlang.kernel.expressions import Signal
 from planlang.kernel.fluent import Fluent, WorldFluent, wait_for
 from planlang.kernel.hosts import Host, SimulationHost, VirtualHost
-from planlang.kernel.park import checkpoint
-from planlang.kernel.primitives import now, record, rng, sleep
+from planlang.kernel.observer import Observer, Recorded
+from planlang.kernel.primitives import node, now, record, rng, sleep
 from planlang.kernel.realtime import LiveHost, RealTimeHost, Source
-from planlang.kernel.scheduler import Scheduler
+from planlang.kernel.runner import run_plan
 from planlang.kernel.scope import All, Scope, failure_of
-from planlang.kernel.task import Status, Task
+from planlang.kernel.signals import Signal
 from planlang.kernel.threads import in_thread
-from planlang.kernel.trace import Trace, with_paths
+from planlang.kernel.tree import Status
 
 __all__ = [
     "All",
@@ -41,8 +42,10 @@ __all__ = [
     "Host",
     "LiveHost",
     "NoProgress",
+    "Observer",
     "PlanStructureError",
     "RealTimeHost",
+    "Recorded",
     "RunError",
     "Scheduler",
     "Scope",
@@ -53,17 +56,17 @@ __all__ = [
     "StepLimit",
     "StuckTask",
     "Task",
-    "Trace",
     "VirtualHost",
     "WorldFluent",
     "checkpoint",
     "failure_of",
     "in_thread",
+    "node",
     "now",
     "record",
     "rng",
+    "run_plan",
     "shield",
     "sleep",
     "wait_for",
-    "with_paths",
 ]

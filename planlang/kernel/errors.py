@@ -9,6 +9,10 @@ class Evaporated(BaseException):
     """Thrown into a task that is being evaporated, at every unshielded checkpoint until the task ends."""
 
 
+class Overdue(BaseException):
+    """Raised by the watchdog in code that reaches no checkpoint."""
+
+
 class CleanupOverrun(Exception):
     """A shielded cleanup took longer than its bound."""
 

@@ -4,58 +4,30 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from functools import partial
+from typing import Any, TypeVar
 from weakref import WeakValueDictionary
 
-from planlang.kernel.expressions import Signal, same
-from planlang.kernel.park import checkpoint, deliver, here, park, running
-from planlang.kernel.suspension import Recheck
-from planlang.misuse import Usage
-
-if TYPE_CHECKING:
-    from planlang.kernel.scheduler import Scheduler
-    from planlang.kernel.task import Task
-    from planlang.kernel.tree import Node
+from planlang.kernel.cancel import checkpoint, deliver
+from planlang.kernel.core import Scheduler, Task, here, park, running, serving
+from planlang.kernel.errors import PlanStructureError
+from planlang.kernel.signals import BaseFluent, Signal, Wait, same
+from planlang.kernel.tree import Node
+from planlang.misuse import Usage, contrast
 
 T = TypeVar("T")
 _FLUENT = Usage("Fluent", {"value": "False"}, {"name": '"door_open"', "read": "world.door_is_open"})
 
 
 class _Tracked(threading.local):
-    reads: dict[Source[Any], None] | None = None
+    reads: dict[BaseFluent[Any], None] | None = None
 
 
 tracked = _Tracked()
 """Notes which fluents are read, while ``reads`` is not None."""
 
 
-class Source(Signal[T]):
-    """A fluent at the root of expressions: knows who waits."""
-
-    def __init__(self) -> None:
-        self.pulses = 0
-        """How often the fluent was pulsed; a change is a pulse too."""
-        self._waits: dict[Recheck, None] = {}
-
-    def sources(self) -> dict[Source[Any], None]:
-        """Itself."""
-        return {self: None}
-
-    def watch(self, wait: Recheck) -> None:
-        """Tell ``wait`` about changes."""
-        self._waits[wait] = None
-
-    def unwatch(self, wait: Recheck) -> None:
-        """No longer tell ``wait``."""
-        self._waits.pop(wait, None)
-
-    def notify(self) -> None:
-        """Let all waits look at their condition."""
-        for wait in tuple(self._waits):
-            wait.recheck()
-
-
-class Fluent(Source[T]):
+class Fluent(BaseFluent[T]):
     """A value that plans set and wait for.
 
     ``Fluent(read=f)`` is a world fluent: it is sampled once per world step, before any task runs.
@@ -74,9 +46,9 @@ class Fluent(Source[T]):
         self.changes = 0
         """How often the value has changed."""
         self.born: Node | None = None
-        """The node of the tree in which it was made, if the run's steps are noted."""
-        scheduler = running.scheduler
-        if scheduler is not None and scheduler.journal is not None and scheduler.current is not None:
+        """The node of the tree in which it was made, if the run is observed."""
+        scheduler = self._run = running.scheduler
+        if scheduler is not None and scheduler.observer is not None and scheduler.current is not None:
             self.born = scheduler.current.node
         if name is not None:
             _named[name] = self
@@ -89,20 +61,55 @@ class Fluent(Source[T]):
         return self._value
 
     def set(self, value: T) -> None:
-        """Change the value; an equal one changes nothing."""
+        """Change the value; an equal one changes nothing.
+
+        From another thread than that of the run, the value is handed over to the run, which sets it between two steps
+        of its tasks: in real time at once, in simulation while a call in a thread is waited for. Otherwise nothing in
+        a simulated run may depend on a thread: PlanStructureError, here and in the run.
+        """
+        if self._handed_over(self.set, value):
+            return
         if not same(self._value, value):
             self._value = value
             self.changes += 1
             self.pulses += 1
             scheduler = running.scheduler
-            if scheduler is not None and scheduler.journal is not None:
-                scheduler.journal.changed(self)
+            if scheduler is not None and scheduler.observer is not None:
+                scheduler.observer.changed(self)
             self.notify()
 
     def pulse(self) -> None:
-        """Let those who wait for pulses go on, without a change."""
-        self.pulses += 1
-        self.notify()
+        """Let those who wait for pulses go on, without a change; from another thread as :meth:`set`."""
+        if not self._handed_over(self.pulse):
+            self.pulses += 1
+            self.notify()
+
+    def watch(self, wait: Wait) -> None:
+        """Tell ``wait`` about changes."""
+        self._run = running.scheduler
+        super().watch(wait)
+
+    def _handed_over(self, change: Callable[..., None], *values: Any) -> bool:
+        """Whether this thread is not that of the run to which the fluent belongs, so that the run makes the change.
+
+        A fluent belongs to the run in which it was made, or was waited for last.
+        """
+        scheduler = self._run
+        if scheduler is None or scheduler is running.scheduler or scheduler.over:
+            return False
+        if scheduler.live is None and not scheduler.awaits_threads:
+            error = PlanStructureError(
+                contrast(
+                    f"{self} is set from thread {threading.current_thread().name} while a simulated run waits for it; "
+                    "what threads do has no place in simulated time, unless it is a call in_thread",
+                    f"on_door(lambda: {self}.set(True))    with a VirtualHost or SimulationHost",
+                    f"{self}.set(await in_thread(wait_for_door))    or a RealTimeHost with host.source({str(self)!r})",
+                )
+            )
+            scheduler.spoilt = scheduler.spoilt or error
+            raise error
+        scheduler.inbox.put(partial(change, *values))
+        return True
 
 
 _named: WeakValueDictionary[str, Fluent[Any]] = WeakValueDictionary()
@@ -142,8 +149,8 @@ class WorldFluent(Fluent[T]):
     def read(self) -> T:
         """The value in the world now."""
         scheduler = running.scheduler
-        if scheduler is not None and scheduler.answers is not None:
-            value: T = scheduler.answers.ask(f"{self} now", self._read)
+        if scheduler is not None and scheduler.recorded is not None:
+            value: T = scheduler.recorded.answer(f"{self} now", self._read)
             return value
         return self._read()
 
@@ -157,10 +164,10 @@ class WorldFluent(Fluent[T]):
         self._at = (scheduler, step) if scheduler is not None else None
         before = self._value
         try:
-            if scheduler is None or scheduler.answers is None:
+            if scheduler is None or scheduler.recorded is None:
                 self._value = self._read()
             else:
-                self._value = scheduler.answers.sample(self, self._read)
+                self._value = scheduler.recorded.sample(self, self._read)
         except Exception as error:
             self._error = error
             return True
@@ -171,19 +178,20 @@ class WorldFluent(Fluent[T]):
         self.pulses += 1
         return True
 
-    def watch(self, wait: Recheck) -> None:
+    def watch(self, wait: Wait) -> None:
         """Tell ``wait`` about changes, and have the world sampled in each step."""
         super().watch(wait)
-        waits = wait.scheduler.world_waits
-        waits[self] = waits.get(self, 0) + 1
-        wait.scheduler.vital_waits += self.vital
+        scheduler = serving()
+        scheduler.world_waits[self] = scheduler.world_waits.get(self, 0) + 1
+        scheduler.vital_waits += self.vital
 
-    def unwatch(self, wait: Recheck) -> None:
+    def unwatch(self, wait: Wait) -> None:
         """No longer tell ``wait``."""
         super().unwatch(wait)
-        waits = wait.scheduler.world_waits
+        scheduler = serving()
+        waits = scheduler.world_waits
         waits[self] -= 1
-        wait.scheduler.vital_waits -= self.vital
+        scheduler.vital_waits -= self.vital
         if not waits[self]:
             del waits[self]
 
@@ -191,7 +199,7 @@ class WorldFluent(Fluent[T]):
 _FROZEN = (bool, int, float, str, type(None))
 
 
-class FluentWait(Recheck):
+class FluentWait(Wait):
     """One task's wait for a signal to become true."""
 
     __slots__ = ("scheduler", "signal", "task")
@@ -245,6 +253,9 @@ async def wait_for(signal: Signal[T], timeout: float | None = None) -> T | None:
         source.watch(wait)
     timer = None if steps is None else scheduler.deadline(task, steps, lambda: scheduler.wake(task, _LATE))
     try:
+        if scheduler.live is not None or scheduler.awaits_threads:
+            # From here on a thread that sets a source hands it over; one that did so since we looked has to be seen.
+            wait.recheck()
         value = await park(wait)
     finally:
         for source in sources:

@@ -7,17 +7,15 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 from types import CodeType, FrameType
-from typing import TYPE_CHECKING
 
 from planlang.failures import PlanFailure, Where
+from planlang.kernel.core import Task
 from planlang.kernel.tree import Node
 
-if TYPE_CHECKING:
-    from planlang.kernel.task import Task
-
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-_OWN = (os.path.join(_PACKAGE, "kernel") + os.sep, os.path.join(_PACKAGE, "language") + os.sep)
+_OWN = tuple(os.path.join(_PACKAGE, part) + os.sep for part in ("kernel", "language", "runs"))
 SHOWN = 20
+"""Tasks, or functions, that an error lists at most: about a screen."""
 
 
 def is_own(filename: str) -> bool:

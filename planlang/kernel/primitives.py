@@ -1,17 +1,20 @@
-"""What a task can ask for: time, random numbers, and to wait."""
+"""What a task can ask for: time, random numbers, to wait, a node of its own in the tree, and to call a function."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from random import Random
-from types import TracebackType
-from typing import Any
+from typing import Any, NoReturn
 
 from planlang.failures import PlanFailure
+from planlang.kernel.cancel import checkpoint, deliver
+from planlang.kernel.core import here, park, serving
 from planlang.kernel.errors import Evaporated
 from planlang.kernel.listing import locate
-from planlang.kernel.park import checkpoint, deliver, here, park, serving
-from planlang.kernel.task import Status
-from planlang.kernel.tree import Node
+from planlang.kernel.observer import Body
+from planlang.kernel.schedule import CountedRandom
+from planlang.kernel.tree import EVAPORATED, FAILED, SUCCEEDED, Node, name_of
+from planlang.misuse import PlanStructureError, WrongType, contrast
 
 
 async def sleep(seconds: float) -> None:
@@ -40,62 +43,98 @@ def rng() -> Random:
     """The task's own stream of random numbers, derived from the run's seed and the task's path."""
     scheduler, task = here()
     if task.stream is None:
-        task.stream = Random(f"{scheduler.seed} {task.path}")
+        task.stream = CountedRandom(f"{scheduler.seed} {task.path}")
     return task.stream
 
 
 def record(event: str, **details: object) -> None:
-    """Write an event of the running task into the trace."""
+    """Tell who observes the run of an event of the running task: as a rule, write it into the trace."""
     scheduler, task = here()
-    if scheduler.trace is not None:
-        scheduler.trace.write(scheduler.now, event, task.node, **details)
+    if scheduler.observer is not None:
+        scheduler.observer.write(scheduler.now, event, task.node, **details)
 
 
-class inside:  # noqa: N801 - used like a function: with inside("plan", name)
-    """``with inside(kind, name, **details) as node``: a node of the tree that is no task of its own."""
+def charge(kind: str, part: str, number: int) -> None:
+    """Tell who observes the run what is charged to the budgets around the running task; see ``Observer.charged``."""
+    observer = here()[0].observer
+    if observer is not None:
+        observer.charged(kind, part, number)
 
-    __slots__ = ("_details", "_kind", "_name", "_node", "_outer", "result")
 
-    def __init__(self, kind: str, name: str, **details: object) -> None:
-        self._kind = kind
-        self._name = name
-        self._details = details
-        self.result: Any = None
+async def node(kind: str, name: str, body: Body, /, **details: object) -> Any:
+    """Run ``body`` as a node of the tree that is no task of its own; returns its result.
 
-    @property
-    def name(self) -> str:
-        """The path element."""
-        return self._node.name
+    ``details`` are told of its beginning. In a resumed run the body of a node that has completed before is not run: the
+    node gives what it gave then.
+    """
+    return await in_node(Node(here()[1].node, kind, name), body, **details)
 
-    def __enter__(self) -> inside:
-        scheduler, task = here()
-        self._outer = task.node
-        self._node = task.node = Node(task.node, self._kind, self._name)
-        if scheduler.trace is not None:
-            scheduler.trace.started(scheduler.now, self._node, **self._details)
-        if scheduler.on_start is not None:
-            try:
-                scheduler.on_start(self._node)
-            except BaseException as error:
-                self.__exit__(type(error), error, None)
-                raise
-        if scheduler.journal is not None:
-            scheduler.journal.enter(self._node)
-        return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        if isinstance(error, GeneratorExit):
-            return
-        scheduler, task = here()
-        task.node = self._outer
+async def in_node(node: Node, body: Body, /, **details: object) -> Any:
+    """Run ``body`` in a node that exists already; see :func:`node`."""
+    scheduler, task = here()
+    observer, recorded = scheduler.observer, scheduler.recorded
+    given = body if recorded is None else recorded.body(node, body)
+    outer, task.node = task.node, node
+    try:
+        if observer is not None:
+            observer.started(scheduler.now, node, **details)
+        if scheduler.on_start is not None and given is body:  # what a resumed run takes over does not begin again
+            scheduler.on_start(node)
+        result = await given()
+    except GeneratorExit:  # the coroutine is closed: nothing has happened in the run
+        raise
+    except BaseException as error:
+        task.node = outer
         if isinstance(error, PlanFailure) and error.where is None:
-            locate(error, self._node, scheduler.revision)
-        if scheduler.journal is not None:
-            scheduler.journal.leave(self._node, self.result, error)
-        if scheduler.trace is not None:
-            if error is None:
-                scheduler.trace.ended(scheduler.now, self._node, Status.SUCCEEDED, self.result)
-            elif isinstance(error, Evaporated):
-                scheduler.trace.ended(scheduler.now, self._node, Status.EVAPORATED)
-            else:
-                scheduler.trace.ended(scheduler.now, self._node, Status.FAILED, None, error)
+            locate(error, node, scheduler.revision)
+        if observer is not None and isinstance(error, Evaporated):
+            observer.ended(scheduler.now, node, EVAPORATED)
+        elif observer is not None:
+            observer.ended(scheduler.now, node, FAILED, None, error)
+        raise
+    task.node = outer
+    if observer is not None:
+        observer.ended(scheduler.now, node, SUCCEEDED, result)
+    return result
+
+
+def called(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+    """What an async function gives, to be awaited at once; WrongType if it is not async or takes other arguments."""
+    result = given(function, *arguments, **named)
+    if not hasattr(result, "__await__"):
+        refuse_result(name_of(function), result)
+    return result
+
+
+def given(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+    """What a function gives; WrongType if it takes other arguments."""
+    try:
+        return function(*arguments, **named)
+    except TypeError as error:
+        refuse_arguments(function, error)
+        raise
+
+
+def refuse_arguments(function: Callable[..., Any], error: TypeError) -> None:
+    """Raise the error of a function that cannot be called like this; nothing if the error arose inside of it."""
+    traceback = error.__traceback__
+    if traceback is not None and traceback.tb_next is None and not isinstance(error, PlanStructureError):
+        name = name_of(function)
+        raise WrongType(
+            contrast(f"{name} cannot be called as it was given: {error}", name, f"partial({name}, ...)")
+        ) from None
+
+
+def refuse_result(name: str, result: object) -> NoReturn:
+    """Raise the error of a function whose result cannot be awaited."""
+    element = name.rpartition("/")[2]
+    shown = element if element.isidentifier() else "reach"
+    raise WrongType(
+        contrast(
+            f"branch {name} returned {type(result).__name__}, which cannot be awaited; a branch is a function written "
+            "with async def",
+            f"def {shown}(): ...",
+            f"async def {shown}(): ...",
+        )
+    )

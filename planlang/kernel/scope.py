@@ -3,34 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from heapq import heappush
 from operator import attrgetter
 from typing import Any
 
 from planlang.failures import BranchEvaporated, PlanFailure, attach_cleanup
+from planlang.kernel.cancel import checkpoint, deliver, delivery, evaporate
+from planlang.kernel.core import BaseScope, Task, here, park
 from planlang.kernel.errors import Evaporated, PlanStructureError
-from planlang.kernel.listing import locate, place_of
-from planlang.kernel.park import checkpoint, deliver, here, park
-from planlang.kernel.task import SUCCEEDED, Status, Task
-from planlang.kernel.tree import Node
+from planlang.kernel.listing import place_of
+from planlang.kernel.primitives import in_node
+from planlang.kernel.tree import SUCCEEDED, Node
 
 MAX_DEPTH = 10_000
+"""Constructs inside of each other: more than any plan that was written, and less than what fills the memory."""
 _index = attrgetter("index")
 
 
-class Scope(Node):
-    """A construct with branches. Subclasses say in :meth:`decide` when it is over.
-
-    Invariants: ``live`` holds the branches that are not dead; ``fresh`` those that died since the last decision;
-    ``over`` means that the outcome is fixed and what is live is being evaporated.
-    """
+class Scope(BaseScope):
+    """A construct with branches. Subclasses say in :meth:`decide` when it is over."""
 
     transparent = False
     """Whether the branches appear in the tree in the construct's place."""
 
     def __init__(self, kind: str, name: str | None = None) -> None:
         self.scheduler, self.owner = here()
-        if self.transparent:
+        if self.transparent:  # a node without a name of its own under its parent, and never told of
             self.parent, self.kind, self.base_name, self.ordinal = self.owner.node, kind, kind, 1
             self._counts = self._path = None
             self.number = 0
@@ -44,14 +41,14 @@ class Scope(Node):
             raise PlanStructureError(
                 f"more than {MAX_DEPTH} constructs nested, as in recursion without end: {_innermost(self.owner)}"
             )
-        self.birth = self.scheduler.next_birth()
-        self.live: dict[Task, None] = {}
-        self.fresh: list[Task] = []
-        self.dirty = False
-        self.over = False
-        self.complete = False
-        self.crash: BaseException | None = None
+        self.scheduler.births += 1
+        self.birth = self.scheduler.births
+        self.live = {}
+        self.fresh = []
+        self.dirty = self.over = self.complete = False
+        self.crash = None
         self.cleanup: list[PlanFailure] = []
+        """Plan failures of branches that were being evaporated, to be attached to what the construct raises."""
 
     # -- for subclasses
 
@@ -60,7 +57,7 @@ class Scope(Node):
         raise NotImplementedError
 
     def details(self) -> dict[str, object]:
-        """What the trace tells about the start."""
+        """Return what is told of the start."""
         return {}
 
     def decide(self, dead: list[Task]) -> None:
@@ -80,8 +77,8 @@ class Scope(Node):
         if self.above is not self:
             task.kind = self.kind
         self.live[task] = None
-        if self.scheduler.journal is not None:
-            self.scheduler.journal.start(task)
+        if self.scheduler.recorded is not None:
+            task.branch = self.scheduler.recorded.body(task, branch)
         owner = self.owner
         if owner.holds:
             task.holds = owner.holds
@@ -93,29 +90,23 @@ class Scope(Node):
         if not self.over:
             self.over = True
             for task in tuple(self.live):
-                self.scheduler.evaporate(task)
+                evaporate(self.scheduler, task)
 
     async def execute(self) -> Any:
         """Run the construct to its end.
 
         Raises a programming error that left a branch, before anything else; Evaporated if the owner is evaporated.
         """
-        scheduler, owner = self.scheduler, self.owner
-        journal = None if self.transparent else scheduler.journal
-        if journal is not None and journal.resuming and (before := journal.scope_taken_over(self)) is not None:
-            return await before
-        trace = None if self.transparent else scheduler.trace
-        if owner.doomed:
-            await deliver(owner)
-        if trace is not None:
-            trace.started(scheduler.now, self, **self.details())
-        outer, outer_node = owner.scope, owner.node
-        owner.scope, owner.node = self, self
-        if journal is not None:
-            journal.enter(self)
+        if self.owner.doomed:
+            await deliver(self.owner)
+        if self.transparent:
+            return await self._run()
+        return await in_node(self, self._run, **self.details())
+
+    async def _run(self) -> Any:
+        owner = self.owner
+        outer, owner.scope = owner.scope, self
         try:
-            if scheduler.on_start is not None and not self.transparent:
-                scheduler.on_start(self)
             try:
                 self.begin()
             except Exception as error:
@@ -126,30 +117,19 @@ class Scope(Node):
             else:
                 self.complete = True
                 await checkpoint()
-            if self.crash is not None:
-                if self.cleanup:
-                    attach_cleanup(self.crash, self.cleanup)
-                raise self.crash
-            owner.scope = outer
-            result = self.finish()
         except BaseException as error:
-            owner.scope, owner.node = outer, outer_node
-            if isinstance(error, PlanFailure) and error.where is None:
-                locate(error, self, scheduler.revision)
-            if journal is not None:
-                journal.leave(self, None, error)
-            if trace is not None and not isinstance(error, GeneratorExit):
-                if isinstance(error, Evaporated):
-                    trace.ended(scheduler.now, self, Status.EVAPORATED)
-                else:
-                    trace.ended(scheduler.now, self, Status.FAILED, None, error)
+            if not isinstance(error, Evaporated):
+                attach_cleanup(error, self.cleanup)
+            elif self.cleanup:  # evaporation carries nothing: whoever evaporated the owner raises them
+                owner.cleanup_failures = [*(owner.cleanup_failures or ()), *self.cleanup]
             raise
-        owner.node = outer_node
-        if journal is not None:
-            journal.leave(self, result, None)
-        if trace is not None:
-            trace.ended(scheduler.now, self, Status.SUCCEEDED, result)
-        return result
+        finally:
+            owner.scope = outer
+        if self.crash is not None:
+            if self.cleanup:
+                attach_cleanup(self.crash, self.cleanup)
+            raise self.crash
+        return self.finish()
 
     def attach(self, failure: PlanFailure) -> PlanFailure:
         """Attach what went wrong in cleanups to what the construct raises."""
@@ -157,27 +137,15 @@ class Scope(Node):
             attach_cleanup(failure, self.cleanup)
         return failure
 
-    # -- for the scheduler
-
-    def stir(self) -> None:
-        """Have it decide after this round."""
-        if not self.dirty:
-            self.dirty = True
-            heappush(self.scheduler.dirty, (-self.depth, self.birth, self))
+    # -- for the event loop
 
     def settle(self) -> None:
-        """The decision after a round in which branches died."""
+        """Decide after a round in which branches died."""
         dead, self.fresh = self.fresh, []
         if len(dead) > 1:
             dead.sort(key=_index)
         for task in dead:
-            if task.crash is not None:
-                if self.crash is None:
-                    self.crash = task.crash
-                elif self.crash is not task.crash:
-                    self.crash.add_note(f"at the same time, in {task.path}: {task.crash!r}")
-            elif task.cleanup_failure is not None:
-                self.cleanup.append(task.cleanup_failure)
+            self._collect_errors(task)
         if self.crash is not None:
             self.close()
         elif not self.over:
@@ -188,9 +156,26 @@ class Scope(Node):
                 self.close()
         if not self.live:
             self.over = True
-            if not self.fresh:
+            if not self.fresh:  # deciding may have started and at once evaporated branches: they are decided on first
                 self.complete = True
-                self.scheduler.release(self.owner, evaporate=self.crash is None)
+                self._release()
+
+    def _collect_errors(self, task: Task) -> None:
+        """Keep a programming error, which beats everything, and failures of cleanups."""
+        if task.crash is None:
+            self.cleanup += task.cleanup_failures or ()
+        elif self.crash is None:
+            self.crash = task.crash
+        elif self.crash is not task.crash:
+            self.crash.add_note(f"at the same time, in {task.path}: {task.crash!r}")
+
+    def _release(self) -> None:
+        """Let the owner go on, or deliver its evaporation; a programming error goes before that."""
+        owner = self.owner
+        if self.crash is None and owner.doomed:
+            self.scheduler.throw(owner, delivery(owner, self.scheduler.draining))
+        else:
+            self.scheduler.wake(owner)
 
     def __str__(self) -> str:
         return f"{self.kind} of {len(self.live)} live branches"

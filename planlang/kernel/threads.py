@@ -11,15 +11,13 @@ import inspect
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
-from planlang.kernel.park import deliver, here, park
+from planlang.kernel.cancel import deliver, delivery
+from planlang.kernel.core import Scheduler, Task, here, park
+from planlang.kernel.signals import Wait
 from planlang.kernel.tree import name_of
 from planlang.misuse import Usage, WrongType, contrast, written
-
-if TYPE_CHECKING:
-    from planlang.kernel.scheduler import Scheduler
-    from planlang.kernel.task import Task
 
 R = TypeVar("R")
 _IN_THREAD = Usage("await in_thread", {"function": "read_port"})
@@ -28,10 +26,13 @@ MOST_THREADS = 256
 """Calls of one run that are executed at the same time; further ones begin as earlier ones return."""
 
 
-class Call:
+class Call(Wait):
     """One call in flight. ``waiting``: its caller still waits for it, and goes on when it is handed over."""
 
-    def __init__(self, scheduler: Scheduler, task: Task, function: Callable[[], Any], name: str, number: int) -> None:
+    def __init__(
+        self, calls: Calls, scheduler: Scheduler, task: Task, function: Callable[[], Any], name: str, number: int
+    ) -> None:
+        self.scheduler = scheduler
         self.task = task
         self.name = name
         self.number = number
@@ -39,7 +40,7 @@ class Call:
         self.waiting = True
         self.started = False
         self.returned = False
-        self._scheduler = scheduler
+        self._calls = calls
         self._function = function
         self._context = contextvars.copy_context()
         self._value: Any = None
@@ -55,7 +56,7 @@ class Call:
             self._value = self._context.run(self._function)
         except BaseException as error:
             self._error = error
-        self._scheduler.inbox.put(self._arrive)
+        self.scheduler.inbox.put(self._arrive)
 
     def _arrive(self) -> None:
         """In the run's thread: the call has returned."""
@@ -64,18 +65,16 @@ class Call:
             self._value.close()
             self._value = None
             self._error = _is_async(self.name, self.name)
-        self._scheduler.calls.arrived(self)
+        self._calls.arrived(self)
 
     def hand_over(self) -> None:
         """Let the caller go on with what the call gave. One that was evaporated is evaporated, the result is late."""
-        scheduler, task = self._scheduler, self.task
+        scheduler, task = self.scheduler, self.task
         taken = self.waiting and not task.doomed and not task.woken
-        if scheduler.trace is not None:
+        if scheduler.observer is not None:
             outcome = {"result": self._value} if self._error is None else {"failure": self._error}
             late = {} if taken else {"late": True}
-            if scheduler.answers is not None:
-                scheduler.answers.returned(self.node, self.number, self._value, self._error)
-            scheduler.trace.write(
+            scheduler.observer.write(
                 scheduler.now, "returned", self.node, call=self.number, function=self.name, **outcome, **late
             )
         if not self.waiting:
@@ -84,11 +83,16 @@ class Call:
         if task.woken:
             return
         if not taken:
-            scheduler.throw(task, scheduler.delivery(task))
+            scheduler.throw(task, delivery(task, scheduler.draining))
         elif self._error is not None:
             scheduler.throw(task, self._error)
         else:
             scheduler.wake(task, self._value)
+
+    @property
+    def undisturbed(self) -> bool:
+        """In simulation the caller is left alone until its call has returned, so that no thread outlives it."""
+        return self.started and self.scheduler.live is None and self._calls.waits_for(self)
 
     def __str__(self) -> str:
         return f"the call of {self.name} in a thread"
@@ -97,25 +101,24 @@ class Call:
 class Calls:
     """The calls of one run, in order of submission."""
 
-    def __init__(self, scheduler: Scheduler) -> None:
-        self._scheduler = scheduler
-        self.made = 0
+    def __init__(self) -> None:
+        self._made = 0
         """The highest number of a call."""
         self._flying: dict[Call, None] = {}
         self._queued: deque[Call] = deque()
         self._threads = 0
 
-    def submit(self, task: Task, function: Callable[[], Any], name: str) -> Call:
+    def submit(self, scheduler: Scheduler, task: Task, function: Callable[[], Any], name: str) -> Call:
         """Begin a call, now or when there is a thread for it."""
-        number = self.made + 1
-        if self._scheduler.answers is not None:
-            number, function = self._scheduler.answers.call(task.node, number, function)
-        self.made = max(self.made, number)
-        call = Call(self._scheduler, task, function, name, number)
-        trace = self._scheduler.trace
-        if trace is not None:
-            trace.write(self._scheduler.now, "called", call.node, call=call.number, function=name)
+        number = self._made + 1
+        if scheduler.recorded is not None:
+            number, function = scheduler.recorded.call(task.node, number, function)
+        self._made = max(self._made, number)
+        call = Call(self, scheduler, task, function, name, number)
+        if scheduler.observer is not None:
+            scheduler.observer.write(scheduler.now, "called", call.node, call=call.number, function=name)
         self._flying[call] = None
+        scheduler.awaits_threads = True
         self._queued.append(call)
         try:
             self._start()
@@ -131,40 +134,38 @@ class Calls:
                 self._threads += 1
                 call.start()
 
-    @property
-    def in_flight(self) -> bool:
-        """True while a caller waits."""
-        return bool(self._flying)
-
-    def holds(self, task: Task) -> bool:
-        """Whether a task has to be left alone until its call has returned."""
-        wait = task.wait
-        return isinstance(wait, Call) and wait.started and wait in self._flying and self._scheduler.live is None
+    def waits_for(self, call: Call) -> bool:
+        """Whether its caller still waits, and it was not handed over."""
+        return call in self._flying
 
     def abandon(self, call: Call) -> None:
         """The caller does not wait any more. The thread goes on; its place is taken by another."""
         call.waiting = False
-        del self._flying[call]
+        self._land(call)
         self._threads -= call.started
         self._start()
+
+    def _land(self, call: Call) -> None:
+        del self._flying[call]
+        call.scheduler.awaits_threads = bool(self._flying)
 
     def arrived(self, call: Call) -> None:
         """A call has returned. In real time its caller goes on at once."""
         if call in self._flying:
             self._threads -= 1
             self._start()
-            if self._scheduler.live is None:
+            if call.scheduler.live is None:
                 return
-            del self._flying[call]
-        if not self._scheduler.over:
+            self._land(call)
+        if not call.scheduler.over:
             call.hand_over()
 
-    def collect(self) -> bool:
+    def collect(self, scheduler: Scheduler) -> bool:
         """In simulation: wait until all calls have returned, then let their callers go on; False if there are none.
 
         Comes back early after Ctrl-C.
         """
-        scheduler, flying = self._scheduler, self._flying
+        flying = self._flying
         if not flying or scheduler.live is not None or scheduler.draining:
             return False
         scheduler.idle = True
@@ -179,6 +180,7 @@ class Calls:
             scheduler.idle = False
         calls = tuple(flying)
         flying.clear()
+        scheduler.awaits_threads = False
         for call in calls:
             call.hand_over()
         return True
@@ -206,9 +208,10 @@ async def in_thread(function: Callable[..., R], /, *arguments: Any, **named: Any
     name = name_of(function)
     if task.doomed:
         await deliver(task)
-    call = scheduler.calls.submit(task, lambda: function(*arguments, **named), name)
+    calls = scheduler.service(Calls)
+    call = calls.submit(scheduler, task, lambda: function(*arguments, **named), name)
     try:
         return await park(call)  # type: ignore[no-any-return]
     finally:
         if call.waiting:
-            scheduler.calls.abandon(call)
+            calls.abandon(call)

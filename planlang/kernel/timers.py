@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-if TYPE_CHECKING:
-    from planlang.kernel.task import Task
+
+class TimerOwner(Protocol):
+    """The part of a task that its timers need."""
+
+    timers: list[Timer] | None
+
+    @property
+    def depth(self) -> int:
+        """Number of constructs around the task."""
 
 
 class Timer:
@@ -18,7 +25,9 @@ class Timer:
 
     __slots__ = ("deadline", "due", "fire", "left", "queue", "task", "ticket")
 
-    def __init__(self, queue: TimerQueue, task: Task, steps: int, fire: Callable[[], object], deadline: bool) -> None:
+    def __init__(
+        self, queue: TimerQueue, task: TimerOwner, steps: int, fire: Callable[[], object], deadline: bool
+    ) -> None:
         self.queue = queue
         self.task = task
         self.fire = fire

@@ -1,11 +1,37 @@
-"""The tree of a run: constructs, branches, tags, plans and performs; a path names a place in it."""
+"""The tree of a run: constructs, branches, tags, plans and performs; a path names a place in it.
+
+A node that is a task, or belongs to one, ends with one of the final states of :class:`Status`.
+"""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from enum import Enum
 from types import FunctionType
 from typing import Any
+
+
+class Status(Enum):
+    """Life of a task; the last three are final. Handles also show ``EVAPORATING``."""
+
+    CREATED = "created"
+    RUNNING = "running"
+    SUSPENDED = "suspended"
+    EVAPORATING = "evaporating"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    EVAPORATED = "evaporated"
+
+    @property
+    def final(self) -> bool:
+        """True for a task that is dead."""
+        return self in _FINAL
+
+
+# Members as plain names: looking one up on an Enum costs as much as starting a coroutine.
+SUCCEEDED, FAILED, EVAPORATED = Status.SUCCEEDED, Status.FAILED, Status.EVAPORATED
+_FINAL = frozenset({SUCCEEDED, FAILED, EVAPORATED})
 
 
 class Node:
@@ -69,11 +95,13 @@ def path_of_next(parent: Node, name: str) -> str:
 
 
 def name_of(branch: Callable[..., Any]) -> str:
-    """The path element of a branch: its function's name, ``lambda:LINE`` for a lambda, the class's name otherwise."""
+    """Return the path element of a branch: its function's name, ``lambda`` for a lambda, else the class's name.
+
+    No line numbers: random streams are derived from paths, and have to stay the same when a line is inserted.
+    """
     while isinstance(branch, functools.partial):
         branch = branch.func
     name: object = branch.__name__ if branch.__class__ is FunctionType else getattr(branch, "__name__", None)
     if name == "<lambda>":
-        code = getattr(branch, "__code__", None)
-        return f"lambda:{code.co_firstlineno}" if code is not None else "lambda"
+        return "lambda"
     return name if isinstance(name, str) else type(branch).__name__

@@ -17,12 +17,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from types import FrameType, TracebackType
-from typing import TYPE_CHECKING
 
+from planlang.kernel.core import Scheduler
+from planlang.kernel.errors import Overdue
 from planlang.kernel.listing import is_own
-
-if TYPE_CHECKING:
-    from planlang.kernel.scheduler import Scheduler
 
 GRACE = 0.1
 """Seconds in which a plan has to come back to the scheduler after the second Ctrl-C."""
@@ -34,17 +32,14 @@ _IDLE_LOOKS = 5
 _DEBUGGERS = ("bdb", "pdb", "pydevd", "_pydevd_bundle", "debugpy")
 
 
-class Overdue(BaseException):
-    """Raised by the watchdog in code that reaches no checkpoint."""
-
-
 class Watch:
     """What the watchdog knows about one run."""
 
-    def __init__(self, scheduler: Scheduler, period: float | None, by_signal: bool) -> None:
+    def __init__(self, scheduler: Scheduler, period: float | None, by_signal: bool = False) -> None:
         self.scheduler = scheduler
         self.period = period
-        self._by_signal = by_signal and hasattr(signal, "pthread_kill")
+        self.by_signal = by_signal
+        """Ctrl-C is handled here, in the main thread: the run can be interrupted by a signal."""
         self._thread = threading.get_ident()
         self._mark: tuple[int, ...] = ()
         self._computed = 0.0
@@ -88,7 +83,7 @@ class Watch:
         if frame is None or is_own(frame.f_code.co_filename) or (kind is Overdue and _debugged(frame)):
             return
         self._summons = kind, self._mark
-        if self._by_signal:
+        if self.by_signal and hasattr(signal, "pthread_kill"):
             signal.pthread_kill(self._thread, signal.SIGINT)
         else:
             ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self._thread), ctypes.py_object(kind))

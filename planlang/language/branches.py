@@ -8,11 +8,9 @@ from typing import Any, TypeVar
 
 from planlang.failures import CompositeFailure, PlanFailure
 from planlang.kernel import checkpoint, shield
-from planlang.kernel.calling import called
-from planlang.kernel.journal import taken_over
-from planlang.kernel.park import here
-from planlang.kernel.primitives import inside
-from planlang.kernel.tree import name_of
+from planlang.kernel.core import here
+from planlang.kernel.primitives import called, in_node, node
+from planlang.kernel.tree import Node, name_of
 from planlang.misuse import Usage, WrongType, contrast, discard
 
 A = TypeVar("A")
@@ -64,20 +62,14 @@ _TRY_EACH = Usage("await try_each_in_order", {"values": "cups", "body": "reach"}
 
 async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> list[Any]:
     """Run branches one after another; returns the list of their results; the first failure is raised at once."""
-    results: list[Any] = []
-    if (before := taken_over("seq", name or "seq")) is not None:
-        return await before  # type: ignore[no-any-return]
-    with inside("seq", name or "seq") as construct:
-        for branch_name, branch in named_branches("seq", branches, named, name):
-            if (before := taken_over("branch", branch_name)) is not None:
-                results.append(await before)
-                continue
-            with inside("branch", branch_name) as node:
-                node.result = await called(branch)
-                results.append(node.result)
-        if not results:
-            await checkpoint()
-        construct.result = results
+    result: list[Any] = await node("seq", name or "seq", partial(_each, named_branches("seq", branches, named, name)))
+    return result
+
+
+async def _each(branches: Iterable[tuple[str, Branch]]) -> list[Any]:
+    results = [await node("branch", name, partial(called, branch)) for name, branch in branches]
+    if not results:
+        await checkpoint()
     return results
 
 
@@ -88,7 +80,8 @@ async def try_in_order(
 
     A failed branch is fully unwound before the next starts. When all fail: CompositeFailure in order.
     """
-    result: V = await _first("try_in_order", name, named_branches("try_in_order", branches, named, name))
+    kind = "try_in_order"
+    result: V = await node(kind, name or kind, partial(_first, named_branches(kind, branches, named, name)))
     return result
 
 
@@ -99,31 +92,26 @@ async def try_each_in_order(values: Iterable[A], body: Callable[[A], Awaitable[V
     """
     _TRY_EACH.branch("body", body)
     _TRY_EACH.iterable("values", values, "an iterable of values")
-    name = name_of(body)
-    result: V = await _first("try_each_in_order", None, ((name, partial(body, value)) for value in values))
+    name, kind = name_of(body), "try_each_in_order"
+    result: V = await node(kind, kind, partial(_first, ((name, partial(body, value)) for value in values)))
     return result
 
 
-async def _first(kind: str, name: str | None, branches: Iterable[tuple[str, Branch]]) -> Any:
+async def _first(branches: Iterable[tuple[str, Branch]]) -> Any:
     failures: list[PlanFailure] = []
     names: list[str] = []
-    if (before := taken_over(kind, name or kind)) is not None:
-        return await before
-    with inside(kind, name or kind) as construct:
-        for branch_name, branch in branches:
-            node = inside("branch", branch_name)
-            try:
-                with node:
-                    construct.result = node.result = await called(branch)
-                    return node.result
-            except PlanFailure as failure:
-                if evaporating():
-                    raise
-                failures.append(failure)
-                names.append(node.name)
-        if not failures:
-            await checkpoint()
-        raise CompositeFailure(failures=tuple(failures), names=tuple(names))
+    for name, branch in branches:
+        attempt = Node(here()[1].node, "branch", name)
+        try:
+            return await in_node(attempt, partial(called, branch))
+        except PlanFailure as failure:
+            if evaporating():
+                raise
+            failures.append(failure)
+            names.append(attempt.name)
+    if not failures:
+        await checkpoint()
+    raise CompositeFailure(failures=tuple(failures), names=tuple(names))
 
 
 async def unwind_protect(

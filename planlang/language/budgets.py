@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.failures import BudgetExceeded, PlanFailure, Timeout
 from planlang.kernel import All, Task, checkpoint
-from planlang.kernel.journal import note
-from planlang.kernel.park import deliver, here, park
+from planlang.kernel.cancel import deliver
+from planlang.kernel.core import here, park
+from planlang.kernel.primitives import charge as note_charge
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.misuse import Usage
@@ -141,7 +142,7 @@ async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None,
 
 def spend(part: str, steps: int) -> None:
     """Note in the budgets around the running task where time went."""
-    note("spent", part, steps)
+    note_charge("spent", part, steps)
     for around in _around():
         around.spent[part] = around.spent.get(part, 0) + steps
 
@@ -197,7 +198,7 @@ def charge(spent: Mapping[str, int], used: Mapping[str, int]) -> None:
 def _charge(used: Mapping[str, int]) -> None:
     """Take attempts, by construct, from the budgets around the running task; one that is used up has none to give."""
     for construct, number in used.items():
-        note("used", construct, number)
+        note_charge("used", construct, number)
     for around in _around():
         for construct, number in used.items():
             around.used[construct] = around.used.get(construct, 0) + number

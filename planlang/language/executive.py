@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from planlang.designators import Action, Condition, Location
 from planlang.kernel import PlanStructureError
-from planlang.kernel.park import serving
+from planlang.kernel.core import serving
 from planlang.misuse import contrast
 
 if TYPE_CHECKING:

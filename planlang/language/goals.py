@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any, TypeVar
 
 from planlang.designators import Condition, Location, Object, located
 from planlang.failures import GoalNotAchieved
 from planlang.kernel import Fluent, Signal, checkpoint, wait_for
-from planlang.kernel.calling import called
+from planlang.kernel.cancel import deliver
+from planlang.kernel.core import here, park
 from planlang.kernel.fluent import SIGNAL
-from planlang.kernel.journal import taken_over
-from planlang.kernel.park import deliver, here, park
-from planlang.kernel.primitives import inside, record
+from planlang.kernel.primitives import called, node, record
 from planlang.kernel.tree import name_of
 from planlang.language.executive import executive_for
 from planlang.language.recovery import Return
@@ -35,18 +35,19 @@ async def achieve(goal: Goal, body: Callable[[], Awaitable[V]], *, within: float
     if not isinstance(goal, (Condition, Signal)):
         _ACHIEVE.plain("goal", goal, "a condition, a fluent or a function that tells whether it holds")
     _ACHIEVE.seconds("within", within)
-    if (before := taken_over("achieve", "achieve")) is not None:
-        return await before  # type: ignore[no-any-return]
     text, holds = _reader(goal)
-    with inside("achieve", "achieve", goal=text) as node:
-        if holds():
-            record("skipped", goal=text)
-            await checkpoint()
-            return None
-        result: V = await called(body)
-        if not holds() and not (within and await wait_for(Fluent(read=holds, name=text), within)):
-            raise GoalNotAchieved(goal=text)
-        node.result = result
+    result: V | None = await node("achieve", "achieve", partial(_achieve, text, holds, body, within), goal=text)
+    return result
+
+
+async def _achieve(text: str, holds: Callable[[], bool], body: Callable[[], Awaitable[V]], within: float) -> V | None:
+    if holds():
+        record("skipped", goal=text)
+        await checkpoint()
+        return None
+    result: V = await called(body)
+    if not holds() and not (within and await wait_for(Fluent(read=holds, name=text), within)):
+        raise GoalNotAchieved(goal=text)
     return result
 
 
@@ -70,14 +71,14 @@ def _reader(goal: Goal) -> tuple[str, Callable[[], bool]]:
         return str(goal), lambda: executive.holds(goal)
     if isinstance(goal, Signal):
         return str(goal), lambda: bool(goal.read())
-    name, answers = name_of(goal), here()[0].answers
+    name, recorded = name_of(goal), here()[0].recorded
 
     def answer() -> bool:
         told = goal()
         _ACHIEVE.at_once("goal", goal, told)
         return bool(told)
 
-    return name, answer if answers is None else lambda: bool(answers.ask(f"{name} holds", answer))
+    return name, answer if recorded is None else lambda: bool(recorded.answer(f"{name} holds", answer))
 
 
 _WHENEVER = Usage("await whenever", {"signal": "bell_rings", "body": "answer"})
@@ -87,16 +88,16 @@ async def whenever(signal: Signal[Any], body: Callable[[], Awaitable[Any]]) -> A
     """Run the body each time the fluent is true, at most once per world step; ``Return(v)`` from it leaves with v."""
     _WHENEVER.branch("body", body)
     _WHENEVER.instance("signal", signal, Signal, SIGNAL)
-    if (before := taken_over("whenever", "whenever")) is not None:
-        return await before
-    with inside("whenever", "whenever", signal=str(signal)) as node:
-        while True:
-            await wait_for(signal)
-            result = await called(body)
-            if isinstance(result, Return):
-                node.result = result.value
-                return result.value
-            await _next_step()
+    return await node("whenever", "whenever", partial(_whenever, signal, body), signal=str(signal))
+
+
+async def _whenever(signal: Signal[Any], body: Callable[[], Awaitable[Any]]) -> Any:
+    while True:
+        await wait_for(signal)
+        result = await called(body)
+        if isinstance(result, Return):
+            return result.value
+        await _next_step()
 
 
 async def _next_step() -> None:

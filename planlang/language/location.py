@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.designators import Device, Location, Object, a_location
@@ -21,8 +22,7 @@ from planlang.failures import (
     matches,
 )
 from planlang.kernel import Scope, Status, Task, WorldFluent, failure_of, wait_for
-from planlang.kernel.journal import taken_over
-from planlang.kernel.primitives import inside, record
+from planlang.kernel.primitives import node, record
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.language.budgets import take_attempt
@@ -82,24 +82,27 @@ async def at_location(
             raise _AT_LOCATION.wrong("reaching", [one], "objects and locations")
     if device is not None:
         _AT_LOCATION.instance("device", device, Device, "a device")
-    if (before := taken_over("at_location", "at_location")) is not None:
-        return await before  # type: ignore[no-any-return]
     executive = executive_for("at_location")
     if reaching:
         location = location & _in_reach(reaching, device, location.device)
+    inside = partial(_inside, executive, location, body, attempts)
+    return await node("at_location", "at_location", inside, location=location, attempts=attempts)  # type: ignore[no-any-return]
+
+
+async def _inside(executive: Executive, location: Location, body: Branch, attempts: int) -> Any:
+    """Hold the base, and try one place after another; then the scope around gets its own place back."""
     outer = place.get()
-    with inside("at_location", "at_location", location=location, attempts=attempts) as node:
-        async with using("base") as lease:
-            visit = _Visit(executive, location, lease)
-            token = place.set(visit.place)
-            try:
-                node.result = await visit.run(body, attempts)
-            finally:
-                place.reset(token)
-                visit.leave(outer)
-        if outer is not None and outer.displaced:
-            await outer.establish()
-    return node.result  # type: ignore[no-any-return]
+    async with using("base") as lease:
+        visit = _Visit(executive, location, lease)
+        token = place.set(visit.place)
+        try:
+            result = await visit.run(body, attempts)
+        finally:
+            place.reset(token)
+            visit.leave(outer)
+    if outer is not None and outer.displaced:
+        await outer.establish()
+    return result
 
 
 def _in_reach(wanted: tuple[Object | Location, ...], device: Device | None, other: Device | None) -> Location:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from enum import Enum
+from functools import partial
 from typing import Any
 
 from planlang.failures import BudgetExceeded, PlanFailure, TransitionMissing, matches
 from planlang.kernel import checkpoint
-from planlang.kernel.calling import called
-from planlang.kernel.journal import taken_over
-from planlang.kernel.primitives import inside, record
+from planlang.kernel.primitives import called, node, record
 from planlang.language.branches import Branch, evaporating
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, written
 
@@ -59,42 +58,45 @@ async def state_machine(
         max_visits = _STATE_MACHINE.whole("max_visits", max_visits, 1, "times")
     if name is not None:
         _STATE_MACHINE.text("name", name)
-    if (before := taken_over("state_machine", name or "state_machine")) is not None:
-        return await before
-    with inside("state_machine", name or "state_machine", start=start) as machine:
-        visits: dict[str, int] = {}
-        state = start
-        while True:
-            visits[state] = visits.get(state, 0) + 1
-            if max_visits is not None and visits[state] > max_visits:
-                visits[state] -= 1
-                raise BudgetExceeded(
-                    f"state {state!r} would be visited more than {max_visits} times; visits: "
-                    + ", ".join(f"{visited} {number}" for visited, number in visits.items()),
-                    attempts=max_visits,
-                    used=visits,
-                )
-            try:
-                if (before := taken_over("state", state)) is not None:
-                    outcome = await before
-                else:
-                    with inside("state", state) as visit:
-                        outcome = visit.result = await called(states[state])
-            except PlanFailure as failure:
-                if evaporating():
-                    raise
-                target = _after_failure(cases[state], failure)
-                if target is None:
-                    raise
-                record("transition", state=state, failure=failure, to=target)
-            else:
-                if state in ends:
-                    machine.result = outcome
-                    return outcome
-                target = _after(cases[state], state, outcome)
-                record("transition", state=state, outcome=outcome, to=target)
-            state = target
-            await checkpoint()
+    visiting = partial(_visit, states, cases, start, ends, max_visits)
+    return await node("state_machine", name or "state_machine", visiting, start=start)
+
+
+async def _visit(
+    states: Mapping[str, Branch],
+    cases: Mapping[str, Mapping[Case, str]],
+    state: str,
+    ends: Collection[str],
+    max_visits: int | None,
+) -> Any:
+    """Run one state after another, from ``state`` to an end state."""
+    visits: dict[str, int] = {}
+    while True:
+        visits[state] = visits.get(state, 0) + 1
+        if max_visits is not None and visits[state] > max_visits:
+            visits[state] -= 1
+            raise BudgetExceeded(
+                f"state {state!r} would be visited more than {max_visits} times; visits: "
+                + ", ".join(f"{visited} {number}" for visited, number in visits.items()),
+                attempts=max_visits,
+                used=visits,
+            )
+        try:
+            outcome = await node("state", state, partial(called, states[state]))
+        except PlanFailure as failure:
+            if evaporating():
+                raise
+            target = _after_failure(cases[state], failure)
+            if target is None:
+                raise
+            record("transition", state=state, failure=failure, to=target)
+        else:
+            if state in ends:
+                return outcome
+            target = _after(cases[state], state, outcome)
+            record("transition", state=state, outcome=outcome, to=target)
+        state = target
+        await checkpoint()
 
 
 def _after(cases: Mapping[Case, str], state: str, outcome: object) -> str:

@@ -8,9 +8,8 @@ from typing import Any, TypeVar, overload
 
 from planlang.failures import CompositeFailure, PlanFailure
 from planlang.kernel import All, Scope, failure_of
-from planlang.kernel.park import running
-from planlang.kernel.task import FAILED, SUCCEEDED, Task
-from planlang.kernel.tree import name_of
+from planlang.kernel.core import Task, running
+from planlang.kernel.tree import FAILED, SUCCEEDED, name_of
 from planlang.language.branches import Branch, named_branches
 from planlang.misuse import Usage
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable
 from contextvars import ContextVar
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from planlang.designators import Action, local_name
 from planlang.failures import ActionUnresolvable, ObjectUndeliverable, PlanFailure
 from planlang.kernel import All, Fluent, PlanStructureError, Status, Task, checkpoint, wait_for
-from planlang.kernel.calling import called
-from planlang.kernel.expressions import Expression
-from planlang.kernel.journal import taken_over
-from planlang.kernel.park import here
-from planlang.kernel.park import here as at
-from planlang.kernel.primitives import inside, record
+from planlang.kernel.core import here
+from planlang.kernel.primitives import called, node, record
+from planlang.kernel.signals import Expression
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.language.budgets import spend
@@ -105,18 +102,12 @@ async def perform(action: Action, name: str | None = None) -> Any:
     """
     check_action(_PERFORM, action, name)
     path_element = name or action.name or local_name(action.type)
-    if (before := taken_over("perform", path_element)) is not None:
-        scheduler, _ = at()
-        began = scheduler.now
-        try:
-            return await before
-        finally:
-            spend(path_element, scheduler.now - began)
     executive = executive_for("perform")
     module = module_for(executive, action)
     if module is None:
-        with inside("perform", path_element, action=action):
-            raise ActionUnresolvable(designator=str(action))
+        return await node(
+            "perform", path_element, partial(_fail, ActionUnresolvable(designator=str(action))), action=action
+        )
     resources = tuple(module.resources(action))
     here = place.get()
     if here is not None and here.displaced and "base" not in resources:
@@ -124,12 +115,15 @@ async def perform(action: Action, name: str | None = None) -> Any:
         await here.establish()
     releases = here is not None and executive.releases(action)
     if here is not None and releases and (refused := here.refusal(action, executive)) is not None:
-        with inside("perform", path_element, action=action):
-            raise refused
+        return await node("perform", path_element, partial(_fail, refused), action=action)
     result = await _Perform(path_element, action, module, resources).execute()
     if here is not None and releases:
         here.released(action)
     return result
+
+
+async def _fail(failure: PlanFailure) -> NoReturn:
+    raise failure
 
 
 async def perform_or(action: Action, branch: Callable[[], Awaitable[Any]]) -> Any:

@@ -7,14 +7,12 @@ import functools
 import inspect
 import itertools
 from collections.abc import Awaitable, Callable, Coroutine
+from functools import partial
 from types import FunctionType, MethodType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
-from planlang.kernel.calling import called
-from planlang.kernel.journal import taken_over
-from planlang.kernel.park import here
-from planlang.kernel.primitives import inside, record
-from planlang.kernel.task import Task
+from planlang.kernel.core import Task, here
+from planlang.kernel.primitives import called, node, record
 from planlang.kernel.tree import name_of
 from planlang.language.tags import Frame, frame
 from planlang.misuse import Usage, WrongType, contrast
@@ -52,7 +50,7 @@ class Plan(Generic[P, R]):
         return coroutine
 
     async def _execute(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> R:
-        scheduler, task = here()
+        task = here()[1]
         details: dict[str, object] = {}
         if self.iri is not None:
             details["iri"] = self.iri
@@ -64,15 +62,10 @@ class Plan(Generic[P, R]):
         token = frame.set(own)
         try:
             if isinstance(task.node, Task) and task.node.unused and task.node.base_name == self.name:
-                if scheduler.journal is not None:
-                    scheduler.journal.plan(task)
                 record("plan", **details)  # the branch is this plan: one node in the tree
                 return await called(self.function, *args, **kwargs)  # type: ignore[no-any-return]
-            if (before := taken_over("plan", self.name)) is not None:
-                return await before  # type: ignore[no-any-return]
-            with inside("plan", self.name, **details) as node:
-                node.result = await called(self.function, *args, **kwargs)
-            return node.result  # type: ignore[no-any-return]
+            body = partial(called, self.function, *args, **kwargs)
+            return await node("plan", self.name, body, **details)  # type: ignore[no-any-return]
         finally:
             own.leave()
             frame.reset(token)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 from planlang.failures import PlanFailure, PolicyViolated, attach_cleanup
 from planlang.kernel import All, Evaporated, PlanStructureError, Signal, Status, Task, failure_of, shield
-from planlang.kernel.calling import called
-from planlang.kernel.fluent import Source, tracked
-from planlang.kernel.journal import taken_over
-from planlang.kernel.park import park
-from planlang.kernel.primitives import inside, record
-from planlang.kernel.suspension import Recheck
+from planlang.kernel.core import park
+from planlang.kernel.fluent import tracked
+from planlang.kernel.primitives import called, node, record
+from planlang.kernel.signals import BaseFluent, Wait
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.misuse import Usage, WrongType, contrast, written
@@ -81,26 +80,32 @@ async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable
                 f'  wrong: with_policies([Policy("{name}", ...), Policy("{name}", ...)], body)\n'
                 f'  right: with_policies([Policy("{name}", ...), Policy("{name} 2", ...)], body)'
             )
-    if (before := taken_over("with_policies", "with_policies")) is not None:
-        return await before  # type: ignore[no-any-return]
-    with inside("with_policies", "with_policies", policies=names) as node:
-        begun: list[Policy] = []
-        error: BaseException | None = None
-        try:
-            for policy in policies:
-                await _part("init", policy.init, policy)
-                begun.append(policy)
-            node.result = await _run(policies, body)
-        except (Exception, Evaporated, KeyboardInterrupt, SystemExit) as raised:
-            error = raised
-        await _clean_up(begun, error)
-    return node.result  # type: ignore[no-any-return]
+    result: V = await node("with_policies", "with_policies", partial(_guarded, policies, body), policies=names)
+    return result
+
+
+async def _guarded(policies: Sequence[Policy], body: Branch) -> Any:
+    begun: list[Policy] = []
+    result: Any = None
+    error: BaseException | None = None
+    try:
+        for policy in policies:
+            await _part("init", policy.init, policy)
+            begun.append(policy)
+        result = await _run(policies, body)
+    except (Exception, Evaporated, KeyboardInterrupt, SystemExit) as raised:
+        error = raised
+    await _clean_up(begun, error)
+    return result
 
 
 async def _part(kind: str, branch: Branch | None, policy: Policy) -> None:
     if branch is not None:
-        with inside(kind, f"{kind} {policy.name}"):
-            await called(branch)
+        await node(kind, f"{kind} {policy.name}", partial(_without_result, branch))
+
+
+async def _without_result(branch: Branch) -> None:
+    await called(branch)
 
 
 async def _run(policies: Sequence[Policy], body: Branch) -> Any:
@@ -199,7 +204,7 @@ class _Guarded(All):
         return self.result
 
 
-class _Watch(Recheck):
+class _Watch(Wait):
     """Looks at a check whenever one of its inputs changes; the first time that it is true counts.
 
     Invariant: it is told of changes of exactly the fluents in ``inputs``.
@@ -212,7 +217,7 @@ class _Watch(Recheck):
         self.task: Task | None = None
         self.name = name
         self.condition = condition
-        self.inputs: dict[Source[Any], None] = {}
+        self.inputs: dict[BaseFluent[Any], None] = {}
         self.true = False
         self.error: Exception | None = None
         if isinstance(condition, Signal):
@@ -220,7 +225,7 @@ class _Watch(Recheck):
 
     def look(self) -> bool:
         """Whether the check is true now; raises what it raises."""
-        reads: dict[Source[Any], None] = {}
+        reads: dict[BaseFluent[Any], None] = {}
         before, tracked.reads = tracked.reads, reads
         try:
             if isinstance(self.condition, Signal):
@@ -241,7 +246,7 @@ class _Watch(Recheck):
             )
         return found
 
-    def follow(self, inputs: dict[Source[Any], None]) -> None:
+    def follow(self, inputs: dict[BaseFluent[Any], None]) -> None:
         """Be told of changes of these fluents, and no others."""
         before, self.inputs = self.inputs, inputs
         for source in inputs:

@@ -19,10 +19,8 @@ from planlang.failures import (
     PlanFailure,
     matches,
 )
-from planlang.kernel.calling import called, given
-from planlang.kernel.journal import taken_over
-from planlang.kernel.park import here
-from planlang.kernel.primitives import inside, record
+from planlang.kernel.core import here
+from planlang.kernel.primitives import called, given, node, record
 from planlang.language.branches import evaporating
 from planlang.language.budgets import take_attempt
 from planlang.language.location import at_location
@@ -174,17 +172,18 @@ async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: 
     _WITH_FAILURE_HANDLING.branch("body", body)
     for recovery in recoveries:
         _WITH_FAILURE_HANDLING.instance("recovery", recovery, Recovery, "a Recovery")
-    if (before := taken_over("with_failure_handling", "with_failure_handling")) is not None:
-        return await before  # type: ignore[no-any-return]
-    with inside("with_failure_handling", "with_failure_handling") as node:
-        entries = [_Entry(recovery) for recovery in recoveries]
-        try:
-            node.result = await _attempts(body, entries)
-        finally:
-            for entry in entries:
-                if entry.timer is not None:
-                    entry.timer.drop()
-    return node.result  # type: ignore[no-any-return]
+    kind = "with_failure_handling"
+    return await node(kind, kind, partial(_handled, body, recoveries))  # type: ignore[no-any-return]
+
+
+async def _handled(body: Callable[..., Awaitable[Any]], recoveries: Iterable[Recovery]) -> Any:
+    entries = [_Entry(recovery) for recovery in recoveries]
+    try:
+        return await _attempts(body, entries)
+    finally:
+        for entry in entries:
+            if entry.timer is not None:
+                entry.timer.drop()
 
 
 async def _attempts(body: Callable[..., Awaitable[V]], entries: list[_Entry]) -> Any:

@@ -11,23 +11,21 @@ import contextvars
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NoReturn
 
 from planlang.designators import Action, Condition, Location
 from planlang.kernel import Scheduler, shield
-from planlang.kernel.compared import Compared, Opaque, RecordedOrder, ReplayHost, ReplayOver
-from planlang.kernel.continued import Different
+from planlang.kernel.core import here, park
 from planlang.kernel.errors import DeadlockError, Evaporated
-from planlang.kernel.exact import failure_class, load, load_failure
-from planlang.kernel.park import here, park
-from planlang.kernel.recorded import Line, RecordedRun
-from planlang.kernel.task import Task
 from planlang.language.budgets import spend
 from planlang.language.resources import Arbiter, Lease, holding
 from planlang.language.running import inside_of
 from planlang.misuse import Usage
 from planlang.protocols import Solution
+from planlang.runs import Different, RecordedRun
+from planlang.runs.codec import failure_class, load, load_failure
+from planlang.runs.recorded_run import Line
+from planlang.runs.replay_check import Opaque, RecordedOrder, ReplayCheck, ReplayHost, ReplayOver
 
 
 @dataclass(frozen=True)
@@ -69,13 +67,12 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
         raise ValueError("a run in real time can be resumed, not replayed: what threads did to it is not in its trace")
     if type(rate) is not int or type(seed) is not int:
         raise ValueError("the header of the trace does not tell rate and seed")
-    trace = Compared(recorded)
+    trace = ReplayCheck(recorded)
     order = RecordedOrder(trace, all_=schedule is not None)
-    scheduler = Scheduler(ReplayHost(rate, trace), seed=seed, schedule=order, trace=trace)
+    scheduler = Scheduler(ReplayHost(rate, trace), seed=seed, choice=order, observer=trace)
     trace.attach(scheduler)
-    scheduler.answers = trace
-    scheduler.journal = _Gates(trace)  # type: ignore[assignment]  # the part of a journal that a replay needs
-    executive = _Told(trace, order)
+    scheduler.recorded = trace
+    executive = _RecordedExecutive(trace, order) if trace.was_asked("modules") else None
     try:
         contextvars.copy_context().run(inside_of, scheduler, plan, executive)
     except DeadlockError as error:
@@ -92,53 +89,25 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     return Replay(trace.difference, of if last is None else last - 1, of, recorded.outcome)
 
 
-class _Gates:
-    """Lets steps that a resumed run began again wait until it did."""
-
-    resuming = False
-    ahead = None
-
-    def __init__(self, trace: Compared) -> None:
-        self._trace = trace
-        self._until: dict[str, int] = {}
-        for place, line in enumerate(trace.lines):
-            if line.event == "resumed":
-                self._until.update(dict.fromkeys(map(str, line.record.get("again", ())), place))
-
-    def start(self, task: Task) -> None:
-        """A branch is created."""
-        if self._until and task.path in self._until:
-            task.branch = partial(self._later, self._until[task.path], task.branch)
-
-    async def _later(self, place: int, branch: Callable[[], Awaitable[Any]]) -> Any:
-        await self._trace.turn(place, behind=2)  # that it was resumed, and the end of what was taken over last
-        return await branch()
-
-    def begin(self, *_: object) -> None:
-        """Not needed in a replay."""
-
-    plan = enter = leave = changed = used = begin
-
-
-class _Told:
+class _RecordedExecutive:
     """Implements :class:`planlang.language.executive.Executive` by what was recorded."""
 
-    def __init__(self, trace: Compared, order: RecordedOrder) -> None:
+    def __init__(self, trace: ReplayCheck, order: RecordedOrder) -> None:
         self._trace = trace
         self._order = order
 
     def _ask(self, question: str) -> Any:
-        return self._trace.ask(question, _nothing)
+        return self._trace.answer(question, _nothing)
 
     def _ask_about(self, question: str, otherwise: Any) -> Any:
         """The answer; if that was not asked, something else is performed, and that it begins will differ."""
         return self._ask(question) if self._trace.knows(question) else otherwise
 
     @property
-    def modules(self) -> Sequence[_ToldModule]:
+    def modules(self) -> Sequence[_RecordedModule]:
         """Process modules of the names that were there."""
         return [
-            _ToldModule(str(name), tuple(actions), tuple(map(failure_class, failures)), self._trace, self._order)
+            _RecordedModule(str(name), tuple(actions), tuple(map(failure_class, failures)), self._trace, self._order)
             for name, actions, failures in self._ask("modules")
         ]
 
@@ -152,7 +121,7 @@ class _Told:
 
     def solutions(self, location: Location) -> Iterator[Solution]:
         """As recorded."""
-        while (solution := self._trace.each(f"solutions of {location}", _nothing)) is not None:
+        while (solution := self._trace.next_answer(f"solutions of {location}", _nothing)) is not None:
             yield solution
 
     def move_to(self, solution: Solution) -> Action:
@@ -170,7 +139,7 @@ class _Told:
 
     def before_retry(self) -> Iterable[Action]:
         """As recorded."""
-        while (action := self._trace.each("before retrying", _nothing)) is not None:
+        while (action := self._trace.next_answer("before retrying", _nothing)) is not None:
             yield action
 
     def held(self) -> Sequence[str]:
@@ -189,7 +158,7 @@ def _nothing() -> NoReturn:
     raise NotImplementedError  # a replay asks nobody
 
 
-class _ToldModule:
+class _RecordedModule:
     """A process module that does again what is recorded of a request: takes its time, its resources, and ends so."""
 
     def __init__(
@@ -197,7 +166,7 @@ class _ToldModule:
         name: str,
         actions: Sequence[str],
         failures: Sequence[type[Exception]],
-        trace: Compared,
+        trace: ReplayCheck,
         order: RecordedOrder,
     ) -> None:
         self.name, self.actions, self.failures = name, actions, failures
@@ -206,7 +175,7 @@ class _ToldModule:
     def resources(self, action: Action) -> tuple[str, ...]:
         """As recorded."""
         question = f"resources of {self.name} for {action}"
-        return tuple(self._trace.ask(question, _nothing)) if self._trace.knows(question) else ()
+        return tuple(self._trace.answer(question, _nothing)) if self._trace.knows(question) else ()
 
     async def execute(self, action: Action) -> Any:
         """Let pass what is recorded inside of the request; then its result or failure."""
@@ -236,7 +205,7 @@ class _ToldModule:
 class _Work:
     """What happens in a request, record by record."""
 
-    def __init__(self, trace: Compared) -> None:
+    def __init__(self, trace: ReplayCheck) -> None:
         self._trace = trace
         self._leases: dict[tuple[str | None, tuple[str, ...]], Lease] = {}
         self._begun: dict[str | None, int] = {}
@@ -279,7 +248,7 @@ def _leased(line: Line) -> tuple[str | None, tuple[str, ...]]:
     return line.path, tuple(map(str, line.record.get("resources", ())))
 
 
-def _request(trace: Compared, path: str) -> tuple[list[int], int | None]:
+def _request(trace: ReplayCheck, path: str) -> tuple[list[int], int | None]:
     """Places of the records inside of a request that begins here, and of its end; None if that is not recorded."""
     inside: list[int] = []
     below = f"{path}/"
@@ -300,7 +269,7 @@ def _request(trace: Compared, path: str) -> tuple[list[int], int | None]:
     return inside, None
 
 
-def _cut_short(trace: Compared, inside: list[int]) -> list[int]:
+def _cut_short(trace: ReplayCheck, inside: list[int]) -> list[int]:
     """Take from the places what evaporation of the request has brought about; it comes when that does."""
     evaporated = {
         trace.lines[place].path: trace.lines[place].step
@@ -320,7 +289,7 @@ def _cut_short(trace: Compared, inside: list[int]) -> list[int]:
 _NOT_WRITTEN = frozenset({"answer", "world", "completed", "performed", "resumed"})
 
 
-def _after(trace: Compared, path: str) -> int:
+def _after(trace: ReplayCheck, path: str) -> int:
     """The place of the record with which a request gives back its resources."""
     for place in range(trace.place, len(trace.lines)):
         line = trace.lines[place]
@@ -329,11 +298,11 @@ def _after(trace: Compared, path: str) -> int:
     return len(trace.lines)
 
 
-def _outcome(trace: Compared, line: Line) -> Any:
+def _outcome(trace: ReplayCheck, line: Line) -> Any:
     record = line.record
     try:
         if "failure" not in record:
-            return Opaque(_told_result(trace, line)) if "lost" in record else load(record.get("value"))
+            return Opaque(_shown_result(trace, line)) if "lost" in record else load(record.get("value"))
         failure = load_failure(record["failure"])
     except (ValueError, TypeError, RecursionError) as problem:
         trace.difference = Different(f"line {line.number} is damaged: {problem}", line.number, dict(record))
@@ -342,7 +311,7 @@ def _outcome(trace: Compared, line: Line) -> Any:
     raise failure
 
 
-def _told_result(trace: Compared, line: Line) -> Any:
+def _shown_result(trace: ReplayCheck, line: Line) -> Any:
     """What the records tell of a result that did not survive JSON."""
     ends = [later for later in trace.lines[trace.place :] if later.path == line.path and later.event == "ended"]
     return ends[0].record.get("result") if ends else None

@@ -10,9 +10,10 @@ from contextvars import ContextVar, Token
 from types import TracebackType
 
 from planlang.kernel import Scheduler, Task
-from planlang.kernel.park import deliver, here, park
+from planlang.kernel.cancel import deliver
+from planlang.kernel.core import here, park
 from planlang.kernel.primitives import record
-from planlang.kernel.suspension import Recheck
+from planlang.kernel.signals import Wait
 from planlang.misuse import Usage
 
 
@@ -25,7 +26,7 @@ class _Lock:
         self.holder: Lease | None = None
 
 
-class Lease(Recheck):
+class Lease(Wait):
     """A request for resources, and what was granted: all at once or nothing."""
 
     def __init__(

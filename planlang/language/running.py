@@ -7,16 +7,17 @@ import functools
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planlang.kernel import Host, PlanStructureError, Scheduler, Trace
-from planlang.kernel.choices import Schedule, described
-from planlang.kernel.past import Past
+from planlang.kernel import Host, PlanStructureError, Scheduler, run_plan
 from planlang.kernel.realtime import LiveHost
+from planlang.kernel.schedule import Schedule, described, source_of
 from planlang.kernel.tree import Node, name_of
-from planlang.language.answering import NotedExecutive
+from planlang.language.answering import RecordingExecutive
+from planlang.language.budgets import charge
 from planlang.language.executive import current
-from planlang.language.resuming import check_repeated, prepare, refuse_other
 from planlang.language.tags import Frame, frame
 from planlang.misuse import Usage, WrongValue, whole_number
+from planlang.runs import Past, Trace, refuse_other
+from planlang.runs.journal import Journal
 
 if TYPE_CHECKING:
     from planlang.language.executive import Executive
@@ -64,7 +65,7 @@ def run(
     ``resumable``: the trace notes each step of the top-level plan that has completed, with its result and the state
     in which the executive has left the world, so that the run can be resumed. ``resume`` is such a trace's past: its
     completed steps give their recorded results instead of running, and plan time goes on where it stood; the trace
-    begins with what the past keeps. The world has to be as it was left: see :func:`planlang.language.resuming.restore`.
+    begins with what the past keeps. The world has to be as it was left: see :func:`planlang.runs.restore`.
 
     Raises what leaves the plan; DeadlockError, StepLimit, NoProgress or StuckTask when it cannot go on, with the
     tasks and lines; KeyboardInterrupt after Ctrl-C, when all cleanups have run.
@@ -80,26 +81,34 @@ def run(
     RUN.instance("resumable", resumable, bool, "True or False")
     if resume is not None:
         RUN.instance("resume", resume, Past, "what an earlier run left")
-    scheduler = Scheduler(host, seed=seed, schedule=schedule, trace=trace, max_steps=max_steps)
+    scheduler = Scheduler(host, seed=seed, choice=source_of(schedule), observer=trace, max_steps=max_steps)
     scheduler.on_start = on_start
+    header = known(plan, host, seed, schedule)
     if resume is not None:
-        refuse_other(resume, known(plan, host, seed, schedule))
-    if resume is not None or resumable:
+        refuse_other(resume, header)
+    elif resumable or trace is not None:
         trace = trace or Trace([])
-        scheduler.trace = prepare(scheduler, trace, executive, resume)
-    if trace is not None and resume is None:
-        trace.begin(**known(plan, host, seed, schedule), **({"resumable": True} if resumable else {}))
-    if executive is not None and scheduler.answers is not None:
-        executive = NotedExecutive(executive, scheduler.answers)
+        trace.write_header(**header, **({"resumable": True} if resumable else {}))
+    if not resumable and resume is None:
+        return _inside(scheduler, plan, executive)  # type: ignore[no-any-return]
+    journal = Journal(
+        scheduler, trace or Trace([]), snapshot=getattr(executive, "snapshot", None), past=resume, account=charge
+    )
+    scheduler.observer = scheduler.recorded = journal
+    recording = None if executive is None else RecordingExecutive(executive, journal)
     try:
-        result: V = contextvars.copy_context().run(inside_of, scheduler, plan, executive)
+        result: V = _inside(scheduler, plan, recording)
     except PlanStructureError:
         raise
     except Exception:
-        check_repeated(scheduler)
+        journal.check_repeated()  # a plan that fails since it does something else fails for that
         raise
-    check_repeated(scheduler)
+    journal.check_repeated()
     return result
+
+
+def _inside(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive: Executive | None) -> Any:
+    return contextvars.copy_context().run(inside_of, scheduler, plan, executive)
 
 
 def _schedule(schedule: Any) -> Schedule:
@@ -142,8 +151,8 @@ def inside_of(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executiv
         scheduler.revision = executive.revision
 
         def write(event: str, details: Mapping[str, Any]) -> None:
-            if scheduler.trace is not None:
-                scheduler.trace.write(scheduler.now, event, **details)
+            if scheduler.observer is not None:
+                scheduler.observer.write(scheduler.now, event, None, **details)
 
         executive.record(write)
-    return scheduler.run(plan)
+    return run_plan(scheduler, plan)

@@ -8,10 +8,9 @@ from contextvars import ContextVar
 from typing import Any, TypeVar
 
 from planlang.failures import BranchEvaporated, PlanFailure
-from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, Task, suspension, wait_for
-from planlang.kernel.expressions import Expression, Signal
-from planlang.kernel.park import here, serving
-from planlang.kernel.suspension import Recheck
+from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, Task, cancel, wait_for
+from planlang.kernel.core import here, serving
+from planlang.kernel.signals import Expression, Signal, Wait
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.misuse import Usage
@@ -74,11 +73,11 @@ class Handle:
             task.watched.watch(_Mirror(scheduler, self, task))
         self._status.set(task.status)
         for _ in range(self._suspensions):
-            suspension.suspend(scheduler, task)
+            cancel.suspend(scheduler, task)
         self._suspensions = 0
         if self._evaporated:
             self._evaporated = False
-            scheduler.evaporate(task)
+            cancel.evaporate(scheduler, task)
 
     @property
     def status(self) -> Fluent[Status]:
@@ -114,7 +113,7 @@ class Handle:
 
     def _suspend(self) -> bool:
         if self._task is not None:
-            return suspension.suspend(serving(), self._task)
+            return cancel.suspend(serving(), self._task)
         if self._evaporated:
             return False
         self._suspensions += 1
@@ -122,7 +121,7 @@ class Handle:
 
     def _wake_up(self) -> bool:
         if self._task is not None:
-            return suspension.wake_up(serving(), self._task)
+            return cancel.wake_up(serving(), self._task)
         if not self._suspensions:
             return False
         self._suspensions -= 1
@@ -130,7 +129,7 @@ class Handle:
 
     def _evaporate(self) -> bool:
         if self._task is not None:
-            return serving().evaporate(self._task)
+            return cancel.evaporate(serving(), self._task)
         changed, self._evaporated, self._suspensions = not self._evaporated, True, 0
         return changed
 
@@ -138,7 +137,7 @@ class Handle:
         return f"<task {self.path or self.name}, {self._status.value.value}>"
 
 
-class _Mirror(Recheck):
+class _Mirror(Wait):
     """Shows the status of a task in a further handle of it."""
 
     def __init__(self, scheduler: Scheduler, handle: Handle, task: Task) -> None:
@@ -315,7 +314,7 @@ class Restarting(All):
 
     def _held(self) -> None:
         for task in tuple(self.live):
-            self.interrupted = self.scheduler.evaporate(task) or self.interrupted
+            self.interrupted = cancel.evaporate(self.scheduler, task) or self.interrupted
 
     def decide(self, dead: list[Task]) -> None:
         if self.interrupted and dead[0].outcome is Status.EVAPORATED:

@@ -10,8 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from planlang.kernel.trace import Trace
 from planlang.misuse import Usage
+from planlang.runs import Trace
 
 _OF = Usage("TaskTree.of", {"trace": "trace"})
 _READ = Usage("TaskTree.read", {"path": '"run.jsonl"'})

@@ -1,287 +1,344 @@
-"""Turtle and N-Triples, which is a part of it: the parser, and the triples that each statement makes."""
+"""Turtle and N-Triples, which is a part of it: pyoxigraph parses, fed in lines so that each triple gets its own.
+
+The parser is lenient, as real files have IRIs that the Recommendation forbids (with ``@``, for instance). What it lets
+pass although no reader should (line breaks in short texts, blanks in IRIs) is found before by a scan of the text, which
+also keeps hostile files within bounds.
+"""
 
 from __future__ import annotations
 
+import io
 import re
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import sys
+from collections.abc import Iterator
 from difflib import get_close_matches
-from functools import cache
-from pathlib import Path
-from threading import Lock
+from itertools import repeat
 from typing import Any
 
-from lark import Lark, Token, Transformer, UnexpectedInput
+import pyoxigraph
+from pyoxigraph import BlankNode, NamedNode, RdfFormat
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.ontology.iris import resolve
 from planlang.ontology.parsed import MOST_TRIPLES, Parsed
-from planlang.ontology.syntax_errors import explain, where
-from planlang.ontology.terms import FIRST, NIL, PREFIXES, REST, TYPE, XSD, BNode, Literal, Term, Triple
+from planlang.ontology.terms import PREFIXES, STRING, BNode, Literal
 from planlang.ontology.triples import Triples
-from planlang.ontology.xml_text import decode, offset_of
+from planlang.ontology.xml_text import decode, offset_of, position_of
 
 DEEPEST = 100
 """Nameless nodes and lists inside each other."""
 
+LONGEST = 1_000_000
+"""Characters of a text or an IRI: the parser reads one anew whenever it gets more of it."""
+
 MOST_ERRORS = 20
 """Syntax errors reported of one file."""
 
-_STATEMENT_END = re.compile(r"\.[ \t]*(?:#[^\r\n]*)?(?:\r?\n|\r)")
-_ESCAPE = re.compile(r"\\(?:u([0-9A-Fa-f]{4})|U([0-9A-Fa-f]{8})|(.))", re.DOTALL)
-_CHARACTERS = {"t": "\t", "b": "\b", "n": "\n", "r": "\r", "f": "\f", '"': '"', "'": "'", "\\": "\\"}
-_DOUBLE = re.compile(r"[eE]")
+_TOKEN = re.compile(
+    r'''\\.|"""[^"\\]*+(?:(?:\\.|""?(?!"))[^"\\]*+)*+"""|\'\'\'[^'\\]*+(?:(?:\\.|''?(?!'))[^'\\]*+)*+\'\'\''''
+    r"""|"[^"\\\r\n]*+(?:\\.[^"\\\r\n]*+)*+"|'[^'\\\r\n]*+(?:\\.[^'\\\r\n]*+)*+'"""
+    r"""|<[^\x00-\x20<>"{}|^`]*+>|#[^\r\n]*+|\[|\]|\(|\)|"|'|<""",
+    re.DOTALL,
+)
+"""Texts, IRIs, comments and brackets. Each alternative begins with a character of its own, which makes it fast."""
+
+_UNDECLARED = "planlang-undeclared:"
+"""Namespaces that stand for well-known prefixes until a file declares these itself."""
+
+_HEAD = "".join(f"@prefix {name}: <{_UNDECLARED}{name}:> . " for name in PREFIXES).encode() + b"\n"
+_LINES_BEFORE = 1
+
+_ANONYMOUS = re.compile(r"[0-9a-f]{20,32}")
+"""How the parser calls nodes without a label: by a number at random."""
+
+_PROBLEM = re.compile(r"Parser error [^:]*: (.*)", re.DOTALL)
+_NO_PREFIX = re.compile(r"The prefix (.*): has not been declared", re.DOTALL)
+_OBJECTS = (
+    'an <IRI>, a name prefix:name, a node _:name, a "text", a number, true, false, [ or (; where one is open, ] or )'
+)
+_EXPECTED = {
+    "is not a valid RDF object": _OBJECTS,
+    "is not a valid predicate": "'a', an <IRI> or a name prefix:name",
+    "is not a valid subject": "an <IRI>, a name prefix:name, a node _:name, [, ( or @prefix",
+    "A dot is expected": "'.', ';' or ','",
+    "Unexpected end": "'.' behind the last statement",
+}
+"""What the parser says -> what could stand there."""
 
 
 def read_turtle(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
-    """The triples of a file in Turtle or N-Triples. ``base`` is its address unless it says ``@base``.
+    """Return the triples of a file in Turtle or N-Triples. ``base`` is its address unless it says ``@base``.
 
-    ``label`` begins the labels of nameless nodes. A triple stands where its object is written, one with rdf:type where
-    its subject is. Raises BadInput with all errors found, each with its position and with what was expected there.
+    ``label`` begins the labels of nameless nodes. A triple stands in the line in which it ends, one with a nested node
+    in the line in which something is first stated of that; columns are 1. What is stated of a nested node comes before
+    the triple that has it. Raises BadInput with all errors found, each with its line and column.
     """
-    text = decode(content, file)
-    statements = _Statements(file, base, label)
-    problems = statements.problems
-    rest: str | None = text
-    while rest is not None:
-        rest = _parse(rest, file, statements, problems)
-    if problems:
-        problems.sort(key=lambda problem: problem.span or Span(file))
-        raise BadInput(problems[:MOST_ERRORS])
-    return Parsed(statements.triples, statements.warnings, statements.prefixes)
+    reader = _Reader(decode(content, file), file, base, label)
+    reader.read()
+    if reader.problems:
+        raise BadInput(sorted(reader.problems, key=lambda problem: problem.span or Span(file))[:MOST_ERRORS])
+    return Parsed(reader.triples, reader.warnings, reader.prefixes)
 
 
-class _Relay(Transformer[Token, None]):
-    """Stands in the parser for the file that is parsed now: building a parser takes longer than reading a file.
+class _Feed:
+    """The text in lines for the parser; a text of several lines in ever larger pieces, as the parser asks for them.
 
-    ``busy`` is held while ``target`` is set.
+    ``line`` is the one in which the piece begins that was asked for last; ``long`` are where such texts begin and end.
     """
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.target: _Statements | None = None
-        self.busy = Lock()
+    def __init__(self, content: bytes, long: list[tuple[int, int]]) -> None:
+        self._stream = io.BytesIO(content)
+        self._long = iter([*long, (sys.maxsize, sys.maxsize)])
+        self._begin, self._end = next(self._long)
+        self._at = 0
+        self._is_behind = False
+        self._following = 1 - _LINES_BEFORE
+        self.line = 1
 
-    def __getattr__(self, rule: str) -> Callable[[list[Any]], Any]:
-        if rule.startswith("__") or not hasattr(_Statements, rule):
-            raise AttributeError(rule)
-        return lambda children: getattr(self.target, rule)(children)
-
-    def opened(self, token: Token) -> Token:
-        """Called by the lexer for each bracket, before the parser keeps it."""
-        assert self.target is not None
-        self.target.opened(token)
-        return token
-
-
-@cache
-def _parser() -> tuple[Lark, _Relay]:
-    relay = _Relay()
-    brackets = dict.fromkeys(("LSQB", "RSQB", "LPAR", "RPAR"), relay.opened)
-    grammar = str(Path(__file__).parent / "turtle.lark")
-    return Lark.open(grammar, parser="lalr", lexer="contextual", transformer=relay, lexer_callbacks=brackets), relay
-
-
-def _parse(text: str, file: str, statements: _Statements, problems: list[Diagnostic]) -> str | None:
-    """Parse up to the first mistake. Returns what to go on with: what follows it, lines kept; None at the end."""
-    parser, relay = _parser()
-    with relay.busy:
-        relay.target = statements
-        statements.depth = 0
-        try:
-            parser.parse(text)
-            return None
-        except BadInput as problem:
-            problems.extend(problem.diagnostics)
-            if any(found.code in ("O003", "O008") for found in problem.diagnostics):
-                return None
-            span = problem.diagnostics[0].span
-            offset = len(text) if span is None else offset_of(text, span)
-        except UnexpectedInput as problem:
-            offset = where(problem, text)
-            problems.append(explain(problem, parser, text, offset, file, words=("@prefix", "@base")))
-        finally:
-            relay.target = None
-    following = _STATEMENT_END.search(text, offset)
-    if following is None or len(problems) >= MOST_ERRORS or not text[following.end() :].strip():
-        return None
-    return re.sub(r"[^\r\n]", " ", text[: following.end()]) + text[following.end() :]
+    def read(self, size: int) -> bytes:
+        if self._at > self._begin:
+            piece = self._stream.read(min(size, self._end - self._at))
+        else:
+            if not self._is_behind:  # what follows a long text on its last line belongs to where that begins
+                self.line = self._following
+            piece = self._stream.readline(min(size, self._begin - self._at) or 1)
+            self._is_behind = False
+        self._at += len(piece)
+        if self._at > self._begin and self._at >= self._end:
+            self._begin, self._end = next(self._long)
+            self._is_behind = True
+        self._following += piece.count(b"\n")
+        return piece
 
 
-@dataclass(slots=True)
-class _Value:
-    """A term, where it stands, and what is said about it there."""
-
-    term: Term
-    span: Span
-    said: list[Triple] = field(default_factory=list)
-
-
-class _Statements:
-    """What each rule of the grammar means, called while the text is parsed."""
-
-    def __init__(self, file: str, base: str, label: str) -> None:
+class _Reader:
+    def __init__(self, text: str, file: str, base: str, label: str) -> None:
         self.triples = Triples(file, label)
-        self.prefixes: dict[str, str] = {}
         self.problems: list[Diagnostic] = []
         self.warnings: list[Diagnostic] = []
-        self.depth = 0
+        self.prefixes: dict[str, str] = {}
+        self._text = text
         self._file = file
-        self._base_iri = base
+        self._base = base
         self._label = label
-        self._known: dict[str, str] = {}
+        self._bad_lines: set[int] = set()
         self._unknown: set[str] = set()
+        self._numbers: dict[str, int] = {}
+        """IRI as the parser returns it -> its number."""
+        self._nodes: dict[str, int] = {}
+        self._lines: dict[int, int] = {}
+        """Number of a node without a label -> the line in which something was first stated of it."""
 
-    def opened(self, token: Token) -> None:
-        self.depth += 1 if token in "[(" else -1
-        if self.depth > DEEPEST:
-            message = f"more than {DEEPEST} nameless nodes or lists inside each other"
-            raise BadInput([error("O008", message, self._span(token))])
+    # the text
 
-    def _span(self, token: Token) -> Span:
-        return Span(self._file, token.line or 1, token.column or 1)
+    def read(self) -> None:
+        """Read the triples and note what is wrong."""
+        text, long = self._scanned()
+        content = _HEAD + text.encode()
+        feed = _Feed(content, _in_bytes(text, long, len(_HEAD)))
+        parser = pyoxigraph.parse(
+            feed,  # type: ignore[arg-type]  # of a file only ``read`` is used
+            format=RdfFormat.TURTLE,
+            base_iri=self._base,
+            lenient=True,
+        )
+        del text, content
+        while len(self.problems) < MOST_ERRORS:
+            try:
+                self._add_all(parser, feed)
+                break
+            except SyntaxError as problem:  # the parser goes on behind the next dot
+                self._explain(problem)
+            except MemoryError:
+                self.problems.append(error("O008", "a word or a comment is too long", Span(self._file, feed.line)))
+                break
+        found = parser.prefixes.items()
+        self.prefixes = {name: space for name, space in found if not space.startswith(_UNDECLARED)}
 
-    def _fresh(self) -> BNode:
-        node = self.triples.term(self.triples.fresh())
-        assert isinstance(node, BNode)
-        return node
+    def _scanned(self) -> tuple[str, list[tuple[int, int]]]:
+        """The text without what the parser should refuse, and where texts of several lines begin and end."""
+        text, start, depth = self._text, 0, 0
+        long: list[tuple[int, int]] = []
+        pieces: list[str] = []
+        done = 0
+        while start >= 0:
+            matches, start = _TOKEN.finditer(text, start), -1
+            for match in matches:
+                token = match[0]
+                if token == "[" or token == "(":
+                    depth += 1
+                    if depth > DEEPEST:
+                        message = f"more than {DEEPEST} nameless nodes or lists inside each other"
+                        raise BadInput([error("O008", message, position_of(text, match.start(), self._file))])
+                elif token == "]" or token == ")":
+                    depth -= depth > 0
+                elif len(token) > LONGEST and token[0] != "#":
+                    message = f"a text or an IRI of more than {LONGEST:,} characters"
+                    raise BadInput([error("O008", message, position_of(text, match.start(), self._file))])
+                elif token in ('"', "'", "<"):
+                    self._refuse(token, position_of(text, match.start(), self._file))
+                    end = text.find("\n", match.end())
+                    start = len(text) if end < 0 else end
+                    pieces += (text[done : match.start()], "0 .".ljust(start - match.start())[: start - match.start()])
+                    done = start
+                    if len(self.problems) >= MOST_ERRORS:
+                        start = -1
+                    break
+                elif "\n" in token:
+                    long.append(match.span())
+        return "".join(pieces) + text[done:] if pieces else text, long
 
-    # directives
+    def _refuse(self, token: str, span: Span) -> None:
+        if token == "<":
+            message = "an <IRI> is not closed, or has a character that it must not have"
+            advice = "write %20 for a blank, and > behind it"
+        else:
+            message = "a text is not closed, or its quotation marks are unexpected here"
+            advice = 'close it on its line, or write """ around a text of several lines'
+        self._error("O020", message, span, advice)
 
-    def prefix(self, children: list[Token]) -> None:
-        name, iri = children[-2:]
-        self.prefixes[str(name)[:-1]] = resolve(self._base_iri, self._unescaped(iri, iri[1:-1]))
-        self._known.clear()
+    def _error(self, code: str, message: str, span: Span, advice: str | None = None) -> None:
+        """Note an error unless one is known of its line: what follows on it is mostly its consequence."""
+        if span.line not in self._bad_lines:
+            self._bad_lines.add(span.line)
+            self.problems.append(error(code, message, span, advice))
 
-    def base(self, children: list[Token]) -> None:
-        self._base_iri = resolve(self._base_iri, self._unescaped(children[-1], children[-1][1:-1]))
-        self._known.clear()
+    def _explain(self, problem: SyntaxError) -> None:
+        text = self._text
+        line, column = (problem.lineno or 1) - _LINES_BEFORE, problem.offset or 1
+        words = _PROBLEM.fullmatch(problem.msg)
+        reason = words[1] if words else problem.msg
+        if reason.startswith("Unexpected end"):
+            said = re.compile(r"(?:\s|^[ \t]*#[^\n]*)*\Z", re.MULTILINE).search(text)
+            span, found = position_of(text, said.start() if said else len(text), self._file), "the end of the file"
+        else:
+            span = Span(self._file, max(line, 1), column)
+            offset = offset_of(text, span)
+            word = re.compile(r"\S+").match(text, offset)
+            found = word[0][:40] if word else "this"
+        if unknown := _NO_PREFIX.fullmatch(reason):
+            self._unknown_prefix(unknown[1], found, span)
+            return
+        expected = next((spoken for said, spoken in _EXPECTED.items() if said in reason), None)
+        if expected is not None:
+            similar = get_close_matches(found, ("@prefix", "@base"), n=1, cutoff=0.75)
+            guess = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
+            self._error("O020", f"unexpected {found}", span, f"{guess}expected: {expected}")
+        elif "scape" in reason:
+            advice = r'in a "text" write \\ for a backslash; an IRI has only \uXXXX and \UXXXXXXXX'
+            self._error("O020", f"there is no such escape: {reason}", span, advice)
+        else:
+            self._error("O020", f"{reason[:1].lower()}{reason[1:]}", span)
 
-    sparql_prefix, sparql_base = prefix, base
-
-    # statements
-
-    def start(self, children: list[Any]) -> None:
-        """Everything has been stated by then."""
-
-    def triple_statement(self, children: list[Any]) -> None:
-        said: list[Triple] = []
-        self._state(children[0], children[1] if len(children) > 1 else [], said)
-        for triple in said:
-            self.triples.state(triple.subject, triple.predicate, triple.object, triple.span)
-        if len(self.triples) > MOST_TRIPLES:
-            raise BadInput([error("O003", f"the file has more than {MOST_TRIPLES:,} triples", children[0].span)])
-
-    def _state(self, subject: _Value, statements: list[Any], triples: list[Triple]) -> None:
-        triples += subject.said
-        assert not isinstance(subject.term, Literal)
-        for verb, values in zip(statements[::2], statements[1::2], strict=True):
-            for value in values:
-                span = subject.span if verb == TYPE else value.span
-                triples.append(Triple(subject.term, verb, value.term, span))
-                triples += value.said
-
-    def statements(self, children: list[Any]) -> list[Any]:
-        return children
-
-    objects = statements
-
-    def verb(self, children: list[Any]) -> str:
-        return str(children[0].term)
-
-    def rdf_type(self, children: list[Any]) -> str:
-        return TYPE
-
-    def blank_node_property_list(self, children: list[Any]) -> _Value:
-        value = _Value(self._fresh(), self._span(children[0]))
-        self._state(_Value(value.term, value.span), children[1] if len(children) == 3 else [], value.said)
-        return value
-
-    def collection(self, children: list[Any]) -> _Value:
-        items: list[_Value] = children[1:-1]
-        value = _Value(self._fresh() if items else NIL, self._span(children[0]))
-        cell = value.term
-        for index, item in enumerate(items):
-            assert isinstance(cell, BNode)
-            following = self._fresh() if index + 1 < len(items) else NIL
-            value.said.append(Triple(cell, FIRST, item.term, item.span))
-            value.said += item.said
-            value.said.append(Triple(cell, REST, following, item.span))
-            cell = following
-        return value
-
-    # terms
-
-    def full_iri(self, children: list[Token]) -> _Value:
-        token = children[0]
-        known = self._known.get(token)
-        if known is None:
-            known = self._known[str(token)] = resolve(self._base_iri, self._unescaped(token, token[1:-1]))
-        return _Value(known, self._span(token))
-
-    def prefixed_name(self, children: list[Token]) -> _Value:
-        token = children[0]
-        known = self._known.get(token)
-        if known is None:
-            prefix, _, local = token.partition(":")
-            local = re.sub(r"\\(.)", r"\1", local)
-            known = self._known[str(token)] = self._namespace(prefix, token) + local
-        return _Value(known, self._span(token))
-
-    def _namespace(self, prefix: str, token: Token) -> str:
-        if (namespace := self.prefixes.get(prefix)) is not None:
-            return namespace
-        standard = PREFIXES.get(prefix)
+    def _unknown_prefix(self, prefix: str, found: str, span: Span) -> None:
         if prefix not in self._unknown:
             self._unknown.add(prefix)
-            message, span = f"unknown prefix {prefix}: in {token}", self._span(token)
-            advice = f"declare it: @prefix {prefix}: <{standard or 'http://...#'}> ."
-            if standard:
-                self.warnings.append(warning("O021", f"{message} is read as {standard}", span, advice))
+            similar = get_close_matches(prefix, (*self.prefixes, *PREFIXES), n=1)
+            guess = f"did you mean {similar[0]}:? " if similar and similar[0] else ""
+            advice = f"{guess}declare it: @prefix {prefix}: <http://...#> ."
+            self._error("O021", f"unknown prefix {prefix}: in {found}", span, advice)
+
+    # triples
+
+    def _add_all(self, parser: Iterator[Any], feed: _Feed) -> None:
+        """Add the triples up to the next mistake. Raises SyntaxError for that."""
+        numbers, nodes, lines = self._numbers, self._nodes, self._lines
+        add_subject, add_predicate = self.triples.subjects.append, self.triples.predicates.append
+        add_object, add_line = self.triples.objects.append, self.triples.lines.append
+        left = MOST_TRIPLES - len(self.triples)
+        for subject, predicate, value, _ in parser:
+            line = feed.line
+            left -= 1
+            if left < 0:
+                span = Span(self._file, line)
+                self.problems.append(error("O003", f"the file has more than {MOST_TRIPLES:,} triples", span))
+                break
+            if type(subject) is NamedNode:
+                name = subject.value
+                first = numbers.get(name, -1)
+                if first < 0:
+                    first = self._iri(name, line)
             else:
-                similar = get_close_matches(prefix, self.prefixes, n=1)
-                guess = f"did you mean {similar[0]}:? " if similar else ""
-                self.problems.append(error("O021", message, span, guess + advice))
-        return standard or self._base_iri.partition("#")[0] + "#"
+                name = subject.value
+                first = nodes.get(name, -1)
+                if first < 0:
+                    first = self._node(name, line)
+            name = predicate.value
+            second = numbers.get(name, -1)
+            if second < 0:
+                second = self._iri(name, line)
+            kind = type(value)
+            if kind is NamedNode:
+                name = value.value
+                third = numbers.get(name, -1)
+                if third < 0:
+                    third = self._iri(name, line)
+            elif kind is BlankNode:
+                name = value.value
+                third = nodes.get(name, -1)
+                if third < 0:
+                    third = self._node(name, line)
+                line = lines.get(third, line)
+            elif kind is pyoxigraph.Literal:
+                third = self._value(value, line)
+            else:
+                advice = "state it of a node of its own"
+                self._error("O020", "triples inside triples are not read", Span(self._file, line), advice)
+                continue
+            add_subject(first)
+            add_predicate(second)
+            add_object(third)
+            add_line(line)
+        self.triples.columns.extend(repeat(1, len(self.triples) - len(self.triples.columns)))
 
-    def node(self, children: list[Token]) -> _Value:
-        return _Value(BNode(f"{self._label}.{children[0][2:]}"), self._span(children[0]))
+    def _iri(self, name: str, line: int) -> int:
+        """The number of an IRI that is met for the first time."""
+        iri = name
+        if name.startswith(_UNDECLARED):
+            prefix, _, local = name.removeprefix(_UNDECLARED).partition(":")
+            standard = PREFIXES[prefix]
+            iri = standard + local
+            if prefix not in self._unknown:
+                self._unknown.add(prefix)
+                message = f"unknown prefix {prefix}: in {prefix}:{local} is read as {standard}"
+                advice = f"declare it: @prefix {prefix}: <{standard}> ."
+                self.warnings.append(warning("O021", message, Span(self._file, line), advice))
+        self._check(iri, line)
+        number = self._numbers[name] = self.triples.number(iri)
+        return number
 
-    def plain_literal(self, children: list[Any]) -> _Value:
-        return self._literal(children[0])
+    def _node(self, label: str, line: int) -> int:
+        """The number of a nameless node that is met for the first time."""
+        if _ANONYMOUS.fullmatch(label):
+            number = self.triples.fresh()
+            self._lines[number] = line
+        else:
+            number = self.triples.number(BNode(f"{self._label}.{label}"))
+        self._nodes[label] = number
+        return number
 
-    def language_literal(self, children: list[Any]) -> _Value:
-        return self._literal(children[0], language=str(children[1])[1:].lower())
+    def _value(self, value: pyoxigraph.Literal, line: int) -> int:
+        text, language, datatype = value.value, value.language, value.datatype.value
+        self._check(text, line)
+        if language is not None:
+            return self.triples.number(Literal(text, None, language.lower()))
+        if datatype == STRING:
+            return self.triples.number(Literal(text))
+        if datatype.startswith(_UNDECLARED):
+            datatype = str(self.triples.term(self._iri(datatype, line)))
+        return self.triples.number(Literal(text, datatype))
 
-    def typed_literal(self, children: list[Any]) -> _Value:
-        return self._literal(children[0], datatype=str(children[1].term))
+    def _check(self, text: str, line: int) -> None:
+        if "\0" in text:
+            message = "the character with the number 0 is in no text and no IRI"
+            self._error("O020", message, Span(self._file, line), r"leave out \u0000")
 
-    def _literal(self, token: Token, datatype: str | None = None, language: str | None = None) -> _Value:
-        quotes = 3 if token[:3] in ('"""', "'''") else 1
-        return _Value(Literal(self._unescaped(token, token[quotes:-quotes]), datatype, language), self._span(token))
 
-    def number_literal(self, children: list[Token]) -> _Value:
-        text = str(children[0])
-        kind = "double" if _DOUBLE.search(text) else "decimal" if "." in text else "integer"
-        return _Value(Literal(text, XSD + kind), self._span(children[0]))
-
-    def boolean_literal(self, children: list[Token]) -> _Value:
-        return _Value(Literal(str(children[0]), XSD + "boolean"), self._span(children[0]))
-
-    def _unescaped(self, token: Token, text: str) -> str:
-        """The characters of an IRI or a text. Raises BadInput for an escape that Turtle does not have."""
-        if "\\" not in text:
-            return text
-        is_iri = token.startswith("<")
-
-        def character(match: re.Match[str]) -> str:
-            short, long, single = match.groups()
-            number = int(short or long or "0", 16)
-            if single is None and number < 0x110000 and not 0xD800 <= number < 0xE000 and number:
-                return chr(number)
-            if single in _CHARACTERS and not is_iri:
-                return _CHARACTERS[single]
-            advice = r"write \\ for a backslash" if not is_iri else r"an IRI has only \uXXXX and \UXXXXXXXX"
-            raise BadInput([error("O020", f"there is no escape {match[0]!r:.20}", self._span(token), advice)])
-
-        return _ESCAPE.sub(character, text)
+def _in_bytes(text: str, spans: list[tuple[int, int]], shift: int) -> list[tuple[int, int]]:
+    """Where parts of a text are when it is encoded behind so many bytes."""
+    found: list[tuple[int, int]] = []
+    done, at = 0, shift
+    for begin, end in spans:
+        start = at + len(text[done:begin].encode())
+        done, at = end, start + len(text[begin:end].encode())
+        found.append((start, at))
+    return found

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Mapping
 from typing import Any
 
-from planlang.kernel import with_paths
+from planlang.runs import with_paths
 from planlang.testing.history import History
 
 WIDTH = 58

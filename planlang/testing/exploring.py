@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.failures import PlanFailure
-from planlang.kernel.choices import ChoiceSource, Recorded, Stream
-from planlang.kernel.encoding import encode
+from planlang.kernel.core import ChoiceSource
+from planlang.kernel.schedule import ListedSchedule, RandomSchedule
 from planlang.misuse import Usage
+from planlang.runs.encoding import encode
 from planlang.testing.columns import side_by_side
 from planlang.testing.faults import Fault
 from planlang.testing.running import PlanRun, attempt, made
@@ -122,9 +123,9 @@ def explore(
     number = 0
     while seen.total() < schedules and not (complete and not left):
         if left:
-            source: ChoiceSource = Recorded(left.popleft())
+            source: ChoiceSource = ListedSchedule(left.popleft())
         else:
-            source = Stream(number) if number % 2 == 0 else Priorities(number, len(first.choices))
+            source = RandomSchedule(number) if number % 2 == 0 else Priorities(number, len(first.choices))
             number += 1
         run, recorder = once(source)
         choices = trimmed(recorder.choices)
@@ -137,12 +138,12 @@ def explore(
         return Exploration(expected, seen.total(), len(seen), complete and not left)
 
     def breaks(choices: Choices) -> tuple[bool, Sequence[int]]:
-        run, recorder = once(Recorded(choices))
+        run, recorder = once(ListedSchedule(choices))
         return wrong(run) is not None, recorder.sizes
 
     shrinker = Shrinker(breaks, shrinking_runs)
     choices = shrinker.shrink(choices)
-    other, _ = once(Recorded(choices))
+    other, _ = once(ListedSchedule(choices))
     made.append(other)
     reason = wrong(other)
     shortest = "the shortest list of choices" if shrinker.proven else "a short list of choices"

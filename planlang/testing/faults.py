@@ -9,8 +9,8 @@ from functools import partial
 
 from planlang.designators import Action, local_name
 from planlang.kernel import Scheduler, Task
-from planlang.kernel.evaporation import break_off
-from planlang.kernel.park import here
+from planlang.kernel.cancel import break_off
+from planlang.kernel.core import here
 from planlang.kernel.tree import Node
 
 Raises = type[BaseException] | BaseException | Callable[[], BaseException]

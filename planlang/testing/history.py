@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from planlang.failures import PlanFailure
-from planlang.kernel import with_paths
+from planlang.runs import with_paths
 from planlang.testing.steps import Step, read_steps, tree_of
 from planlang.testing.verdicts import Count, NoSuchStep, Verdict
 

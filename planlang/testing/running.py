@@ -7,16 +7,14 @@ from collections.abc import Awaitable, Callable, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.failures import PlanFailure
-from planlang.kernel import Trace, VirtualHost
-from planlang.kernel.choices import Schedule
-from planlang.kernel.past import Past
-from planlang.kernel.recorded import RecordedRun
+from planlang.kernel import VirtualHost
+from planlang.kernel.schedule import Schedule
 from planlang.kernel.tree import name_of
 from planlang.language.replaying import Replay
 from planlang.language.replaying import replay as replay_recorded
-from planlang.language.resuming import restore
 from planlang.language.running import run
 from planlang.misuse import Usage
+from planlang.runs import Past, RecordedRun, Trace, restore
 from planlang.testing.faults import Fault, Injector
 from planlang.testing.history import History
 

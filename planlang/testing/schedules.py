@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from random import Random
 from typing import TYPE_CHECKING
 
-from planlang.kernel.choices import ChoiceSource
+from planlang.kernel.core import ChoiceSource
 
 if TYPE_CHECKING:
     from planlang.kernel import Task

@@ -10,10 +10,10 @@ from typing import Any
 from planlang.designators import Action, Condition, Location, action, local_name
 from planlang.failures import LocationUnresolvable, PlanFailure
 from planlang.kernel import now, sleep
-from planlang.kernel.exact import dump, load
-from planlang.kernel.park import here
+from planlang.kernel.core import here
 from planlang.kernel.tree import Node
 from planlang.protocols import Solution
+from planlang.runs.codec import dump, load
 from planlang.testing.belief import Belief
 from planlang.testing.faults import made
 from planlang.testing.script import Rule, Script

@@ -65,7 +65,7 @@ def peak() -> float:
 
 def stages(form: str, size: int) -> Iterator[tuple[str, float]]:
     """Names of the stages of one compilation and how long each took [s]."""
-    from planlang.compiler.canonical import canonical
+    from planlang.compiler.compile import canonical
     from planlang.compiler.emit import emit
     from planlang.compiler.lowering import Lowering
     from planlang.ontology import load
@@ -111,11 +111,12 @@ def reduction(form: str, size: int, *, with_networkx: bool) -> tuple[float, floa
     import networkx as nx
 
     from planlang.recipe.order.decomposition import decomposed
-    from planlang.recipe.order.graph import order_graph, reduced
+    from planlang.recipe.order.graph import Precedence, order_graph
 
     graph = order_graph(range(size), FORMS[form](size))
     began = time.process_time()
-    small = reduced(graph)
+    order: Precedence[int] = Precedence(graph)
+    small = order_graph(graph.nodes, order.reduction())
     reducing = time.process_time()
     decomposed(small)
     done = time.process_time()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executive.modules.arm_choice import ArmChoices
-from executive.modules.gripper import GripperModule
+from executive.modules.grasping import Grasping
 from planlang import VirtualHost, checkpoint, par, perform, run, seq
 from planlang.designators import a_device, a_location, action, an_object
 from planlang.geometry import Pose
@@ -72,7 +72,7 @@ def test_where_no_plan_runs_the_last_choice_counts() -> None:
 
 def test_what_is_done_at_a_place_is_done_with_the_arm_it_was_found_for(make_stage: MakeStage) -> None:
     stage = make_stage(CABINET)
-    opens = GripperModule(stage.executive.platform)
+    opens = Grasping(stage.executive.platform)
     for arm in CHOICES:
         stage.executive.move_to(Solution((0.0, 0.0, 0.0), stage.executive.revision(), {"arm": arm}))
         assert opens.resources(action("OpeningAGripper", device_used=a_device("HolderGripper"))) == (arm,)

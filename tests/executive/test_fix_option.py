@@ -82,7 +82,8 @@ def test_a_copy_that_a_person_went_on_with_is_not_overwritten_unless_it_is_named
     assert result.exit_code == 2
     assert "error C005" in result.stderr
     assert copy.read_text() == "mine"
-    assert check(recipe, "--fix", "-o", copy).exit_code == 0
+    assert check(recipe, "--fix", "-o", copy).exit_code == 2, "it has no mark of planlang"
+    assert check(recipe, "--fix", "-o", copy, "--force").exit_code == 0
     assert "Serve" in copy.read_text()
     assert check(recipe, "--fix").exit_code == 0, "the same text again is no loss"
 
@@ -97,9 +98,9 @@ def test_the_recipe_itself_is_never_the_output(recipe: Path) -> None:
 def test_what_is_not_safe_is_listed_with_how_to_accept_it(misnamed: Path) -> None:
     result = check(misnamed, "--fix")
     assert result.exit_code == 2, "the error remains"
-    assert "note C016 not safe, not done: R010 the sub-action `Clasp` of `Serve` becomes `Grasp`" in result.stderr
+    assert "note C016 uncertain, not applied: R010 the sub-action `Clasp` of `Serve` becomes `Grasp`" in result.stderr
     assert f"{misnamed}:8:32: note C016" in result.stderr
-    assert "--accept R010 does it" in result.stderr
+    assert "--accept R010 applies it" in result.stderr
     assert not misnamed.with_name("misnamed.fixed.omn").exists()
 
 
@@ -141,8 +142,8 @@ def test_only_fixes_that_wait_for_acceptance_can_be_accepted(recipe: Path) -> No
     result = check(recipe, "--fix", "--accept", "R999")
     assert result.exit_code == 2
     assert "error C015" in result.stderr
-    assert "codes that can be accepted: R010" in result.stderr
-    assert "fixes of R042 are safe: --fix makes them unasked" in check(recipe, "--fix", "--accept", "R042").stderr
+    assert "codes with uncertain fixes: R010" in result.stderr
+    assert "fixes of R042 are safe: --fix applies them" in check(recipe, "--fix", "--accept", "R042").stderr
     assert "R012 has no fix: each constraint" in check(recipe, "--fix", "--accept", "R012").stderr
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.runs.origins import required_of_plan
 from executive.runs.plan_files import import_plan, main_plan
-from executive.runs.running import RunOptions, run_plan_file
+from executive.runs.plan_requirements import required_of_plan
+from executive.runs.plan_run import Outcome, RunOptions, run_plan_file
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import Diagnostic, Severity
 from planlang.resources import bundled
@@ -47,11 +47,11 @@ def test_a_plan_edited_or_not_is_refused_like_its_recipe_for_what_only_that_says
     recipe = tmp_path / "looking.omn"
     plan = compiled(recipe, LOOKING.replace(f"Class: {cls}", f"Class: {cls}{SCANNER}"))
     refused = run_plan_file(replace(AMIGO, recipe=recipe))
-    assert (refused.exit_code, refused.failure) == (3, ("MissingCapability",))
-    assert "component Tilting2DLaserScanner: amigo has none" in refused.outcome
-    assert run_plan_file(replace(AMIGO, plan=plan)).outcome == refused.outcome
+    assert (refused.outcome, refused.failure) == (Outcome.LACKS_CAPABILITY, ("MissingCapability",))
+    assert "component Tilting2DLaserScanner: amigo has none" in refused.message
+    assert run_plan_file(replace(AMIGO, plan=plan)).message == refused.message
     plan.write_text(plan.read_text(encoding="utf-8") + "\n# looked at\n", encoding="utf-8")
-    assert run_plan_file(replace(AMIGO, plan=plan)).outcome == refused.outcome
+    assert run_plan_file(replace(AMIGO, plan=plan)).message == refused.message
 
 
 @pytest.mark.parametrize(("now", "code"), [(LOOKING + "\n", "C009"), (LOOKING + "(", "C011"), (None, "C011")])

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.cli.outputs import check_outputs, replace, write_plan, write_text
 from planlang.diagnostics import BadInput
+from planlang.outputs import check_outputs, replace, write_plan, write_text
 from planlang.plan_header import PlanHeader, digest, header
 
 
@@ -42,7 +42,10 @@ def test_other_source_has_no_header(text: str) -> None:
 @pytest.mark.parametrize(("name", "refused"), [("a.jpg", True), ("a.png", False), ("a.PNG", False), ("a", False)])
 def test_a_picture_is_not_written_under_the_name_of_another_format(tmp_path: Path, name: str, refused: bool) -> None:
     found = [
-        (d.code, d.help) for d in check_outputs({"--trace": tmp_path / "a.txt"}, {}, {"--picture": tmp_path / name})
+        (d.code, d.help)
+        for d in check_outputs(
+            {"--trace": tmp_path / "a.txt", "--picture": tmp_path / name}, {}, pictures=["--picture"]
+        )
     ]
     assert found == ([("C004", "name it a.png")] if refused else [])
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.robots import Missing
-from executive.runs.plan_actions import Needs, judged, needs_of
+from executive.robots import Availability, FindingKind, Missing
 from executive.runs.plan_files import import_plan, main_plan
+from executive.runs.plan_requirements import Needs, assess, needs_of
 
 HEAD = """
 from functools import partial
@@ -46,11 +46,15 @@ def told(found: Needs, *unable: str) -> tuple[list[str], list[tuple[str, str]]]:
     """What a robot lacks that cannot do some classes of actions, and the alternatives that it cannot do."""
 
     def lacking(actions: Iterable[str]) -> tuple[Missing, ...]:
-        return tuple(Missing(name, "capability", "missing", (name,), "no") for name in actions if name in unable)
+        return tuple(
+            Missing(name, FindingKind.CAPABILITY, Availability.MISSING, (name,), "no")
+            for name in actions
+            if name in unable
+        )
 
-    judgement = judged(found, lacking)
-    infeasible = [(alternative.name, why.name) for alternative, why in judgement.infeasible]
-    return [missing.name for missing in judgement.missing], infeasible
+    assessment = assess(found, lacking)
+    infeasible = [(alternative.name, why.name) for alternative, why in assessment.infeasible]
+    return [missing.name for missing in assessment.missing], infeasible
 
 
 @pytest.mark.parametrize(
@@ -141,9 +145,11 @@ async def again() -> None:
 
 
 def test_what_a_robot_may_lack_is_a_warning_and_refuses_nothing() -> None:
-    unknown = Missing("http://example.org#Juggling", "capability", "unknown", ("Reaching",), "nobody knows")
-    judgement = judged(Needs(("Reaching",)), lambda actions: (unknown,))
-    assert (judgement.missing, judgement.unknown) == ((), (unknown,))
-    (warning,) = judgement.notes(None)
+    unknown = Missing(
+        "http://example.org#Juggling", FindingKind.CAPABILITY, Availability.UNKNOWN, ("Reaching",), "nobody knows"
+    )
+    assessment = assess(Needs(("Reaching",)), lambda actions: (unknown,))
+    assert (assessment.missing, assessment.unknown) == ((), (unknown,))
+    (warning,) = assessment.notes(None)
     assert (warning.code, warning.severity.value) == ("X009", "warning")
     assert "Juggling" in warning.message

@@ -7,11 +7,13 @@ from pathlib import Path
 import pytest
 
 from executive.belief import SemanticMap, read_map
-from executive.cli.environments import default_environment
+from executive.belief.environments import default_environment
 from executive.runs.plan_files import bound_parameters, import_plan, main_plan
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.ontology import load
 from planlang.resources import bundled
+
+CHOSEN = "the environment visiting_hours is chosen, as hospital_room has no cup2"
 
 SOURCE = """
 from planlang import plan
@@ -148,7 +150,11 @@ def test_a_thing_without_a_place_is_not_said_to_be_missing(tmp_path: Path, room:
     [
         ([], "hospital_room", []),
         (["bottle1"], "hospital_room", []),
-        (["cup2", "patient1"], "visiting_hours", ["the environment is visiting_hours, as hospital_room has no cup2"]),
+        (
+            ["cup2", "patient1"],
+            "visiting_hours",
+            ["the environment visiting_hours is chosen, as hospital_room has no cup2"],
+        ),
         (["cup2", "nobody"], "hospital_room", []),
     ],
 )

@@ -5,11 +5,11 @@ from functools import partial
 
 import pytest
 
-from executive.cli.progress import ToldTrace, line_of, progress_lines
+from executive.runs.progress import ListenedTrace, line_of, lines_of
 from planlang import VirtualHost, run, sleep
 from planlang.designators import action, an_object
 from planlang.failures import ObjectNotFound
-from planlang.kernel.task import Task
+from planlang.kernel.core import Task
 from planlang.kernel.tree import Node
 
 PLAN = Task(None, None, "serve", lambda: None, 0)
@@ -18,7 +18,7 @@ PERFORMED = Node(PLAN, "perform", "Fetching")
 
 def test_listeners_are_told_each_record_in_order() -> None:
     told: list[object] = []
-    trace = ToldTrace.to(None, {}, (told.append, lambda record: told.append(record["event"])))
+    trace = ListenedTrace.to(None, {}, (told.append, lambda record: told.append(record["event"])))
     trace.write(7, "belief", change="seen", name="bottle1")
     assert told == [{"step": 7, "event": "belief", "change": "seen", "name": "bottle1"}, "belief"]
 
@@ -30,7 +30,7 @@ def test_a_run_ends_with_what_a_listener_raises_and_the_others_are_told_on() -> 
         if record["event"] == "started":
             raise BrokenPipeError
 
-    trace = ToldTrace.to(None, {}, (fail, lambda record: told.append(record["event"])))
+    trace = ListenedTrace.to(None, {}, (fail, lambda record: told.append(record["event"])))
     with pytest.raises(BrokenPipeError):
         run(partial(sleep, 1), host=VirtualHost(), trace=trace)
     assert told == ["header", "started", "drained", "ended"]
@@ -58,10 +58,10 @@ def test_people_are_told_what_begins_fails_and_is_learnt(record: dict[str, objec
     assert line_of(record) == line
 
 
-def test_lines_begin_with_the_plan_time_in_seconds() -> None:
-    said: list[str] = []
-    tell = progress_lines(30, said.append)
+def test_each_line_comes_with_its_step_of_the_world() -> None:
+    said: list[tuple[int, str]] = []
+    tell = lines_of(lambda step, line: said.append((step, line)))
     what = an_object("DrinkingBottle", "http://example.org/#bottle1")
     tell({"step": 45, "event": "started", "node": PERFORMED, "action": action("X", object_acted_on=what)})
     tell({"step": 46, "event": "acquired", "node": PERFORMED})
-    assert said == ["   1.50 s  X(object_acted_on=bottle1)"]
+    assert said == [(45, "X(object_acted_on=bottle1)")]

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from executive.belief import read_map, scene_of
-from executive.runs.running import RunOptions, RunResult, run_plan_file
+from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from planlang.diagnostics import BadInput
 from planlang.ontology import load
 from planlang.resources import bundled
@@ -74,7 +74,7 @@ def test_the_bundled_recipe_ends_with_the_bottle_in_the_patients_hand(
     served: tuple[RunResult, Path, list[str]],
 ) -> None:
     result, _, _ = served
-    assert (result.exit_code, result.outcome, result.failure) == (0, "done", ())
+    assert (result.outcome, result.message, result.failure) == (Outcome.DONE, "done", ())
     assert result.final_state == ("bottle1: held by patient1",)
     assert 10 < result.seconds < 120
 
@@ -137,7 +137,7 @@ def of_corpus(corpus: Path, environment: str) -> RunOptions:
 def test_the_real_recipe_puts_the_bottle_on_the_bed_in_the_real_room(corpus: Path, tmp_path: Path) -> None:
     options = replace(of_corpus(corpus, "map_hospital_room@re_stack.owl.in"), trace=tmp_path / "run.jsonl")
     result = run_plan_file(options)
-    assert (result.exit_code, result.final_state) == (0, ("bottle1: at rest on bed1",))
+    assert (result.outcome, result.final_state) == (Outcome.DONE, ("bottle1: at rest on bed1",))
     records = records_of(tmp_path / "run.jsonl")
     assert_complete(records)
     released = next(r for r in records if r["event"] == "belief" and r["change"] == "released")
@@ -149,22 +149,22 @@ def test_a_bottle_inside_a_closed_cabinet_ends_in_a_failure_that_names_the_cabin
 ) -> None:
     options = replace(of_corpus(corpus, "ias_hospital_room@re_stack.owl.in"), trace=tmp_path / "run.jsonl")
     result = run_plan_file(options)
-    assert result.exit_code == 1
+    assert result.outcome is Outcome.FAILED
     assert result.failure == ("ObjectUnreachable", "LocationUnresolvable")
-    assert re.search(r"in the way: cabinet1 \d+", result.outcome)
+    assert re.search(r"in the way: cabinet1 \d+", result.message)
     assert_complete(records_of(tmp_path / "run.jsonl"))
 
 
 def test_a_room_with_a_can_of_cola_only_serves_that_one(corpus: Path) -> None:
     result = run_plan_file(of_corpus(corpus, "ias_hospital_room_with_objects@re_stack.owl.in"))
-    assert result.exit_code in (0, 1)
+    assert result.outcome in (Outcome.DONE, Outcome.FAILED)
     assert result.failure or result.final_state[0].endswith("at rest on bed1")
 
 
 def test_a_kitchen_without_a_bottle_says_so_and_lists_what_there_is(corpus: Path) -> None:
     result = run_plan_file(of_corpus(corpus, "ias_semantic_map@hydro.owl"))
-    assert (result.exit_code, result.failure) == (1, ("ObjectUnresolvable",))
-    assert "bottle1 (DrinkingBottle) is not in the map; there are" in result.outcome
+    assert (result.outcome, result.failure) == (Outcome.FAILED, ("ObjectUnresolvable",))
+    assert "bottle1 (DrinkingBottle) is not in the map; there are" in result.message
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_a_parameter_set_to_another_bottle_serves_that_one(tmp_path: Path) -> No
     path = tmp_path / "map.omn"
     path.write_text(MAP + "\n" + second.replace("m13 -0.8", "m13 -0.55"), encoding="utf-8")
     result = run_plan_file(replace(BUNDLED, environment=path, bindings={"bottle": "bottle2"}))
-    assert (result.exit_code, result.outcome) == (0, "done")
+    assert (result.outcome, result.message) == (Outcome.DONE, "done")
     assert result.final_state == ("bottle2: held by patient1",)
 
 
@@ -256,21 +256,21 @@ def test_a_map_without_a_bottle_fails_with_what_there_is(tmp_path: Path) -> None
     path = tmp_path / "map.omn"
     path.write_text("\n\n".join(f for f in frames if "bottle1" not in f.split("\n")[0]), encoding="utf-8")
     result = run_plan_file(replace(BUNDLED, environment=path))
-    assert (result.exit_code, result.failure) == (1, ("ObjectUnresolvable",))
-    assert "patient1" in result.outcome, "it lists what there is"
+    assert (result.outcome, result.failure) == (Outcome.FAILED, ("ObjectUnresolvable",))
+    assert "patient1" in result.message, "it lists what there is"
 
 
 def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:
     path = changed_map(tmp_path, ("knowrob:m03 -2.72", "knowrob:m03 -8.0"))
     result = run_plan_file(replace(BUNDLED, environment=path))
-    assert (result.exit_code, result.failure) == (1, ("ObjectUnreachable", "LocationUnresolvable"))
-    assert "bottle1" in result.outcome
+    assert (result.outcome, result.failure) == (Outcome.FAILED, ("ObjectUnreachable", "LocationUnresolvable"))
+    assert "bottle1" in result.message
 
 
 def test_a_bottle_on_top_of_a_tower_cannot_be_reached(tmp_path: Path) -> None:
     path = changed_map(tmp_path, ("knowrob:m23 0.9,", "knowrob:m23 2.3,"))
     result = run_plan_file(replace(BUNDLED, environment=path))
-    assert (result.exit_code, result.failure[0]) == (1, "ObjectUnreachable")
+    assert (result.outcome, result.failure[0]) == (Outcome.FAILED, "ObjectUnreachable")
 
 
 # Ending early
@@ -300,7 +300,7 @@ def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trac
 
     monkeypatch.setattr(PyBulletWorld, "step", stepping)
     result = run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl", picture=tmp_path / "scene.png"))
-    assert (result.exit_code, result.outcome) == (130, "interrupted")
+    assert (result.outcome, result.message) == (Outcome.INTERRUPTED, "interrupted")
     assert result.final_state[0].startswith("bottle1: ")
     records = records_of(tmp_path / "run.jsonl")
     assert_complete(records)
@@ -310,7 +310,7 @@ def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trac
 @pytest.mark.parametrize("line", [1, 9])
 def test_an_interrupt_while_progress_is_told_ends_the_run_with_a_complete_trace(line: int, tmp_path: Path) -> None:
     result = run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl", progress=_After(line)))
-    assert (result.exit_code, result.outcome) == (130, "interrupted")
+    assert (result.outcome, result.message) == (Outcome.INTERRUPTED, "interrupted")
     assert_complete(records_of(tmp_path / "run.jsonl"))
 
 
@@ -330,6 +330,6 @@ def test_a_robot_without_grippers_is_told_what_it_lacks_before_anything_moves(tm
     frames = AMIGO.read_text(encoding="utf-8").split("\n\n")
     robot.write_text("\n\n".join(f for f in frames if not re.match(r"Individual: \w+_gripper\b", f)), encoding="utf-8")
     result = run_plan_file(replace(BUNDLED, robot=robot, urdf=urdf, trace=tmp_path / "run.jsonl"))
-    assert (result.exit_code, result.failure) == (3, ("MissingCapability",))
-    assert "GripperMotionCapability" in result.outcome
+    assert (result.outcome, result.failure) == (Outcome.LACKS_CAPABILITY, ("MissingCapability",))
+    assert "GripperMotionCapability" in result.message
     assert not (tmp_path / "run.jsonl").exists()

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planlang
-from executive.modules.arm import Reaching
-from executive.modules.gripper import GripperModule
+from executive.modules.grasping import Grasping
 from executive.modules.handover import Handover
 from executive.modules.head import Head
 from executive.modules.navigation import Navigation
 from executive.modules.perception import Perception
+from executive.modules.reaching import Reaching
 from executive.runs.robot_executive import RobotExecutive
 from planlang.failures import LowLevelFailure, PlanFailure
 from planlang.geometry import Pose
@@ -109,7 +109,7 @@ def test_the_simulator_and_the_executive_have_all_that_their_protocols_ask_for(p
     assert public(protocol) - given_at_creation <= set(dir(kind))
 
 
-MODULES = (Navigation, Reaching, GripperModule, Head, Perception, Handover)
+MODULES = (Navigation, Reaching, Grasping, Head, Perception, Handover)
 
 
 @pytest.mark.parametrize("module", MODULES)

@@ -22,7 +22,7 @@ BREACHES = {
     "sim knows designators, protocols and diagnostics only": ("sim", "import planlang.kernel"),
     "sim does not import the plan author's names": ("sim", "from planlang import run"),
     "the compiler reads recipes, recipes read ontologies": ("planlang/ontology", "import planlang.recipe"),
-    "the language stands on the kernel and knows no recipe": ("planlang/kernel", "import planlang.language"),
+    "the language stands on recorded runs, these on the kernel": ("planlang/kernel", "import planlang.runs"),
     "phrases know designators and ontologies only": ("planlang/phrases", "import planlang.failures"),
     "the language does not know recipes": ("planlang/language", "import planlang.recipe"),
     "only tests use planlang.testing": ("executive", "import planlang.testing"),

@@ -16,8 +16,8 @@ from planlang.diagnostics import BadInput
 from planlang.geometry.matrices import angles_of, rotation_of
 from planlang.protocols import Configuration
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
+from sim.description import Description, read_description
 from sim.meshes import find_mesh, inertia_box
-from sim.urdf import Description, read_description
 
 INERTIAL = """<inertial><origin xyz="0.1 0 0" rpy="0 0 0.5"/><mass value="1200"/>
 <inertia ixx="500" iyy="1000" izz="1300" ixy="0" ixz="0" iyz="0"/></inertial>"""

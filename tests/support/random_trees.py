@@ -39,8 +39,8 @@ from planlang import (
     with_policies,
 )
 from planlang.failures import BranchEvaporated, BudgetExceeded, CompositeFailure, PolicyViolated, Timeout
-from planlang.kernel import Trace
 from planlang.kernel.errors import CleanupOverrun, DeadlockError
+from planlang.runs import Trace
 
 SLOT = 2**15
 FLUENTS = 2

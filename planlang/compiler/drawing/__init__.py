@@ -1,31 +1,17 @@
 """Drawings of a task: its steps, what fills their properties, and what has to come before what.
 
-General layout: ``model`` turns checked recipes into groups of boxes and arrows; ``dot``, ``mermaid``, ``svg`` and
-``page`` write those in one format each; ``layers`` and ``arrangement`` say where everything goes in an SVG; ``text``
-makes names that strangers chose safe to show.
+General layout: ``task_graph`` turns checked recipes into groups of boxes and arrows, with names made safe to show;
+``dot``, ``mermaid`` and ``svg`` write those in one format each; ``layers`` says where everything goes in an SVG.
 """
 
 from collections.abc import Callable, Mapping
 
 from planlang.compiler.drawing.dot import dot
 from planlang.compiler.drawing.mermaid import mermaid
-from planlang.compiler.drawing.model import Arrow, Box, Group, Order, TaskGraph, task_graph
-from planlang.compiler.drawing.page import page
 from planlang.compiler.drawing.svg import svg
+from planlang.compiler.drawing.task_graph import Arrow, Box, Group, Order, TaskGraph, task_graph
 
-FORMATS: Mapping[str, Callable[[TaskGraph], str]] = {".svg": svg, ".dot": dot, ".mmd": mermaid, ".html": page}
-"""Suffix of a file -> what writes that format; equal graphs give equal text."""
+FORMATS: Mapping[str, Callable[[TaskGraph], str]] = {".svg": svg, ".dot": dot, ".mmd": mermaid}
+"""Suffix of a file -> the function that writes this format; equal graphs give equal text."""
 
-__all__ = [
-    "FORMATS",
-    "Arrow",
-    "Box",
-    "Group",
-    "Order",
-    "TaskGraph",
-    "dot",
-    "mermaid",
-    "page",
-    "svg",
-    "task_graph",
-]
+__all__ = ["FORMATS", "Arrow", "Box", "Group", "Order", "TaskGraph", "dot", "mermaid", "svg", "task_graph"]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from planlang.compiler.drawing.model import Arrow, Box, Group, Order, TaskGraph
-from planlang.compiler.drawing.text import for_dot
+from planlang.compiler.drawing.task_graph import Arrow, Box, Group, Order, TaskGraph, for_dot
 
 _ATTRIBUTES = """\
     compound=true; rankdir=TB; newrank=true; nodesep=0.35; ranksep=0.45;

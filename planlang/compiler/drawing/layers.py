@@ -6,13 +6,16 @@ Boxes are rectangles of any size; all lengths are in pixels, x to the right, y d
 
 from __future__ import annotations
 
+from bisect import bisect_right, insort
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 SWEEPS = 12
+"""Sweeps down and up; Sugiyama and others find that few drawings become better after that many."""
+
 MOST_BENDS = 5000
-"""Bends of arrows that pass by ranks; beyond it long arrows go straight."""
+"""Bends of arrows that pass by ranks; beyond it long arrows go straight, as sweeps would take seconds."""
 
 Point = tuple[float, float]
 
@@ -146,22 +149,16 @@ def _ordered(items: list[_Item], layers: list[list[int]]) -> list[list[int]]:
 
 
 def _crossings(items: list[_Item], layers: list[list[int]]) -> int:
-    """How many pairs of edges between neighbouring layers cross, by counting inversions with a binary indexed tree."""
+    """How many pairs of edges between neighbouring layers cross: inversions of the places of their lower ends."""
     total = 0
-    position = {index: place for layer in layers for place, index in enumerate(layer)}
     for upper, lower in pairwise(layers):
-        ends = [place for index in upper for place in sorted(position[other] for other in items[index].below)]
-        tree = [0] * (len(lower) + 1)
-        for seen, place in enumerate(ends):
-            node, not_right = place + 1, 0
-            while node:
-                not_right += tree[node]
-                node &= node - 1
-            total += seen - not_right
-            node = place + 1
-            while node < len(tree):
-                tree[node] += 1
-                node += node & -node
+        position = {index: place for place, index in enumerate(lower)}
+        seen: list[int] = []
+        for index in upper:
+            ends = sorted(position[other] for other in items[index].below)
+            total += sum(len(seen) - bisect_right(seen, place) for place in ends)
+            for place in ends:
+                insort(seen, place)
     return total
 
 

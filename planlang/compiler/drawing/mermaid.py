@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from planlang.compiler.drawing.model import Box, Group, Order, TaskGraph
-from planlang.compiler.drawing.text import LONGEST_LINE, for_mermaid, shown
+from planlang.compiler.drawing.task_graph import LONGEST_LINE, Box, Group, Order, TaskGraph, for_mermaid, shown
 
 _LINKS = {Order.STATED: "-->", Order.ADDED: "-.->", Order.TRANSITION: "-->", Order.OVERLAP: "-.-"}
 

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
-from planlang.compiler.drawing.arrangement import (
-    LINE_HEIGHT,
-    LINE_SIZE,
-    NAME_SIZE,
-    PADDING,
-    Arrangement,
-    Frame,
-    Placed,
-    arranged,
+from planlang.compiler.drawing.layers import Layers, Point, layered
+from planlang.compiler.drawing.task_graph import (
+    INDENT,
+    LONGEST_LINE,
+    Arrow,
+    Box,
+    Group,
+    Order,
+    TaskGraph,
+    for_xml,
+    shown,
+    width,
 )
-from planlang.compiler.drawing.layers import Point
-from planlang.compiler.drawing.model import Arrow, Order, TaskGraph
-from planlang.compiler.drawing.text import INDENT, LONGEST_LINE, for_xml, shown, width
 
 MARGIN, HEAD = 24.0, 52.0
 
@@ -36,25 +37,15 @@ text { font-family: Helvetica, Arial, "Liberation Sans", sans-serif; fill: #1f2d
 .overlap { fill: none; stroke: #8a4f8f; stroke-width: 1.4; stroke-dasharray: 1.5 3; }
 .label { font-size: 10px; fill: #3f6b4f; paint-order: stroke; stroke: #ffffff; stroke-width: 3px; }
 .overlap-label { fill: #8a4f8f; }
-.implied { stroke: #8a9aa8; stroke-width: 1; stroke-dasharray: 2 3; }
 .order:hover { stroke-width: 3; }
 .head { fill: #44546a; }
 .head-added { fill: #b0741a; }
-.head-implied { fill: #8a9aa8; }
 .head-transition { fill: #3f6b4f; }
 """
 
 
 def svg(graph: TaskGraph) -> str:
     """The graph as an SVG document: stated orders solid, those that the compiler adds dashed, implied ones left out."""
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + svg_element(graph)
-
-
-def svg_element(graph: TaskGraph, *, implied: bool = False) -> str:
-    """The ``svg`` element; with ``implied`` it holds implied orders, too, which are hidden unless a style shows them.
-
-    Groups of class ``step`` have the attribute ``data-key``, arrows ``data-before`` and ``data-after``.
-    """
     found = arranged(graph.group)
     has_added = any(route.arrow.order is Order.ADDED for route in found.routes)
     legend = "dashed: added by the compiler, as what is done from one place is done together" if has_added else ""
@@ -63,10 +54,11 @@ def svg_element(graph: TaskGraph, *, implied: bool = False) -> str:
     high = found.height + HEAD + 2 * MARGIN + (LINE_HEIGHT * 1.5 if legend else 0.0)
     left, top = (wide - found.width) / 2, MARGIN + HEAD
     lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{_n(wide)}" height="{_n(high)}"'
         f' viewBox="0 0 {_n(wide)} {_n(high)}" role="img">',
         f"<title>{for_xml(graph.title)}</title>",
-        f"<style>\n{STYLE}{'.implied { display: none; }' + chr(10) if implied else ''}</style>",
+        f"<style>\n{STYLE}</style>",
         *_heads(),
         f'<rect width="{_n(wide)}" height="{_n(high)}" fill="#ffffff"/>',
         f'<text class="title" x="{_n(MARGIN)}" y="{_n(MARGIN + 18)}">{for_xml(title)}</text>',
@@ -74,7 +66,6 @@ def svg_element(graph: TaskGraph, *, implied: bool = False) -> str:
         f'<g transform="translate({_n(left)} {_n(top)})">',
         *_drawing(found),
         *_beside(graph, found),
-        *(_implied(graph, found) if implied else ()),
         "</g>",
     ]
     if legend:
@@ -84,7 +75,7 @@ def svg_element(graph: TaskGraph, *, implied: bool = False) -> str:
 
 def _heads() -> Iterator[str]:
     yield "<defs>"
-    for kind in ("head", "head-added", "head-implied", "head-transition"):
+    for kind in ("head", "head-added", "head-transition"):
         yield (
             f'<marker id="{kind}" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="8" markerHeight="8"'
             f' markerUnits="userSpaceOnUse" orient="auto">'
@@ -118,7 +109,7 @@ def _box(placed: Placed) -> Iterator[str]:
     box = placed.box
     kind = "step" + (" recipe" if box.groups else "") + (" abstract" if box.is_abstract else "")
     hover = "\n".join(for_xml(line) for line in box.hover)
-    yield f'<g class="{kind}" data-key="{box.key}"><title>{hover}</title>'
+    yield f'<g class="{kind}"><title>{hover}</title>'
     yield (
         f'<rect x="{_n(placed.x)}" y="{_n(placed.y)}" width="{_n(placed.width)}" height="{_n(placed.height)}" rx="6"/>'
     )
@@ -186,25 +177,11 @@ def _middle(points: Sequence[Point]) -> Point:
     return (x + other) / 2, (y + below) / 2 + 3
 
 
-def _implied(graph: TaskGraph, found: Arrangement) -> Iterator[str]:
-    """Implied orders as arcs that pass on the right of the boxes."""
-    where = {placed.box.key: placed for placed in found.boxes}
-    for group in graph.groups():
-        for arrow in group.of(Order.IMPLIED):
-            first, second = where[arrow.before], where[arrow.after]
-            start = (first.x + first.width, first.y + first.height / 2)
-            end = (second.x + second.width, second.y + second.height / 2)
-            out = max(start[0], end[0]) + 20 + abs(end[1] - start[1]) * 0.2
-            curve = f"M {_p(start)} C {_p((out, start[1]))}, {_p((out, end[1]))}, {_p(end)}"
-            yield _path(arrow, curve)
-
-
 def _path(arrow: Arrow, curve: str) -> str:
     kind = "" if arrow.order is Order.STATED else f" {arrow.order.value}"
     head = "head" if arrow.order is Order.STATED else f"head-{arrow.order.value}"
     return (
-        f'<path class="order{kind}" data-before="{arrow.before}" data-after="{arrow.after}" d="{curve}"'
-        f' marker-end="url(#{head})"><title>{for_xml(arrow.hover)}</title></path>'
+        f'<path class="order{kind}" d="{curve}" marker-end="url(#{head})"><title>{for_xml(arrow.hover)}</title></path>'
     )
 
 
@@ -229,3 +206,138 @@ def _p(point: Point) -> str:
 def _n(value: float) -> str:
     """A length with one digit: rounding noise of other machines does not show."""
     return f"{value:.1f}".removesuffix(".0")
+
+
+NAME_SIZE, LINE_SIZE, LINE_HEIGHT = 13.0, 11.0, 16.0
+PADDING, GROUP_PADDING = 10.0, 16.0
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A box in the drawing: its top left corner and size [px], the lines that fit in, and whether others are inside."""
+
+    box: Box
+    x: float
+    y: float
+    width: float
+    height: float
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Around one of several recipes that a step may be performed by."""
+
+    name: str
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """An arrow in the drawing; its points as :class:`planlang.compiler.drawing.layers.Layers` tells.
+
+    With ``is_upward`` they lead from its end to its beginning: it goes back to where others come from.
+    """
+
+    arrow: Arrow
+    points: tuple[Point, ...]
+    is_upward: bool = False
+
+
+@dataclass(slots=True)
+class Arrangement:
+    """Everything that is drawn, an outer box before what is inside of it."""
+
+    boxes: list[Placed]
+    frames: list[Frame]
+    routes: list[Route]
+    width: float = 0.0
+    height: float = 0.0
+
+
+def arranged(group: Group) -> Arrangement:
+    """Lay out a recipe and everything below it; the top left corner is (0, 0)."""
+    found = Arrangement([], [], [])
+    plan = _plan(group)
+    found.width, found.height = plan.layers.width, plan.layers.height
+    _put(plan, 0.0, 0.0, found)
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """A recipe laid out by itself, with the plans of what is inside of its boxes."""
+
+    group: Group
+    boxes: tuple[_Sized, ...]
+    arrows: tuple[Arrow, ...]
+    layers: Layers
+
+
+@dataclass(frozen=True, slots=True)
+class _Sized:
+    box: Box
+    lines: tuple[str, ...]
+    width: float
+    height: float
+    plans: tuple[_Plan, ...]
+
+    @property
+    def has_frames(self) -> bool:
+        return len(self.plans) > 1
+
+
+def _plan(group: Group) -> _Plan:
+    boxes = tuple(_sized(box) for box in group.boxes)
+    index = {box.key: number for number, box in enumerate(group.boxes)}
+    arrows = tuple(
+        arrow for arrow in group.of(Order.STATED, Order.ADDED, Order.TRANSITION) if arrow.before != arrow.after
+    )
+    edges = [(index[arrow.before], index[arrow.after]) for arrow in arrows]
+    if group.of(Order.TRANSITION):  # which may lead in circles: boxes stand in the order in which they are reached
+        edges = [(min(edge), max(edge)) for edge in edges]
+    return _Plan(group, boxes, arrows, layered([(box.width, box.height) for box in boxes], edges))
+
+
+def _sized(box: Box) -> _Sized:
+    lines = box.text()
+    wide = max(width(lines[0], NAME_SIZE) * 1.08, *(width(line, LINE_SIZE) for line in ("", *lines[1:]))) + 2 * PADDING
+    high = LINE_HEIGHT * len(lines) + 2 * PADDING - 4
+    plans = tuple(_plan(group) for group in box.groups)
+    if plans:
+        frame = _frame_margin(len(plans) > 1)
+        inside = sum(plan.layers.width + 2 * frame for plan in plans) + GROUP_PADDING * (len(plans) + 1)
+        wide = max(wide, inside)
+        high += max(plan.layers.height + 2 * frame + (LINE_HEIGHT if frame else 0) for plan in plans) + GROUP_PADDING
+    return _Sized(box, lines, wide, high, plans)
+
+
+def _frame_margin(has_frames: bool) -> float:
+    return GROUP_PADDING if has_frames else 0.0
+
+
+def _put(plan: _Plan, x: float, y: float, found: Arrangement) -> None:
+    for sized, (left, top) in zip(plan.boxes, plan.layers.corners, strict=True):
+        corner = (x + left, y + top)
+        found.boxes.append(Placed(sized.box, *corner, sized.width, sized.height, sized.lines))
+        _put_inside(sized, *corner, found)
+    index = {sized.box.key: number for number, sized in enumerate(plan.boxes)}
+    for arrow, route in zip(plan.arrows, plan.layers.routes, strict=True):
+        is_upward = arrow.order is Order.TRANSITION and index[arrow.before] > index[arrow.after]
+        found.routes.append(Route(arrow, tuple((x + a, y + b) for a, b in route), is_upward))
+
+
+def _put_inside(sized: _Sized, x: float, y: float, found: Arrangement) -> None:
+    frame = _frame_margin(sized.has_frames)
+    widths = [plan.layers.width + 2 * frame for plan in sized.plans]
+    left = x + (sized.width - sum(widths) - GROUP_PADDING * (len(widths) - 1)) / 2
+    top = y + LINE_HEIGHT * len(sized.lines) + 2 * PADDING - 4
+    for plan, wide in zip(sized.plans, widths, strict=True):
+        if frame:
+            high = plan.layers.height + 2 * frame + LINE_HEIGHT
+            found.frames.append(Frame(f"one way: {shown(plan.group.name, LONGEST_LINE)}", left, top, wide, high))
+        _put(plan, left + frame, top + frame + (LINE_HEIGHT if frame else 0.0), found)
+        left += wide + GROUP_PADDING

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping
 
-from planlang.ontology.terms import BNode, Literal, Term, Triple
+from planlang.ontology.terms import STRING, BNode, Literal, Term, Triple
 
 MOST_ROUNDS = 60
 """Rounds in which what is said of neighbours is taken into account."""
@@ -73,9 +73,16 @@ def statements(triples: Iterable[Triple]) -> dict[tuple[object, str, object], li
     colours = _content(given)
     found: dict[tuple[object, str, object], list[Triple]] = {}
     for triple in given:
-        subject, value = (("node", colours[t]) if isinstance(t, BNode) else t for t in (triple.subject, triple.object))
+        subject, value = (
+            ("node", colours[t]) if isinstance(t, BNode) else _plain(t) for t in (triple.subject, triple.object)
+        )
         found.setdefault((subject, triple.predicate, value), []).append(triple)
     return found
+
+
+def _plain(term: Term) -> Term:
+    """The term, a text without its datatype, which says nothing: since RDF 1.1 plain texts are xsd:string."""
+    return Literal(term.value) if isinstance(term, Literal) and term.datatype == STRING else term
 
 
 def _digest(parts: object) -> str:
@@ -130,7 +137,7 @@ def _shown(term: Term, colours: Mapping[BNode, str]) -> tuple[str, ...]:
         case BNode():
             return ("node", colours[term])
         case Literal(value, datatype, language):
-            return ("value", value, datatype or "", language or "")
+            return ("value", value, "" if datatype == STRING else datatype or "", language or "")
         case _:
             return ("iri", term)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, warning
-from planlang.ontology import Literal, Ontology, Restriction
+from planlang.ontology import Literal, Ontology, Restriction, Term
 from planlang.ontology.classes import RESTRICTING
 from planlang.ontology.terms import COMPLEMENT_OF, EQUIVALENT_CLASS, ON_PROPERTY, OWL, SUBCLASS_OF, THING
 from planlang.recipe.actions import Actions
@@ -111,8 +111,13 @@ def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[D
     restricting = _here(ontology, store.by(ON_PROPERTY))
     names = {number: store.name(number) or "" for number in {objects[row] for row in restricting}}
     wanted = {number: local_name(name) for number, name in names.items() if is_word(name, *_STEPS, *_DESCRIBED_BY)}
-    places = {(one.span.line, one.span.column) for one in read}
-    certain = {subjects[row] for row in store.by(*RESTRICTING) if (lines[row], columns[row]) in places}
+    asked = [one.filler if one.cardinality is None else Literal(str(one.cardinality)) for one in read]
+    places = {(one.span.line, one.span.column, _word_of(what)) for one, what in zip(read, asked, strict=True)}
+    certain = {
+        subjects[row]
+        for row in store.by(*RESTRICTING)
+        if (lines[row], columns[row], _word_of(store.term(objects[row]))) in places
+    }
     fillers = {store.numbers.get(word) for word in _FILLERS}
     for row in restricting:
         node = subjects[row]
@@ -123,6 +128,11 @@ def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[D
                 message = f"{word} stands in an expression that does not say for certain what is done"
                 advice = "write alternatives as recipes of their own: classes below one that is the sub-action"
                 yield error("R059", message, store.span(filled[0]), advice)
+
+
+def _word_of(term: Term) -> str:
+    """An IRI, the text of a value, or the label of a node: tells apart what stands in one line of Turtle."""
+    return term.value if isinstance(term, Literal) else str(term)
 
 
 def _is_about_others(actions: Actions, node: int) -> bool:

@@ -1,11 +1,10 @@
-"""The dependency graph of a recipe: its orderings as edges, cycles, reduction, closure, total orders."""
+"""The dependency graph of a recipe: the partial order that it stands for, and its shortest cycle if it is none."""
 
 from __future__ import annotations
 
 import heapq
 from collections.abc import Hashable, Iterable, Iterator
 from functools import cached_property
-from itertools import pairwise
 from typing import Generic, TypeVar
 
 import networkx as nx
@@ -239,36 +238,3 @@ def _take_out(node: Node, after: Links[Node], before: Links[Node]) -> None:
                     del backward[other][one]
                     if not backward[other]:
                         waiting.append(other)
-
-
-def reduced(graph: nx.DiGraph) -> nx.DiGraph:
-    """The transitive reduction of an acyclic graph; nodes and edges in the order of its nodes."""
-    order: Precedence[Hashable] = Precedence(graph)
-    return order_graph(graph.nodes, order.reduction())
-
-
-def closed(graph: nx.DiGraph) -> nx.DiGraph:
-    """The transitive closure of an acyclic graph; nodes and edges in the order of its nodes.
-
-    For drawing and for small graphs: to ask what comes before what a :class:`Precedence` takes far less room.
-    """
-    order: Precedence[Hashable] = Precedence(graph)
-    rank = {node: index for index, node in enumerate(graph.nodes)}
-    return order_graph(
-        graph.nodes,
-        ((a, b) for a in graph.nodes for b in sorted(order.members(order.later(a)), key=rank.__getitem__)),
-    )
-
-
-def sorted_nodes(graph: nx.DiGraph) -> list[Node]:
-    """The linear extension that keeps as close to node order as the graph allows."""
-    order: Precedence[Node] = Precedence(graph)
-    return list(order.extension)
-
-
-def total_order(graph: nx.DiGraph) -> tuple[Node, ...] | None:
-    """The only linear extension of an acyclic graph, or None if there are several."""
-    nodes: list[Node] = sorted_nodes(graph)
-    if all(graph.has_edge(a, b) for a, b in pairwise(nodes)):
-        return tuple(nodes)
-    return None

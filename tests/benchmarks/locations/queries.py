@@ -132,8 +132,8 @@ def snapshot(stage: Stage) -> tuple[object, ...]:
         tuple((name, belief.pose(name)) for name in belief.names()),
         tuple(belief.held.items()),
         repr(stage.platform.rng.bit_generator.state),
-        tuple(stage.platform.choices.made.items()),
-        tuple(stage.platform.begun_grasps.items()),
+        tuple(stage.platform.arms.choices.made.items()),
+        tuple(stage.platform.arms.begun.items()),
     )
 
 

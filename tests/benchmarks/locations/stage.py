@@ -114,13 +114,13 @@ class Stage:
 
     def _claim(self, way: ReachSolution, solution: Solution) -> Claim:
         plan, arm, platform = way.plan, way.arm, self.platform
-        gripper = platform.gripper(arm)
+        gripper = platform.hands.gripper(arm)
         fingers = gripper.opened if plan.opened and gripper is not None else {}
         motions, q = list[Array](), way.joints[0]
         for pose, end in zip(plan.poses[1:], way.joints[1:], strict=True):
             joints = {**self.world.configuration().joints, **fingers, **dict(zip(arm.joints, q.tolist(), strict=True))}
             self.world.set_configuration(Configuration(solution.base, joints))
-            motions.append(platform.straight_path(arm, pose, end, plan.touches).positions)
+            motions.append(platform.arms.straight_path(arm, pose, end, plan.touches).positions)
             q = motions[-1][-1]
         names, target = tuple(arm.joints), plan.touches
         return Claim(solution.base, arm.name, names, way.joints, plan.poses, target, plan.opened, tuple(motions))

@@ -138,7 +138,7 @@ def _asked(platform: Platform, arm: ArmModel, start: Array, goal: Array, oracle:
     objection, length, ours = None, 0.0, True
     began = time.process_time()
     try:
-        rows = platform.arm_path(arm, goal).positions
+        rows = platform.arms.path(arm, goal).positions
     except MotionError:
         ours = False
     seconds = time.process_time() - began
@@ -157,7 +157,7 @@ def _asked(platform: Platform, arm: ArmModel, start: Array, goal: Array, oracle:
     plain = Plain(is_free, arm.resolution, arm.lower, arm.upper, np.random.default_rng(room.seed))
     path = plain.plan(start, goal)
     if path is not None:
-        timed = platform._timed(arm.joints, path)
+        timed = platform.timed(arm.joints, path)
         if not all(map(is_free, timed.positions[1:])):
             path = None
     peer_seconds = time.process_time() - began

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Protocol
 
 from planlang import Fluent, SimulationHost, VirtualHost, par, partial_order, pursue, run, sleep, wait_for
-from planlang.kernel import Trace
+from planlang.runs import Trace
 from workloads import FOREVER, STEPS, clock, graph, nothing
 
 

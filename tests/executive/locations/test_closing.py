@@ -32,15 +32,15 @@ def ways(stage: Stage, most: int) -> list[ReachSolution]:
 
 def closed_on(stage: Stage, way: ReachSolution) -> str | None:
     """What the hand has between its fingers when it closes them at the grasp of a way."""
-    gripper = stage.platform.gripper(way.arm)
+    gripper = stage.platform.hands.gripper(way.arm)
     assert gripper is not None
     now = stage.truth.configuration()
     joints = dict(now.joints) | dict(gripper.opened) | dict(zip(way.arm.joints, way.joints[1].tolist(), strict=True))
     stage.truth.set_configuration(Configuration(now.base, joints))
 
     async def close() -> str | None:
-        await stage.platform.move_gripper(way.arm, closed=True)
-        return stage.platform.between_fingers(way.arm)
+        await stage.platform.hands.move(way.arm, closed=True)
+        return stage.platform.hands.between_fingers(way.arm)
 
     held: str | None = stage.run(close)
     return held

@@ -7,12 +7,14 @@ import numpy as np
 import pybullet
 import pytest
 
-from executive.motion.errors import BadRobotDescription, NoSuchChain
 from executive.motion.kinematics import Chain
+from planlang.diagnostics import BadInput
 from planlang.geometry import Pose
+from planlang.geometry.urdf import NoSuchChain
 
 ROBOTS = ["amigo", "pr2", "panda"]
 SMALL = """<robot name="small">
+  <link name="a"/><link name="b"/><link name="c"/><link name="d"/><link name="e"/><link name="f"/><link name="g"/>
   <joint name="turn" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 2"/>
     <limit lower="-1" upper="2" velocity="0.5"/></joint>
   <joint name="mount" type="fixed"><parent link="b"/><child link="c"/><origin xyz="1 0 0"/></joint>
@@ -158,9 +160,9 @@ def test_links_that_form_no_chain_are_refused_with_the_reason(small: Path, base:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("<robot", "not well-formed"),
+        ("<robot", "is not XML"),
         ("<sdf/>", "root element is <sdf>"),
-        (SMALL.replace('lower="-1"', 'lower="x"'), "joint 'turn' has <limit lower='x'>, expected 1 number"),
+        (SMALL.replace('lower="-1"', 'lower="x"'), "<limit lower='x'>: 1 finite number"),
         (SMALL.replace('lower="-1"', 'lower="3"'), "joint 'turn' has limits .* wrong way round"),
         (SMALL.replace('xyz="0 0 2"', 'xyz="0 0 0"'), "joint 'turn' has an axis of length zero"),
         (SMALL.replace('<parent link="a"/>', ""), "joint 'turn' names no parent link"),
@@ -169,12 +171,12 @@ def test_links_that_form_no_chain_are_refused_with_the_reason(small: Path, base:
 def test_file_that_is_no_urdf_is_refused_with_the_reason(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "bad.urdf"
     path.write_text(text)
-    with pytest.raises(BadRobotDescription, match=said):
+    with pytest.raises(BadInput, match=said):
         Chain.from_urdf(path, "a", "d")
 
 
 def test_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadRobotDescription, match="cannot be read"):
+    with pytest.raises(BadInput, match="no such file"):
         Chain.from_urdf(tmp_path / "none.urdf", "a", "b")
 
 

@@ -22,7 +22,7 @@ def test_a_goal_inside_of_something_is_refused_with_both_names(make_stage: MakeS
     arm = platform.scene.arms.all[0]
     stretched = np.clip(np.array([0.2, 0.0, 1.2, 0.0, 0.3, 0.0, 0.0, 0.0]), arm.lower, arm.upper)
     with pytest.raises(GoalInCollision, match="table") as refused:
-        platform.arm_path(arm, stretched)
+        platform.arms.path(arm, stretched)
     assert {body for _, body in refused.value.pairs} == {"table"}
     assert all("right" in part for part, _ in refused.value.pairs)
 
@@ -36,7 +36,7 @@ def test_a_goal_inside_of_the_robot_is_refused_with_both_links(make_stage: MakeS
         if platform.scene.collisions.contacts(platform.base(), arm, q)
     )
     with pytest.raises(GoalInCollision) as refused:
-        platform.arm_path(arm, goal)
+        platform.arms.path(arm, goal)
     links = platform.scene.world.robot.links
     assert all(part in links and body in links for part, body in refused.value.pairs)
 
@@ -44,14 +44,14 @@ def test_a_goal_inside_of_the_robot_is_refused_with_both_links(make_stage: MakeS
 def test_a_base_that_would_stand_in_something_is_refused_with_both_names(make_stage: MakeStage) -> None:
     platform = make_stage(TABLE).platform
     with pytest.raises(GoalInCollision, match="in table") as refused:
-        platform.base_path((0.75, -0.2, 0.0))
+        platform.drive.path((0.75, -0.2, 0.0))
     links = platform.scene.world.robot.links
     assert {body for _, body in refused.value.pairs} == {"table"}
     assert all(part in links for part, _ in refused.value.pairs)
     joints = platform.world.configuration().joints
     platform.world.set_configuration(Configuration((0.75, -0.2, 0.0), joints))  # type: ignore[attr-defined]
     with pytest.raises(StartInCollision, match="in table"):
-        platform.base_path((-1.0, 0.0, 0.0))
+        platform.drive.path((-1.0, 0.0, 0.0))
 
 
 def test_errors_name_the_first_pairs() -> None:
@@ -70,7 +70,7 @@ def test_a_straight_line_whose_curve_swings_over_a_limit_is_followed_with_stops(
         curves.append(curve.positions)
         return curve
 
-    monkeypatch.setattr("executive.modules.platform.time_curve", watched)
+    monkeypatch.setattr("executive.modules.arms.time_curve", watched)
     rng = np.random.default_rng(0)
     for start in chain.sample(rng, 60):
         start[3] = chain.upper[3] - 0.001  # the shoulder's roll, at its limit
@@ -81,5 +81,5 @@ def test_a_straight_line_whose_curve_swings_over_a_limit_is_followed_with_stops(
         goal = platform.world.link_pose(platform.robot.arms[0].tip).matrix()
         goal[:3, 3] += rng.uniform(-0.1, 0.1, 3)
         with contextlib.suppress(MotionError):
-            assert chain.within(platform.straight_path(arm, goal, start, None).positions, 1e-6).all()
+            assert chain.within(platform.arms.straight_path(arm, goal, start, None).positions, 1e-6).all()
     assert not all(chain.within(curve, 1e-6).all() for curve in curves), "no curve would have left the limits"

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.robots import Semantics
+from executive.robots import FindingKind, Semantics
 from executive.robots.closed_world import ClosedWorld, compared
 from executive.robots.matching import Judge, Possessions
 from executive.robots.parts import Part, claims_of, parts_of
@@ -178,8 +178,8 @@ def test_a_recipe_of_equivalent_classes_is_empty_for_the_original_only(tmp_path:
         "SubClassOf: knowrob:Action, knowrob:subAction", "EquivalentTo: knowrob:Action and knowrob:subAction"
     )
     path = written(tmp_path, task.replace("{requires}", "") + ROBOT.replace("{claims}", CLAIM))
-    assert matched(path, modelled(path), Semantics.CLOSURE, "MakingTea").required("capability")
-    assert not matched(path, modelled(path), Semantics.ORIGINAL, "MakingTea").required("capability")
+    assert matched(path, modelled(path), Semantics.CLOSURE, "MakingTea").required(FindingKind.CAPABILITY)
+    assert not matched(path, modelled(path), Semantics.ORIGINAL, "MakingTea").required(FindingKind.CAPABILITY)
 
 
 def test_the_tree_says_which_step_needs_what_and_where_it_was_found(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.robots import Robot, bind_robot, missing_capabilities, requirements
+from executive.robots import FindingKind, Robot, bind_robot, missing_capabilities, requirements
 from planlang.ontology import Ontology, expand, load
 from planlang.resources import bundled
 
@@ -56,7 +56,7 @@ def test_a_claim_without_its_components_does_not_count(vocabulary: Ontology, ami
 def test_what_nobody_claims_or_explains_is_unknown(vocabulary: Ontology, amigo: Robot) -> None:
     nothing = replace(amigo, claims={}, parts=())
     found = missing_capabilities(vocabulary, [expand("Translation-LocationChange")], nothing)
-    assert {one.kind for one in found} == {"capability", "component"}
+    assert {one.kind for one in found} == {FindingKind.CAPABILITY, FindingKind.COMPONENT}
 
 
 def test_requirements_are_closed_over_capabilities(vocabulary: Ontology) -> None:
@@ -76,5 +76,5 @@ def test_grasping_is_possible_for_real_robots_as_expected(corpus: Path, vocabula
     )
     actions = [expand(a) for a in ("Translation-LocationChange", "Reaching", "OpeningAGripper", "GraspingSomething")]
     missing = missing_capabilities(vocabulary, actions, bind_robot(corpus / "robots" / name))
-    assert {m.name for m in missing if m.kind == "capability"} == set(expected["missing_capabilities"])
-    assert {m.name for m in missing if m.kind == "component"} == set(expected["missing_components"])
+    assert {m.name for m in missing if m.kind is FindingKind.CAPABILITY} == set(expected["missing_capabilities"])
+    assert {m.name for m in missing if m.kind is FindingKind.COMPONENT} == set(expected["missing_components"])

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from planlang.compiler import compile_recipe
-from planlang.compiler.naming import snake_case
+from planlang.compiler.names import snake_case
 from planlang.designators import local_name
 from planlang.testing import all_linear_extensions
 

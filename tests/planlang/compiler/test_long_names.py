@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planlang.compiler.canonical import canonical
+from planlang.compiler.compile import canonical
 from planlang.compiler.emit import emit
 from planlang.compiler.layout import signature
 from planlang.compiler.lowering import Lowering

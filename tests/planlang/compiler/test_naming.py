@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planlang.compiler.naming import Names, snake_case, without_digits
+from planlang.compiler.names import Names, snake_case, without_digits
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from planlang.ontology import Ontology, load
 from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
 from planlang.recipe.actions import Movers
 from planlang.recipe.model import Kind
-from planlang.recipe.order.graph import Precedence, closed, order_graph
+from planlang.recipe.order.graph import Precedence, order_graph
 from planlang.recipe.order.scopes import scoping
 
 BASE = "http://planlang.org/test#"
@@ -74,7 +74,7 @@ def test_plan_orders_steps_exactly_as_the_recipe_does(
     names = [f"look{number}" for number in range(size)]
     pairs = [(names[a], names[b]) for a, b in edges]
     happening = read_plan(compiled(vocabulary, [look(name) for name in names], pairs)).orders("task")
-    closure = closed(order_graph(names, pairs))
+    closure = nx.transitive_closure_dag(order_graph(names, pairs))
     assert sorted(happening.steps) == names
     assert happening.before == set(closure.edges)
 
@@ -103,7 +103,7 @@ def test_scopes_add_only_the_orders_that_they_tell(
     ]
     happening = read_plan(compiled(vocabulary, steps, list(graph.edges))).orders("task")
     added = scoping(Precedence(graph), Movers(frozenset(moving)), placed).added
-    expected = closed(order_graph(graph.nodes, [*graph.edges, *added]))
+    expected = nx.transitive_closure_dag(order_graph(graph.nodes, [*graph.edges, *added]))
     assert sorted(map(step_of, happening.steps)) == sorted(graph.nodes)
     assert {(step_of(a), step_of(b)) for a, b in happening.before} == set(expected.edges)
     assert not any(nx.has_path(graph, before, after) for before, after in added)
@@ -120,7 +120,7 @@ def test_a_step_is_in_the_scope_of_the_last_base_motion_before_it(
     case: tuple[nx.DiGraph, list[str], frozenset[str]],
 ) -> None:
     graph, moving, placed = case
-    closure = closed(graph)
+    closure = nx.transitive_closure_dag(graph)
     for unit in scoping(Precedence(graph), Movers(frozenset(moving)), placed).units:
         for step in unit.steps:
             if unit.base is not None:

@@ -10,7 +10,7 @@ import pytest
 from plan_text import unbroken
 
 from planlang import given
-from planlang.compiler.canonical import canonical
+from planlang.compiler.compile import canonical
 from planlang.compiler.emit import emit
 from planlang.compiler.lowering import Lowering
 from planlang.designators import a_location, a_posture, an_object

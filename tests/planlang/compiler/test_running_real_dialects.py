@@ -14,7 +14,7 @@ from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.compiler.drawing import svg, task_graph
 from planlang.designators import a_posture
 from planlang.failures import ObjectNotFound
-from planlang.kernel.recorded import RecordedRun
+from planlang.runs import RecordedRun
 from planlang.testing import Script, explore, run_plan
 
 SHELF = a_location(in_reach_of=an_object("Cupboard"))

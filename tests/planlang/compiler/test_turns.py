@@ -13,8 +13,8 @@ import pytest
 from planlang import Action, Condition, Location, Trace, VirtualHost, checkpoint, run
 from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.failures import LocationUnresolvable
-from planlang.kernel import with_paths
 from planlang.protocols import Solution
+from planlang.runs import with_paths
 
 SCHEDULES = (None, *range(40))
 

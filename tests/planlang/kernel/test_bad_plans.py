@@ -53,8 +53,8 @@ from planlang import (
     whenever,
     with_failure_handling,
 )
+from planlang.kernel.cancel import MAX_DELIVERIES
 from planlang.kernel.errors import CutShort
-from planlang.kernel.park import MAX_DELIVERIES
 from planlang.testing import Belief, Script
 from planlang.testing.scripted import ScriptedExecutive
 
@@ -414,19 +414,19 @@ PASSES: dict[str, Callable[[], Any]] = {
 
 @pytest.mark.parametrize("name", PASSES)
 def test_a_loop_that_only_passes_checkpoints_makes_no_progress(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planlang.kernel.rounds.MAX_RESUMPTIONS", 500)
+    monkeypatch.setattr("planlang.kernel.event_loop.MAX_RESUMPTIONS", 500)
     with pytest.raises(NoProgress, match=r"forever|noop|test_bad_plans"):
         go(partial(par, partial(forever, PASSES[name]), partial(sleep, 1)))
 
 
 def test_a_loop_of_calls_in_threads_makes_no_progress_in_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planlang.kernel.rounds.MAX_RESUMPTIONS", 50)
+    monkeypatch.setattr("planlang.kernel.event_loop.MAX_RESUMPTIONS", 50)
     with pytest.raises(NoProgress):
         go(partial(forever, partial(in_thread, int)))
 
 
 def test_a_loop_that_joins_what_is_dead_makes_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planlang.kernel.rounds.MAX_RESUMPTIONS", 500)
+    monkeypatch.setattr("planlang.kernel.event_loop.MAX_RESUMPTIONS", 500)
 
     async def plan() -> None:
         await tag("done", noop)
@@ -438,7 +438,7 @@ def test_a_loop_that_joins_what_is_dead_makes_no_progress(monkeypatch: pytest.Mo
 
 
 def test_two_tasks_that_wake_each_other_without_end_make_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planlang.kernel.rounds.MAX_RESUMPTIONS", 500)
+    monkeypatch.setattr("planlang.kernel.event_loop.MAX_RESUMPTIONS", 500)
     left, right = Fluent(True, "left"), Fluent(False, "right")
 
     async def play(mine: Fluent[bool], other: Fluent[bool]) -> None:
@@ -452,7 +452,7 @@ def test_two_tasks_that_wake_each_other_without_end_make_no_progress(monkeypatch
 
 
 def test_values_without_end_in_one_step_make_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planlang.kernel.rounds.MAX_RESUMPTIONS", 500)
+    monkeypatch.setattr("planlang.kernel.event_loop.MAX_RESUMPTIONS", 500)
 
     async def body(value: int) -> None:
         pass

@@ -260,7 +260,7 @@ def test_misuse_is_refused_with_the_right_code() -> None:
         go(called)
     with pytest.raises(TypeError, match=r"is async(.|\n)*await in_thread\(drives\)\n  right: await drives\(\)"):
         go(partial(in_thread, drives))
-    with pytest.raises(TypeError, match=r"lambda:\d+ is async"):
+    with pytest.raises(TypeError, match="lambda is async"):
         go(partial(in_thread, lambda: drives()))
     with pytest.raises(TypeError, match="has to be a plain function, which blocks, not 7"):
         go(partial(in_thread, 7))  # type: ignore[arg-type]

@@ -38,8 +38,8 @@ from planlang import (
 from planlang import evaporate as evaporate_task
 from planlang.failures import BranchEvaporated, BudgetExceeded, GraspMissed, PlanFailure
 from planlang.kernel import DeadlockError
-from planlang.kernel.choices import Recorded
-from planlang.kernel.park import here
+from planlang.kernel.core import here
+from planlang.kernel.schedule import ListedSchedule
 from planlang.testing import Fault, run_plan
 
 Branch = Callable[[], Awaitable[Any]]
@@ -72,7 +72,7 @@ def test_plan_time_outside_of_a_plan_is_refused() -> None:
 
 def test_a_state_of_a_schedule_that_is_no_number_of_choices_is_refused() -> None:
     with pytest.raises(ValueError, match="number of choices"):
-        Recorded([0]).restore("two")
+        ListedSchedule([0]).restore("two")
 
 
 def test_a_branch_may_return_any_awaitable() -> None:

@@ -34,9 +34,8 @@ from planlang import (
     wake_up,
 )
 from planlang.failures import BranchEvaporated
-from planlang.kernel.inbox import Inbox
-from planlang.kernel.past import Past
-from planlang.kernel.recorded import RecordedRun
+from planlang.kernel.realtime import Inbox
+from planlang.runs import Past, RecordedRun
 from planlang.testing import replay
 
 

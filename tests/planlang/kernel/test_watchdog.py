@@ -28,8 +28,9 @@ from planlang import (
     sleep,
 )
 from planlang.kernel import watchdog as dog
-from planlang.kernel import with_paths
+from planlang.kernel.errors import Overdue
 from planlang.kernel.hosts import WATCHDOG
+from planlang.runs import with_paths
 
 SHORT = 0.05
 
@@ -183,7 +184,7 @@ def test_it_barks_when_nothing_moved_for_the_whole_period(watched: Any) -> None:
     watch.look(109.9)
     assert summoned == []
     assert watch.look(110.0) == dog.INSIST
-    assert summoned == [dog.Overdue]
+    assert summoned == [Overdue]
 
 
 def test_code_that_computes_is_given_processor_time_and_not_the_wall_clocks(
@@ -217,7 +218,7 @@ def test_code_that_has_computed_and_is_blocked_then_is_interrupted_after_a_perio
         watch.look(float(second))
     assert summoned == []
     watch.look(15.0)
-    assert summoned == [dog.Overdue]
+    assert summoned == [Overdue]
 
 
 def test_every_movement_and_every_wait_of_the_host_begins_the_period_anew(watched: Any) -> None:
@@ -260,12 +261,12 @@ def test_a_summons_that_no_longer_applies_is_dropped_and_a_real_ctrl_c_is_told_a
     watch = dog.Watch(one, 10.0, by_signal=True)  # type: ignore[arg-type]
     frame = sys._getframe()
     assert not watch.answer(frame)
-    watch._summons = (dog.Overdue, (9, 9, 9))  # the run has moved since
+    watch._summons = (Overdue, (9, 9, 9))  # the run has moved since
     assert watch.answer(frame)
     watch._summons = (KeyboardInterrupt, one.mark)  # heeded meanwhile
     assert watch.answer(frame)
-    watch._summons = (dog.Overdue, one.mark)
-    with pytest.raises(dog.Overdue):
+    watch._summons = (Overdue, one.mark)
+    with pytest.raises(Overdue):
         watch.answer(frame)
 
 
@@ -280,7 +281,7 @@ def test_code_of_the_scheduler_itself_is_never_interrupted(monkeypatch: pytest.M
     watch = dog.Watch(Run(), 10.0, by_signal=True)  # type: ignore[arg-type]
     own = SimpleNamespace(f_code=SimpleNamespace(co_filename=dog.__file__))
     monkeypatch.setattr(dog.sys, "_current_frames", lambda: {threading.get_ident(): own})
-    watch._summon(dog.Overdue)
+    watch._summon(Overdue)
     assert watch._summons is None
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from planlang.diagnostics import CODES
-from planlang.kernel.past import BOOKKEEPING
+from planlang.runs.recorded_run import BOOKKEEPING
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "resuming.md").read_text(encoding="utf-8")
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from random_trees import Grower, outcome_of
 from reference_model import Tree, World
 
-from planlang.kernel import Trace, with_paths
+from planlang.runs import Trace, with_paths
 
 pytestmark = pytest.mark.filterwarnings("ignore::planlang.kernel.errors.CutShort")
 

@@ -28,7 +28,7 @@ from planlang import (
     using,
 )
 from planlang.failures import ActionUnresolvable, GraspMissed, ManipulationFailure, ObjectNotFound
-from planlang.kernel import with_paths
+from planlang.runs import with_paths
 
 REACH = action("Reaching")
 

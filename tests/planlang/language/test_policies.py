@@ -33,7 +33,7 @@ from planlang import (
     with_policies,
 )
 from planlang.failures import GraspMissed, GraspSlipped, ObjectNotFound, PolicyViolated
-from planlang.kernel import with_paths
+from planlang.runs import with_paths
 
 
 def go(body: Any, **options: Any) -> Any:

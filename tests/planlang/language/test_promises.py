@@ -41,7 +41,7 @@ from planlang import (
 )
 from planlang import failures as taxonomy
 from planlang.failures import BudgetExceeded, GraspMissed, NavigationFailure, Timeout
-from planlang.kernel import with_paths
+from planlang.runs import with_paths
 
 
 def go(body: Any, **options: Any) -> Any:

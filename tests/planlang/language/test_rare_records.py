@@ -32,11 +32,8 @@ from planlang import (
 )
 from planlang.failures import GraspMissed, ObjectNotFound, PlanFailure
 from planlang.kernel import DeadlockError
-from planlang.kernel.continued import Different
-from planlang.kernel.past import Past
 from planlang.kernel.primitives import record
-from planlang.kernel.recorded import RecordedRun
-from planlang.language.resuming import restore
+from planlang.runs import Different, Past, RecordedRun, restore
 from planlang.testing import PlanRun, Script, replay, run_plan
 
 

@@ -41,7 +41,7 @@ from planlang import (
 )
 from planlang.designators import a_location, an_object, holding
 from planlang.failures import GraspMissed, ManipulationPoseUnreachable, ObjectNotFound, PlanFailure
-from planlang.kernel.recorded import RecordedRun
+from planlang.runs import RecordedRun
 from planlang.testing import PlanRun, Script, replay, run_plan
 
 Branch = Callable[[], Awaitable[Any]]

@@ -37,7 +37,7 @@ from planlang import (
     with_requests,
 )
 from planlang.failures import ActionUnresolvable, BranchEvaporated, GraspMissed, GraspSlipped, PlanFailure, Timeout
-from planlang.kernel import with_paths
+from planlang.runs import with_paths
 
 FAILURES = {"missed": GraspMissed, "slipped": GraspSlipped, "broken": KeyError}
 

@@ -52,9 +52,7 @@ from planlang import (
 )
 from planlang.designators import a_location, an_object
 from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, PlanFailure
-from planlang.kernel.continued import Different
-from planlang.kernel.past import Past
-from planlang.kernel.recorded import RecordedRun
+from planlang.runs import Different, Past, RecordedRun
 from planlang.testing import PlanRun, Script, replay, run_plan
 
 Branch = Callable[[], Awaitable[Any]]
@@ -407,8 +405,8 @@ def test_a_result_that_does_not_survive_json_is_told_and_stops_resumption_before
 
     whole = run_plan(top, resumable=True)
     assert [(e["name"], e["lost"]) for e in whole.trace.events if e["event"] == "completed" and "lost" in e] == [
-        ("odd", "its result, or a fluent that it set, does not survive JSON: builtins.object"),
-        ("seq#2", "its result, or a fluent that it set, does not survive JSON: builtins.object"),
+        ("odd", "its result, or what it left behind, does not survive JSON: builtins.object"),
+        ("seq#2", "its result, or what it left behind, does not survive JSON: builtins.object"),
     ]
     done.clear()
     run_plan(top, resume=cut(whole, len(whole.trace.events) - 2))

@@ -19,7 +19,7 @@ from planlang.failures import (
     ObjectNotFound,
     TransitionMissing,
 )
-from planlang.kernel import with_paths
+from planlang.runs import with_paths
 
 
 def go(body: Any, **options: Any) -> Any:

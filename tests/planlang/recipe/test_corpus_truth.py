@@ -16,7 +16,7 @@ from planlang.ontology import BNode, Literal, Ontology, expand, load
 from planlang.recipe import Actions, Recipe, read_recipe, stated_tasks
 from planlang.recipe.fillers import fillings, is_place, read_place, read_thing
 from planlang.recipe.model import Reason
-from planlang.recipe.order.graph import Precedence, recipe_graph, total_order
+from planlang.recipe.order.graph import Precedence, recipe_graph
 from planlang.recipe.readers import workflow
 from planlang.recipe.tasks import read_recipe_of, recipes_for
 
@@ -208,9 +208,9 @@ def facts_of(actions: Actions, task: dict[str, Any]) -> Iterator[tuple[str, obje
     yield "reduction", pairs(task["transitive_reduction"]), set(order.reduction())
     yield "closure", task["closure_pairs"], order.number_of_pairs()
     yield "linear extensions", task["linear_extensions"], linear_extensions(whole)
-    yield "total order", task["total_order"], total_order(whole) is not None
+    yield "total order", task["total_order"], order.number_of_pairs() == len(whole) * (len(whole) - 1) // 2
     if task["total_order"]:
-        yield "order", tuple(map(canonical, task["order"])), total_order(whole)
+        yield "order", tuple(map(canonical, task["order"])), order.extension
     among = {step: set(nx.descendants(stated_order(task, undefined), step)) for step in steps}
     if recipe.machine is None:
         graph = recipe_graph(recipe)

@@ -8,9 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planlang.recipe.order.decomposition import Parallel, Part, Prime, Serial, decomposed
-from planlang.recipe.order.graph import order_graph, reduced
+from planlang.recipe.order.graph import Precedence, order_graph
 
 Order = tuple[list[int], set[tuple[int, int]]]
+
+
+def reduced(graph: nx.DiGraph) -> nx.DiGraph:
+    order: Precedence[int] = Precedence(graph)
+    return order_graph(graph.nodes, order.reduction())
 
 
 def order_of(part: Part) -> Order:

@@ -8,12 +8,12 @@ from xml.sax.saxutils import escape, quoteattr
 import pytest
 
 from planlang.compiler import compile_recipe
-from planlang.compiler.canonical import canonical
+from planlang.compiler.compile import canonical
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Term, Triple, load
 from planlang.recipe import Actions, read_recipe, stated_tasks
-from planlang.recipe.order.graph import recipe_graph, sorted_nodes
+from planlang.recipe.order.graph import recipe_order
 from planlang.recipe.tasks import read_recipe_of
 
 TASK = "http://knowrob.org/kb/knowrob.owl#PuttingSomethingSomewhere"
@@ -70,7 +70,7 @@ def test_pick_up_carry_put_down_in_any_order_of_triples(statements: list[Triple]
     path.write_text(written(shuffled), encoding="utf-8")
     ontology = load(path)
     recipe = read_recipe_of(Actions(ontology), TASK)
-    order = [local_name(step) for step in sorted_nodes(recipe_graph(recipe))]
+    order = [local_name(step) for step in recipe_order(recipe).extension]
     assert order == ["PickingUpAnObject", "CarryingWhileLocomoting", "PuttingDownAnObject"]
     source = compile_recipe(path, task="PuttingSomethingSomewhere", allow_abstract=True).source
     calls = [line.strip() for line in source.split("async def putting_something_somewhere")[1].splitlines()[2:]]

@@ -1,0 +1,155 @@
+"""Arguments and options of the commands: each command takes one dataclass, whose fields are its parameters."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, Field, dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_type_hints
+
+import typer
+
+from planlang.diagnostics import BadInput, Diagnostic, error, has_errors
+from planlang.resources import Bundled
+
+A = TypeVar("A")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """Options of every command."""
+
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerboseArguments(Arguments):
+    """Options of commands that print notes before their result."""
+
+    verbose: Annotated[bool, typer.Option("--verbose", help="List all notes instead of counting them.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class OntologyArguments(Arguments):
+    """Options of commands that read ontologies."""
+
+    ontologies: Annotated[
+        list[Path] | None, typer.Option(metavar="DIR", help="Also look for imported files here; repeatable.")
+    ] = None
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """The folders in which imported files are looked for."""
+        return tuple(self.ontologies or ())
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskArguments(OntologyArguments):
+    """Options of commands that read recipes."""
+
+    task: Annotated[
+        str | None, typer.Option(metavar="CLASS", help="The task: local name or IRI of an action class in the recipe.")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecipeArguments(TaskArguments):
+    """Options of commands that compile recipes."""
+
+    allow_abstract: Annotated[
+        bool, typer.Option("--allow-abstract", help="Steps that nothing can execute are warnings, not errors.")
+    ] = False
+
+
+Recipe = Annotated[str, typer.Argument(metavar="RECIPE", help="A recipe's file, or a bundled recipe's name.")]
+RecipeOrPlan = Annotated[
+    str, typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name.")
+]
+Robot = Annotated[str | None, typer.Option(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
+Urdf = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's URDF, if the robot's file names none.")]
+Environment = Annotated[
+    str | None, typer.Option(metavar="MAP", help="The semantic map: a file, or a bundled environment's name.")
+]
+Start = Annotated[
+    str | None, typer.Option(metavar="X,Y,YAW", help="Pose of the base at the start [m, m, rad]; default: the middle.")
+]
+Modules = Annotated[
+    list[Path] | None,
+    typer.Option(metavar="FILE.py", help="Also use the process modules of this file, which is executed; repeatable."),
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite files that planlang did not write.")]
+
+
+def taking(arguments: type[A]) -> Callable[[Callable[[A], None]], Callable[..., None]]:
+    """Give a command the fields of a dataclass as parameters: its own first, then those that it inherits."""
+    hints = get_type_hints(arguments, include_extras=True)
+    own = inspect.get_annotations(arguments)
+    ordered = sorted(fields(arguments), key=lambda one: one.name not in own)  # type: ignore[arg-type]
+
+    def decorate(command: Callable[[A], None]) -> Callable[..., None]:
+        def called(**values: Any) -> None:
+            command(arguments(**values))
+
+        called.__name__, called.__doc__ = command.__name__, command.__doc__
+        called.__annotations__ = {one.name: hints[one.name] for one in ordered}
+        called.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+            [inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, **_described(one, hints)) for one in ordered]
+        )
+        return called
+
+    return decorate
+
+
+def _described(field: Field[Any], hints: dict[str, Any]) -> dict[str, Any]:
+    default = inspect.Parameter.empty if field.default is MISSING else field.default
+    return {"annotation": hints[field.name], "default": default}
+
+
+def chosen(
+    kind: Bundled, given: str | None, default: str | None, problems: list[Diagnostic], *, needs: str = "this plan"
+) -> Path | None:
+    """Return the file of a robot or environment that the user named, or the default's; appends what is wrong."""
+    if given is None and default is None:
+        option = f"--{kind.value}"
+        advice = f"add {option} FILE, or a bundled one: {', '.join(kind.names())}"
+        problems.append(error("C008", f"{needs} needs {option}", help=advice))
+        return None
+    try:
+        return kind.find(given or default or "")
+    except BadInput as bad:
+        problems.extend(bad.diagnostics)
+        return None
+
+
+def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | None) -> None:
+    """Append an error for each named file that is not there or is no regular file."""
+    for name, given in files.items():
+        for path in [given] if isinstance(given, Path) else given or ():
+            try:
+                is_file = path.is_file()
+            except (OSError, ValueError):  # a null character, or a name too long
+                is_file = False
+            if not is_file:
+                what = "URDF file" if name == "urdf" else f"--{name} file"
+                problems.append(error("C001", f"no such {what}: {path}"))
+
+
+def refuse(problems: Sequence[Diagnostic]) -> None:
+    """Raise BadInput if there are errors among the problems."""
+    if has_errors(problems):
+        raise BadInput(problems)
+
+
+def planar(text: str | None) -> tuple[float, float, float] | None:
+    """Return the pose in "x,y,yaw"; raises a usage error."""
+    if text is None:
+        return None
+    try:
+        x, y, yaw = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not x,y,yaw; write for example --start 1.5,-0.2,3.14") from None
+    if not all(map(math.isfinite, (x, y, yaw))):
+        raise typer.BadParameter(f"{text!r} has a number that is not finite")
+    return x, y, yaw

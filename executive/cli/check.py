@@ -1,0 +1,260 @@
+"""``planlang check``: everything wrong with a recipe, fixes of it, and whether a plan is still up to date.
+
+Nothing of a plan is executed.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from executive.cli.arguments import RecipeArguments, RecipeOrPlan, taking
+from executive.cli.console import Answer, ExitCode, answer
+from executive.cli.inputs import PlanFile, RecipeFile, read, read_recipe_file
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
+from planlang.outputs import check_outputs, replace
+from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES, PlanHeader, header
+from planlang.resources import SUFFIXES
+
+if TYPE_CHECKING:
+    from planlang.recipe.fixes import Fix, Fixed
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckArguments(RecipeArguments):
+    """Arguments of ``planlang check``."""
+
+    file: RecipeOrPlan
+    fix: Annotated[
+        bool, typer.Option("--fix", help="Write a copy with the safe fixes, NAME.fixed.EXT, and show the changes.")
+    ] = False
+    accept: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CODE", help="With --fix: also apply uncertain fixes of this code; repeatable."),
+    ] = None
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="With --fix: write the copy here.")
+    ] = None
+    force: Annotated[
+        bool, typer.Option("--force", help="With --output: overwrite a file that planlang did not write.")
+    ] = False
+
+
+@taking(CheckArguments)
+def check_command(arguments: CheckArguments) -> None:
+    """Check a recipe or a plan; nothing is run.
+
+    A recipe: list everything that is wrong with it. A plan: tell whether its recipe or the compiler has changed since,
+    or it was edited, and how a fresh compilation differs from it.
+    """
+    if not arguments.fix and (arguments.accept or arguments.output):
+        raise typer.BadParameter("--accept and --output need --fix")
+    answer("check", lambda: _checked(arguments), as_json=arguments.json)
+
+
+def _checked(arguments: CheckArguments) -> Answer:
+    if arguments.fix:
+        return _fixed(read_recipe_file(arguments.file), arguments)
+    found = read(arguments.file)
+    if isinstance(found, RecipeFile):
+        from planlang.compiler import compile_recipe
+
+        plan = compile_recipe(
+            found.path, task=arguments.task, folders=arguments.folders, allow_abstract=arguments.allow_abstract
+        )
+        text = f"{found.path}: {plan.task} compiles"
+        return Answer(diagnostics=plan.diagnostics, text=text, data={"kind": "recipe", "task": plan.task})
+    fresh = freshness(found, folders=arguments.folders)
+    code = ExitCode.BAD_INPUT if has_errors(fresh.diagnostics) else ExitCode.DONE
+    text = "\n".join(filter(None, (f"{found.path}: {fresh.state}", fresh.difference)))
+    data = {"kind": "plan", "state": fresh.state, "difference": fresh.difference}
+    return Answer(code, fresh.diagnostics, text, data)
+
+
+# Fixes of a recipe
+
+
+def fixed_path(recipe: RecipeFile) -> Path:
+    """Return ``NAME.fixed.EXT`` beside the recipe; for a bundled recipe, in the current folder."""
+    path = recipe.path
+    suffixes = sorted(SUFFIXES, key=len, reverse=True)
+    suffix = next((one for one in suffixes if path.name.endswith(one)), path.suffix)
+    name = f"{path.name.removesuffix(suffix)}.fixed{suffix}"
+    return Path(name) if recipe.is_bundled else path.with_name(name)
+
+
+def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
+    """Write a fixed copy of a recipe, show the difference, and check the copy; raises BadInput.
+
+    Without ``--output``, a file of the copy's name is never overwritten by another text.
+    """
+    from planlang.compiler import compile_recipe
+    from planlang.recipe.fixes import ACCEPTABLE, fix_recipe
+
+    output, accepted = arguments.output, arguments.accept or ()
+    target = output or fixed_path(recipe)
+    problems = [
+        error("C015", f"--accept {code}: there is no uncertain fix of {code}", help=_acceptable(code))
+        for code in accepted
+        if code not in ACCEPTABLE
+    ]
+    name = "the fixed copy" if output is None else "--output"
+    is_own = output is None or arguments.force
+    problems += check_outputs({name: target}, {"the recipe": recipe.path}, force=is_own)
+    if problems:
+        raise BadInput(problems)
+    task, folders, allow_abstract = arguments.task, arguments.folders, arguments.allow_abstract
+    fixed = fix_recipe(
+        recipe.path, task=task, folders=folders, allow_abstract=allow_abstract, accepted=frozenset(accepted)
+    )
+    checked = recipe.path
+    if fixed.done:
+        _write(target, fixed, is_named=output is not None)
+        checked = target
+    try:
+        plan = compile_recipe(checked, task=task, folders=(recipe.path.parent, *folders), allow_abstract=allow_abstract)
+        remaining, verdict = plan.diagnostics, f"{plan.task} compiles"
+    except BadInput as problem:
+        remaining, verdict = problem.diagnostics, "errors remain"
+    difference = _fix_difference(recipe.path, target, fixed)
+    data = {
+        "kind": "recipe",
+        "fixed": str(target) if fixed.done else None,
+        "fixes": [{"code": one.code, "message": one.message} for one in fixed.done],
+        "diff": difference,
+    }
+    lines = [difference] if fixed.done else []
+    lines += [f"fixed {one.code} {one.message}\n" for one in fixed.done]
+    lines.append(f"{checked}: {verdict}" if fixed.done else f"{checked}: nothing was fixed; {verdict}")
+    code = ExitCode.BAD_INPUT if has_errors(remaining) else ExitCode.DONE
+    return Answer(code, (*remaining, *_left(fixed, checked)), "".join(lines), data)
+
+
+def _write(target: Path, fixed: Fixed, *, is_named: bool) -> None:
+    content = fixed.after.encode(fixed.encoding)
+    if target.exists() and not is_named and target.read_bytes() != content:
+        advice = f"remove it, or overwrite it by -o {target} --force"
+        raise BadInput([error("C005", f"{target} exists and has another text", help=advice)])
+    replace(target, lambda temporary: temporary.write_bytes(content))
+
+
+def _left(fixed: Fixed, checked: Path) -> list[Diagnostic]:
+    """Return a note for each fix that was not applied: where it would be, and what the user can do."""
+    left = [
+        (one, f"uncertain, not applied: {_line(one)}", f"--accept {one.code} applies it") for one in fixed.unaccepted
+    ]
+    left += [(one, f"not applied: {_line(one)}; {why}", "make the change by hand") for one, why in fixed.impossible]
+    return [
+        note("C016", message, one.span._replace(file=str(checked)) if one.span else None, advice)
+        for one, message, advice in left
+    ]
+
+
+def _line(one: Fix) -> str:
+    return f"{one.code} {one.message}"
+
+
+def _fix_difference(before: Path, after: Path, fixed: Fixed) -> str:
+    old, new = (text.splitlines(keepends=True) for text in (fixed.before, fixed.after))
+    lines = difflib.unified_diff(old, new, str(before), str(after))
+    return "".join(line if line.endswith("\n") else line + "\n\\ No newline at end of file\n" for line in lines)
+
+
+def _acceptable(code: str) -> str:
+    from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT
+
+    listed = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}"
+    if code in SAFE:
+        return f"fixes of {code} are safe: --fix applies them; {listed}"
+    return f"{code} has no fix: {WITHOUT[code]}; {listed}" if code in WITHOUT else listed
+
+
+# Whether a plan is up to date
+
+
+@dataclass(frozen=True, slots=True)
+class Freshness:
+    """The state of a plan in words, diagnostics, and how a fresh compilation differs from it.
+
+    ``difference`` is a unified diff, from the plan to what the recipe compiles to now; empty if there is none or it is
+    not known.
+    """
+
+    state: str
+    diagnostics: tuple[Diagnostic, ...] = ()
+    difference: str = ""
+
+
+def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
+    """Compare a plan with what its recipe compiles to now, with the options that the plan was compiled with.
+
+    The recipe is the first of its name beside the plan, in ``folders``, among the bundled ones. A changed recipe is an
+    error; a changed compiler or import a warning; an edited plan a note.
+    """
+    origin = plan.header
+    if origin is None:
+        return Freshness("a plan written by hand")
+    span = Span(str(plan.path))
+    recipe = origin.find_recipe(plan.path, folders)
+    if recipe is None:
+        advice = "name its folder with --ontologies DIR"
+        message = f"the recipe {origin.recipe} is not beside the plan: it is unknown whether it has changed"
+        return Freshness("a compiled plan without its recipe", (warning("C011", message, span, advice),))
+    same = origin.matches(recipe.read_bytes())
+    found: list[Diagnostic] = []
+    if not same:
+        advice = f"planlang compile {recipe} -o {plan.path} compiles the plan again"
+        message = f"the recipe has changed since this plan was compiled from it: {recipe}"
+        found.append(error("C009", message, span, advice))
+    fresh, problems = _compiled(recipe, origin, folders)
+    if fresh is None:
+        state = "out of date" if not same else "compiled from a recipe that no longer compiles"
+        return Freshness(state, tuple(found) if not same else problems)
+    if fresh == plan.source:
+        return Freshness(f"what {recipe.name} compiles to")
+    is_edited = origin.is_edited(plan.source)
+    if same and not is_edited:
+        message = f"{origin.recipe} compiles to a different plan now: planlang has changed ({_versions(origin, fresh)})"
+        found.append(warning("C006", f"{message}, or what the recipe imports", span, "compile the plan again"))
+    if is_edited and origin.digest is not None:
+        found.append(note("C010", "the plan was edited since it was compiled", span))
+    elif same and is_edited:
+        message = f"the plan differs from what {origin.recipe} compiles to: it was edited, or planlang has changed"
+        found.append(note("C010", message, span))
+    state = "out of date" if not same or not is_edited else "an edited plan"
+    return Freshness(state, tuple(found), _difference(plan, recipe, fresh))
+
+
+def _compiled(recipe: Path, origin: PlanHeader, folders: Sequence[Path]) -> tuple[str | None, tuple[Diagnostic, ...]]:
+    from planlang.compiler import compile_recipe
+
+    try:
+        compiled = compile_recipe(
+            recipe,
+            task=origin.task,
+            folders=folders,
+            allow_abstract=True,
+            scopes=NO_SCOPES not in origin.options,
+            data_flow=NO_DATA_FLOW not in origin.options,
+        )
+    except BadInput as problem:
+        return None, problem.diagnostics
+    return compiled.source, ()
+
+
+def _versions(origin: PlanHeader, fresh: str) -> str:
+    now = header(fresh)
+    new = now.version if now is not None else "unknown"
+    return f"version {new}" if new == origin.version else f"from {origin.version} to {new}"
+
+
+def _difference(plan: PlanFile, recipe: Path, fresh: str) -> str:
+    lines = difflib.unified_diff(
+        plan.source.splitlines(), fresh.splitlines(), str(plan.path), f"what {recipe.name} compiles to now", lineterm=""
+    )
+    return "\n".join(lines)

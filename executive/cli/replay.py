@@ -1,0 +1,97 @@
+"""``planlang replay``: a plan decides again by the trace of its run; the first difference is shown side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from executive.cli.arguments import Modules, RecipeArguments, check_files, refuse, taking
+from executive.cli.console import Answer, ExitCode, answer
+from executive.cli.inputs import PlanFile, RecipeFile, read
+from planlang.diagnostics import Diagnostic
+
+if TYPE_CHECKING:
+    from planlang.runs import Different
+
+WIDTH = 56
+"""Characters of a value that are shown, of longer ones the end: two columns fit into 120."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayArguments(RecipeArguments):
+    """Arguments of ``planlang replay``."""
+
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="[RECIPE|PLAN]", help="The recipe or plan that was run; needed unless it is bundled."),
+    ] = None
+    modules: Modules = None
+
+
+@taking(ReplayArguments)
+def replay_command(arguments: ReplayArguments) -> None:
+    """Run a plan again from the trace of its run, without robot or world; stops at the first difference.
+
+    What process modules did, which base poses were found, what was read and believed is taken from the trace.
+    """
+    answer("replay", lambda: _replayed(arguments), as_json=arguments.json)
+
+
+def _replayed(arguments: ReplayArguments) -> Answer:
+    from executive.runs.plan_run import Run, RunOptions
+    from executive.runs.recorded_runs import read_trace
+
+    problems: list[Diagnostic] = []
+    check_files(problems, modules=arguments.modules)
+    refuse(problems)
+    recorded, header = read_trace(arguments.trace)
+    found = read(arguments.file or header.plan(str(arguments.trace)))
+    options = RunOptions(
+        plan=found.path if isinstance(found, PlanFile) else None,
+        recipe=found.path if isinstance(found, RecipeFile) else None,
+        task=arguments.task or header.task,
+        ontologies=arguments.folders,
+        allow_abstract=arguments.allow_abstract,
+        modules=tuple(arguments.modules or ()),
+    )
+    with Run(options) as run:
+        result = run.replay(recorded)
+    data: dict[str, Any] = {"equal": result.equal, "lines": result.of, "repeated": result.lines}
+    if result.difference is None:
+        return Answer(ExitCode.DONE, tuple(run.found), f"{recorded.name}: {result}", data)
+    data |= {"line": result.difference.line, "recorded": result.difference.recorded, "found": result.difference.found}
+    text = "\n".join(_side_by_side(recorded.name, result.difference))
+    return Answer(ExitCode.FAILED, tuple(run.found), text, data)
+
+
+def _side_by_side(name: str, difference: Different) -> Iterator[str]:
+    where = "after the last line" if difference.line is None else f"line {difference.line}"
+    recorded, found = _texts(difference.recorded), _texts(difference.found)
+    yield f"{name}: {where} is not repeated"
+    if not recorded or not isinstance(difference.found, Mapping):
+        yield from (f"  recorded  {key} {value}" for key, value in recorded.items())
+        yield f"  found     {difference.found}"
+        return
+    keys = list(dict.fromkeys((*recorded, *found)))
+    wide = max(map(len, keys))
+    yield f"    {'':{wide}}  {'recorded':{WIDTH}}  found"
+    for key in keys:
+        one, other = recorded.get(key, ""), found.get(key, "")
+        mark = " " if one == other else "*"
+        yield f"  {mark} {key:{wide}}  {_end(one):{WIDTH}}  {_end(other)}".rstrip()
+
+
+def _texts(record: object) -> dict[str, str]:
+    """Return the values of a record as text."""
+    if not isinstance(record, Mapping):
+        return {}
+    return {str(key): value if isinstance(value, str) else str(value) for key, value in record.items()}
+
+
+def _end(text: str) -> str:
+    return text if len(text) <= WIDTH else f"...{text[3 - WIDTH :]}"

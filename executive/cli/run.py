@@ -1,0 +1,223 @@
+"""``planlang run``: a plan or recipe is executed in a simulated world, or the run of a trace resumed."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from executive.cli.arguments import (
+    Environment,
+    Modules,
+    RecipeArguments,
+    Robot,
+    Start,
+    Urdf,
+    VerboseArguments,
+    check_files,
+    chosen,
+    planar,
+    refuse,
+    taking,
+)
+from executive.cli.console import Answer, ExitCode, answer, say, show, silent
+from executive.cli.inputs import PlanFile, RecipeFile, read
+from planlang.diagnostics import Diagnostic, error
+from planlang.outputs import check_outputs
+from planlang.resources import Bundled
+
+if TYPE_CHECKING:
+    from executive.runs.plan_run import RunResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunArguments(RecipeArguments, VerboseArguments):
+    """Arguments of ``planlang run``."""
+
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
+    ] = None
+    robot: Robot = None
+    urdf: Urdf = None
+    environment: Environment = None
+    start: Start = None
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=OBJECT", help="Bind a parameter of the plan to an object; repeatable."),
+    ] = None
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, metavar="N", help="Displace things of the true world; 0 leaves them."),
+    ] = None
+    schedule: Annotated[
+        int | None,
+        typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, the same for the same number."),
+    ] = None
+    modules: Modules = None
+    gui: Annotated[bool, typer.Option("--gui", help="Show the world in a window.")] = False
+    trace: Annotated[Path | None, typer.Option(metavar="FILE", help="Write what happens, as JSON Lines.")] = None
+    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a picture of the end, as PNG.")] = None
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
+    ] = None
+    resume: Annotated[
+        Path | None,
+        typer.Option(metavar="TRACE", help="Resume the run of this trace after the last completed step of its plan."),
+    ] = None
+    world_as_left: Annotated[
+        bool,
+        typer.Option("--world-as-left", help="With --resume: the world is as the trace left it; do not restore it."),
+    ] = False
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="Run although the robot lacks a capability; overwrite files that planlang did not write."
+        ),
+    ] = False
+
+
+@taking(RunArguments)
+def run_command(arguments: RunArguments) -> None:
+    """Run a plan or a recipe in a simulated world.
+
+    An interrupted run is resumed by planlang run PLAN --resume TRACE. Seed, start and parameters are those of the
+    trace; so are plan, robot and environment if they are bundled.
+    """
+    if arguments.file is None and arguments.resume is None:
+        raise typer.BadParameter("name a recipe or plan, or --resume TRACE")
+    if arguments.world_as_left and arguments.resume is None:
+        raise typer.BadParameter("--world-as-left needs --resume")
+    start, bindings = planar(arguments.start), _bindings(arguments.set_ or [])
+    answer("run", lambda: _run(arguments, start, bindings), as_json=arguments.json)
+
+
+def _run(arguments: RunArguments, start: tuple[float, float, float] | None, bindings: dict[str, str]) -> Answer:
+    from executive.belief.environments import DEFAULT, default_environment
+    from executive.runs.recorded_runs import TraceHeader, read_trace
+
+    recorded, header = None, TraceHeader()
+    if arguments.resume is not None:
+        recorded, header = read_trace(arguments.resume)
+    found = read(arguments.file or header.plan(str(arguments.resume)))
+    is_bundled = isinstance(found, RecipeFile) and found.is_bundled
+    problems: list[Diagnostic] = []
+    check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
+    robot = chosen(
+        Bundled.ROBOT, arguments.robot or header.robot, "amigo" if is_bundled else None, problems, needs=_NEEDS
+    )
+    notes: list[Diagnostic] = []
+    environment = arguments.environment or header.environment
+    if environment is None and is_bundled:
+        environment = default_environment(bindings.values(), notes)
+    semantic_map = chosen(Bundled.ENVIRONMENT, environment, DEFAULT if is_bundled else None, problems, needs=_NEEDS)
+    trace = arguments.trace or arguments.resume
+    outputs = {"--picture": arguments.picture, "--trace": trace, "--record": arguments.record}
+    inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
+    inputs |= {f"--modules {file}": file for file in arguments.modules or ()}
+    problems += check_outputs(outputs, inputs, pictures=["--picture"], force=arguments.force)
+    if arguments.record is not None:
+        from executive.pictures.recording import missing
+
+        problems += missing()
+    problems += no_display() if arguments.gui else []
+    refuse(problems)
+
+    from executive.runs.plan_run import RunOptions, run_plan_file
+
+    def announce(diagnostics: Sequence[Diagnostic]) -> None:
+        show(diagnostics, all_notes=arguments.verbose)
+
+    options = RunOptions(
+        plan=found.path if isinstance(found, PlanFile) else None,
+        recipe=found.path if isinstance(found, RecipeFile) else None,
+        task=arguments.task or header.task,
+        ontologies=arguments.folders,
+        allow_abstract=arguments.allow_abstract,
+        modules=tuple(arguments.modules or ()),
+        robot=robot,
+        urdf=arguments.urdf,
+        environment=semantic_map,
+        start=start or header.start,
+        bindings=bindings,
+        seed=header.seed if arguments.seed is None else arguments.seed,
+        schedule=header.schedule if arguments.schedule is None else arguments.schedule,
+        gui=arguments.gui,
+        trace=trace,
+        picture=arguments.picture,
+        record=arguments.record,
+        force=arguments.force,
+        resume=recorded,
+        world_as_left=arguments.world_as_left,
+        notes=tuple(notes),
+        progress=silent if arguments.json else say,
+        announce=silent if arguments.json else announce,
+    )
+    return _answer(run_plan_file(options), is_announced=not arguments.json)
+
+
+_NEEDS = "only bundled recipes have a default: this plan"
+
+
+def _answer(result: RunResult, *, is_announced: bool) -> Answer:
+    from executive.runs.plan_run import Outcome
+
+    code = {
+        Outcome.DONE: ExitCode.DONE,
+        Outcome.FAILED: ExitCode.FAILED,
+        Outcome.LACKS_CAPABILITY: ExitCode.MISSING_CAPABILITY,
+        Outcome.INTERRUPTED: ExitCode.INTERRUPTED,
+    }[result.outcome]
+    data: dict[str, Any] = {
+        "outcome": result.message,
+        "failure": list(result.failure),
+        "final_state": list(result.final_state),
+        "plan_seconds": result.seconds,
+    }
+    text = "\n".join(line for line in (result.message, *result.final_state) if line)
+    return Answer(code, () if is_announced else result.diagnostics, text, data)
+
+
+def _bindings(texts: Sequence[str]) -> dict[str, str]:
+    bindings: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (name and equals and value):
+            raise typer.BadParameter(f"{text!r} is not NAME=OBJECT; write for example --set bottle=bottle2")
+        if name in bindings:
+            raise typer.BadParameter(f"{name!r} is set twice")
+        bindings[name] = value
+    return bindings
+
+
+def no_display() -> list[Diagnostic]:
+    """Return an error if no window can be opened: PyBullet would end the process without a word.
+
+    On systems other than Linux a display is assumed.
+    """
+    if not sys.platform.startswith("linux") or _opens_x_display():
+        return []
+    name = os.environ.get("DISPLAY")
+    reason = f"the display {name} cannot be opened" if name else "there is no display (DISPLAY is not set)"
+    return [error("C013", f"--gui needs a window, and {reason}", help="--picture scene.png shows the end of a run")]
+
+
+def _opens_x_display() -> bool:
+    if not os.environ.get("DISPLAY"):
+        return False
+    try:
+        x11 = ctypes.CDLL("libX11.so.6")
+    except OSError:
+        return False
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    display = x11.XOpenDisplay(None)
+    if display is None:
+        return False
+    x11.XCloseDisplay(ctypes.c_void_p(display))
+    return True

@@ -1,0 +1,142 @@
+"""The arms of a platform: which one is used, where it is, and its paths through the planning scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from executive.belief.free_floor import BasePose
+from executive.locations import ReachSolution, Resolver
+from executive.modules.arm_choice import ArmChoices
+from executive.modules.control import Control
+from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
+from executive.robots import CARRYING
+from executive.robots.arms import ArmModel
+from planlang.designators import Location, Object
+from planlang.failures import ActionUnresolvable
+from planlang.geometry import Array, Pose, matrices
+from planlang.protocols import Trajectory
+
+
+class Arms:
+    """Chooses arms and plans their motions. ``rng`` feeds the path planner."""
+
+    def __init__(self, control: Control, resolver: Resolver, rng: np.random.Generator) -> None:
+        self._control, self._resolver, self._rng = control, resolver, rng
+        self.choices = ArmChoices()
+        """Arms that were chosen where the plan left the choice."""
+        self.begun: dict[str, tuple[int, BasePose, ReachSolution]] = {}
+        """Arm -> belief revision, base pose and the grasp whose pre-grasp it has taken."""
+
+    # Which arm
+
+    def in_order(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """Return arms, the one chosen before first, those that other strands of the plan use last."""
+        mine, others = self.choices.mine(), self.choices.others()
+        return sorted(arms, key=lambda arm: (arm.name != mine, arm.name in others))
+
+    def holding(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """Return the arms that hold something for this strand of the plan, the last chosen first."""
+        others = self.choices.others()
+        return [
+            arm for arm in self.in_order(arms) if self._control.scene.arms.held(arm.name) and arm.name not in others
+        ]
+
+    def free(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """Return the arms that hold nothing, in the order of :meth:`in_order`."""
+        return [arm for arm in self.in_order(arms) if self._control.scene.arms.held(arm.name) is None]
+
+    def use(self, arm: ArmModel, solution: ReachSolution) -> None:
+        """Remember which arm was chosen, and the grasp that it has begun."""
+        self.choices.choose(arm.name)
+        if solution.reach.kind == "grasp":
+            self.begun[arm.name] = (self._control.belief.revision, self._control.base(), solution)
+
+    def begun_grasp(self, arm: ArmModel, location: Location) -> ReachSolution | None:
+        """Return the grasp whose pre-grasp the arm has taken, if the location asks for it and nothing has changed."""
+        if arm.name not in self.begun or not any(one.name == "in_center_of" for one in location.relations):
+            return None
+        revision, base, solution = self.begun[arm.name]
+        meant = [
+            self._control.scene.bodies.bind(r.reference) for r in location.relations if isinstance(r.reference, Object)
+        ]
+        current = revision == self._control.belief.revision and base == self._control.base()
+        return solution if current and solution.reach.body in meant else None
+
+    # Where it is
+
+    def is_at(self, arm: ArmModel, q: Array) -> bool:
+        """Return whether the arm is at joint positions (d,), to a milliradian or millimetre."""
+        return bool(np.allclose(self._control.arm_joints(arm), q, atol=1e-3))
+
+    def posture(self, arm: ArmModel, name: str) -> Array:
+        """Return the joint positions (d,) of a named posture; joints that it does not name stay.
+
+        A name that contains that of a posture means it ("parkingpose"), any other one the carrying posture. Raises
+        ActionUnresolvable if the robot has no such posture.
+        """
+        robot = self._control.robot
+        known = robot.postures
+        meant = name if name in known else next((one for one in known if one in name.lower()), CARRYING)
+        if meant not in known:
+            message = f"{robot.name} has no posture {name}; it has {', '.join(known) or 'none'}"
+            raise ActionUnresolvable(message, designator=f"posture {name}")
+        now = zip(arm.joints, self._control.arm_joints(arm), strict=True)
+        return np.array([known[meant].get(joint, value) for joint, value in now])
+
+    def untucked(self) -> list[tuple[ArmModel, Array]]:
+        """Return the arms that are not in the carrying posture, each with its joint positions there (d,)."""
+        postures = [(arm, self.posture(arm, CARRYING)) for arm in self._control.scene.arms.all]
+        return [(arm, posture) for arm, posture in postures if not self.is_at(arm, posture)]
+
+    # Where it can go
+
+    def path(self, arm: ArmModel, goal: Array, touches: str | None = None) -> Trajectory:
+        """Return a timed path to joint positions (d,) through the planning scene; raises a MotionError.
+
+        The hand may touch the body ``touches``.
+        """
+        control = self._control
+        control.sync()
+        chain, base, start = arm.solver.chain, control.base(), control.arm_joints(arm)
+        space = JointSpace.of(arm.lower, arm.upper, continuous=chain.continuous, resolution=arm.resolution)
+        quick = control.scene.collisions.quick_check(arm, touches)
+
+        def touching(q: Array) -> list[tuple[str, str]]:
+            # At the start the whole robot is checked; later what stands still cannot touch anything new.
+            among = None if np.array_equal(q, start) else quick.doubtful(q)
+            contacts = control.scene.collisions.contacts(base, arm, q, touches, among=among)
+            return [(contact.part, contact.body) for contact in contacts]
+
+        def moments(path: Array) -> Array:
+            """Return where the arm is checked exactly: at each world step, and at the resolution of checks."""
+            return np.concatenate([space.points(path), control.timed(arm.joints, path).positions[1:]])
+
+        return control.timed(arm.joints, plan_path(start, goal, space, quick, touching, self._rng, moments=moments))
+
+    def straight_path(self, arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
+        """Return a timed straight line of the tip to a map pose (4, 4) at joint positions q (d,).
+
+        Raises a MotionError with the reason.
+        """
+        control = self._control
+        control.sync()
+        start, base = control.arm_joints(arm), control.base()
+        quick = control.scene.collisions.quick_check(arm, touches)
+
+        def is_free(row: Array) -> bool:
+            return not control.scene.collisions.contacts(base, arm, row, touches, among=quick.doubtful(row))
+
+        chain = arm.solver.chain
+        beginning, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
+        line = cartesian_path(arm.solver, start, beginning, end, is_free)
+        if line.waypoints is None:
+            raise MotionError(line.reason)
+        for timing in (time_curve, time_path):  # a curve is faster, but swings out, also beyond joint limits
+            trajectory = control.timed(arm.joints, line.waypoints, timing)
+            rows = trajectory.positions[1:]
+            straight = keeps_line(chain.fk(trajectory.positions), beginning, end)
+            if straight and chain.within(rows, 1e-6).all() and all(map(is_free, rows)):
+                return trajectory
+        raise MotionError("in collision or off the line between two steps")

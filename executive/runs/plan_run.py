@@ -1,0 +1,398 @@
+"""One run of a plan: its parts are put together, it is executed or resumed in worlds, or replayed from a trace."""
+
+from __future__ import annotations
+
+import inspect
+import traceback
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from enum import Enum
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from executive.belief import Belief, read_map, scene_of
+from executive.modules.registry import bundled_registry
+from executive.robots import bind_robot, missing_capabilities
+from executive.robots.carrying import with_carrying
+from executive.runs.assembly import build_maps, platform_of, real_scene, world_at_start
+from executive.runs.plan_files import (
+    bindable_parameters,
+    bound_parameters,
+    compiled_plan,
+    import_plan,
+    line_in,
+    main_plan,
+)
+from executive.runs.plan_requirements import Requirements, assess, needs_of, required, required_of_plan
+from executive.runs.progress import ListenedTrace, lines_of
+from executive.runs.recorded_runs import check_same_run, past_of, recorded_parameters, sha256
+from executive.runs.robot_executive import RobotExecutive
+from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
+from planlang.designators import Object
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.language.plans import Plan
+from planlang.language.replaying import Replay, replay
+from planlang.language.running import known as run_header
+from planlang.ontology import load
+from planlang.outputs import replace as write_complete
+from planlang.runs import Different, Past, RecordedRun, restore
+from planlang.runs.codec import dump
+from sim import PyBulletWorld
+from sim.oracle import at_rest_on, held_by
+
+if TYPE_CHECKING:
+    from executive.pictures.recording import Recording
+
+BUDGET = 600.0
+"""Plan time after which a run is given up [s]; the bundled recipe takes less than 60."""
+
+
+class Outcome(Enum):
+    """How a run ended."""
+
+    DONE = "done"
+    FAILED = "failed"
+    LACKS_CAPABILITY = "lacks a capability"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """What to run, where, and what to leave behind."""
+
+    plan: Path | None = None
+    recipe: Path | None = None
+    task: str | None = None
+    ontologies: tuple[Path, ...] = ()
+    allow_abstract: bool = False
+    modules: tuple[Path, ...] = ()
+    """The user's files of process modules."""
+    robot: Path | None = None
+    urdf: Path | None = None
+    environment: Path | None = None
+    start: tuple[float, float, float] | None = None
+    bindings: Mapping[str, str] | None = None
+    seed: int = 0
+    schedule: int | None = None
+    gui: bool = False
+    trace: Path | None = None
+    picture: Path | None = None
+    record: Path | None = None
+    force: bool = False
+    """Run although the robot lacks a capability."""
+    resume: RecordedRun | None = None
+    """The trace of the run to resume."""
+    world_as_left: bool = False
+    """The user states that the world is as that trace left it; else it is restored."""
+    notes: tuple[Diagnostic, ...] = ()
+    """Diagnostics of before."""
+    progress: Callable[[str], None] = lambda line: None
+    announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
+    """Given the diagnostics once, before the plan runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """How a run ended. ``final_state`` is what the simulator's truth says about the objects of the plan."""
+
+    outcome: Outcome
+    message: str
+    final_state: tuple[str, ...] = ()
+    diagnostics: tuple[Diagnostic, ...] = ()
+    seconds: float = 0.0
+    """Plan time [s]."""
+    failure: tuple[str, ...] = ()
+    """Classes of the failure that ended the plan and of its causes, the failure itself first."""
+
+
+class Run:
+    """A plan that is ready to be executed or replayed. Create it in a ``with`` statement: it holds files and worlds."""
+
+    def __init__(self, options: RunOptions) -> None:
+        """Compile and import the plan and the process modules; raises BadInput."""
+        self.options = options
+        self.found: list[Diagnostic] = list(options.notes)
+        self._stack = ExitStack()
+        try:
+            self._load()
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        self._stack.close()
+
+    def _load(self) -> None:
+        options = self.options
+        self._requirements: Requirements | None = None
+        self.registry = bundled_registry()
+        self.registry.add_installed()
+        for file in options.modules:
+            self.registry.add_file(file)
+        self._modules = self.registry.resolve(self.found)
+        if options.plan is not None:
+            self.path = options.plan
+        else:
+            assert options.recipe is not None
+            recipe = load(options.recipe, folders=options.ontologies)
+            self.path, recipes = compiled_plan(
+                recipe, self._stack, self.found, task=options.task, allow_abstract=options.allow_abstract
+            )
+            self._requirements = required(recipe, recipes)
+        self.source = import_plan(self.path)
+        self.plan: Plan[Any, Any] = main_plan(self.source, options.task if options.plan is not None else None)
+
+    # Replaying
+
+    def replay(self, recorded: RecordedRun) -> Replay:
+        """Replay the run of a trace, without robot or world; raises BadInput for a trace that cannot be replayed."""
+        modules = recorded.header.get("modules")
+        absent = [name for name in modules if name not in self.registry.identity] if isinstance(modules, dict) else []
+        if absent:
+            advice = " ".join(f"--modules {name}" for name in absent)
+            message = "the trace was written with process modules that are not here"
+            raise BadInput([error("X022", message, Span(recorded.name), f"add {advice}")])
+        if sha256(self.path) != recorded.header.get("plan_sha256"):
+            self.found.append(warning("X022", "the plan differs from that of the trace", Span(recorded.name)))
+        bound = recorded_parameters(recorded, bindable_parameters(self.plan))
+        try:
+            return replay(self._body(bound, lambda: None), recorded)
+        except ValueError as problem:
+            raise BadInput([error("X020", str(problem), Span(recorded.name, 1))]) from None
+
+    # Executing
+
+    def execute(self) -> RunResult:
+        """Run the plan, or resume it; failures of the plan end in the result, bad input raises BadInput.
+
+        The trace is written line by line; picture and recording are written at the end, also after a failure.
+        """
+        options, found = self.options, self.found
+        assert options.environment is not None
+        assert options.robot is not None
+        if options.plan is not None:
+            self._requirements = required_of_plan(self.path, self.plan, found, folders=options.ontologies)
+        # Cheap questions first: a misspelt parameter is reported before the robot is bound, which can take a minute.
+        ontology = load(options.environment, folders=options.ontologies)
+        semantic_map = read_map(ontology)
+        found += (*ontology.diagnostics, *semantic_map.diagnostics)
+        scene = scene_of(semantic_map, found)
+        bound = bound_parameters(self.plan, options.bindings or {}, semantic_map, found)
+        bare = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
+        assessment = assess(
+            needs_of(self.source, self.plan), partial(missing_capabilities, semantic_map.ontology, robot=bare)
+        )
+        if self._requirements is not None:
+            assessment = assessment.also(self._requirements(bare))
+        past: Past | None = None
+        notes: list[Diagnostic] = []
+        if options.resume is not None:
+            past, notes = past_of(options.resume)
+            if not options.bindings:
+                bound = recorded_parameters(options.resume, bound)
+        robot = bare if assessment.missing and not options.force else with_carrying(bare)
+        found += (*robot.diagnostics, *assessment.notes(options.plan), *notes)
+        options.announce(found)
+        if assessment.missing and not options.force:
+            message = "\n".join(f"MissingCapability: {what}" for what in assessment.missing)
+            return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(found), failure=("MissingCapability",))
+
+        believed = world_at_start(scene, robot, options.start, self._stack)
+        scene = believed.scene
+        truth = PyBulletWorld(
+            real_scene(scene, options.seed, believed), robot.body(), gui=options.gui, seed=options.seed
+        )
+        self._stack.callback(truth.close)
+        platform = platform_of(robot, semantic_map, truth, believed, options.seed)
+        build_maps(platform, options.progress)
+        executive = RobotExecutive(platform, self._modules)
+        platform.scene.collisions.prepare()
+        # What a trace must have in common with another to be equal to it, beside seed and schedule.
+        header: dict[str, Any] = {
+            "plan_sha256": sha256(self.path),
+            "parameters": {name: dump(what) for name, what in bound.items()},
+            "start": [float(number) for number in scene.start],
+            "robot": robot.name,
+            "robot_sha256": sha256(options.robot),
+            "urdf_sha256": sha256(robot.urdf),
+            "map": semantic_map.iri,
+            "map_sha256": [document.sha256 for document in semantic_map.ontology.documents],
+            "versions": {**_versions(), "kinematics": platform.scene.kinematics()},
+        }
+        if self.registry.identity:
+            header["modules"] = self.registry.identity
+        if assessment.infeasible:
+            header["infeasible"] = [alternative.name for alternative, _ in assessment.infeasible]
+        body = self._body(bound, lambda: _bind_all(executive, bound))
+        if past is not None:
+            known = run_header(body, SimulationHost(truth), options.seed, options.schedule)
+            notes = check_same_run(past.recorded, {**header, **known})
+            options.announce(notes)
+            found += notes
+            self._restore(executive, past)
+        return self._executed(body, bound, executive, truth, header, past)
+
+    def _body(self, bound: Mapping[str, Object], first: Callable[[], object]) -> Callable[[], Awaitable[Any]]:
+        """Return the plan with its parameters and budget; executed and replayed alike."""
+
+        async def body() -> Any:
+            first()
+            return await budget(partial(self.plan, **bound), seconds=BUDGET)
+
+        body.__name__ = self.plan.name
+        vars(body)["iri"] = self.plan.iri
+        return body
+
+    def _restore(self, executive: RobotExecutive, past: Past) -> None:
+        """Restore world and belief; raises BadInput when the trace or the world cannot, and the user does not vouch."""
+        span = Span(past.recorded.name, past.last.line if past.last is not None else 1)
+        executive.world_as_left = self.options.world_as_left
+        try:
+            if restore(executive, past) or self.options.world_as_left:
+                return
+        except ValueError as problem:
+            raise BadInput([error("X020", f"the recorded state does not fit: {problem}", span)]) from None
+        advice = "--world-as-left states that world and robot are as the trace left them"
+        raise BadInput([error("X023", "the trace does not contain the state of the world", span, advice)])
+
+    def _executed(
+        self,
+        body: Callable[[], Awaitable[Any]],
+        bound: Mapping[str, Object],
+        executive: RobotExecutive,
+        truth: PyBulletWorld,
+        header: Mapping[str, object],
+        past: Past | None,
+    ) -> RunResult:
+        options = self.options
+        listeners = [lines_of(lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"))]
+        recording = None
+        world: PyBulletWorld | _FilmedWorld = truth
+        if options.record is not None:
+            from executive.pictures.recording import Recording
+            from executive.pictures.shapes import drawn_in
+
+            drawn = drawn_in(truth, executive.platform.robot.urdf)
+            recording = Recording(truth.rate, drawn, title=self.plan.name)
+            listeners.append(lines_of(recording.event))
+            world = _FilmedWorld(truth, recording)
+        trace = ListenedTrace.to(options.trace, header, tuple(listeners), past)
+        outcome, message = Outcome.DONE, "done"
+        failures: tuple[str, ...] = ()
+        try:
+            run(
+                body,
+                host=SimulationHost(world),
+                executive=executive,
+                seed=options.seed,
+                schedule=options.schedule,
+                trace=trace,
+                max_steps=int(2 * BUDGET * truth.rate),
+                resumable=True,
+                resume=past,
+            )
+        except PlanFailure as failure:
+            outcome, message = Outcome.FAILED, explain(failure)
+            failures = tuple(type(link).__name__ for link in failure.chain())
+        except KeyboardInterrupt:
+            outcome, message = Outcome.INTERRUPTED, "interrupted"
+        except Different as difference:
+            name = "" if past is None else past.recorded.name
+            raise BadInput([error("X027", str(difference), Span(name, difference.line or 1))]) from None
+        except RunError as problem:
+            outcome, message = Outcome.FAILED, f"{type(problem).__name__}: {problem}"
+            failures = (type(problem).__name__,)
+        except Exception as problem:
+            where = self._users_line(problem)
+            if where is None:
+                raise
+            outcome, message = Outcome.FAILED, f"{type(problem).__name__}: {problem}\n  {where}"
+            failures = (type(problem).__name__,)
+        finally:
+            trace.close()
+            if options.picture is not None:
+                write_complete(options.picture, truth.save_picture)
+            if recording is not None and options.record is not None:
+                write_complete(options.record, recording.save)
+        state = tuple(_state_lines(truth, bound, executive.platform.belief))
+        return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures)
+
+    def _users_line(self, problem: Exception) -> str | None:
+        """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""
+        files = [Path(frame.filename) for frame in traceback.extract_tb(problem.__traceback__)]
+        for path, what in [
+            (self.plan_file, "the plan"),
+            *((file, "the process modules") for file in self.options.modules),
+        ]:
+            line = line_in(problem, path)
+            below = files[len(files) - files[::-1].index(path) :] if path in files else files
+            if line is not None and not any(_is_own(file) for file in below):
+                return f"in {what}, {path.name}:{line}"
+        return None
+
+    @property
+    def plan_file(self) -> Path:
+        """The file in which the plan's function stands."""
+        return Path(str(inspect.getsourcefile(self.plan.function)))
+
+
+def run_plan_file(options: RunOptions) -> RunResult:
+    """Put a run together and execute it; raises BadInput for what cannot be used."""
+    with Run(options) as whole:
+        return whole.execute()
+
+
+class _FilmedWorld:
+    """A world that is recorded after every step."""
+
+    def __init__(self, world: PyBulletWorld, recording: Recording) -> None:
+        self.world, self.recording, self.rate = world, recording, world.rate
+        recording.frame(0)
+
+    def step(self) -> None:
+        self.world.step()
+        self.recording.frame(self.world.steps)
+
+
+def _bind_all(executive: RobotExecutive, bound: Mapping[str, Object]) -> None:
+    """Raise ObjectUnresolvable for a parameter that means nothing here, before anything moves."""
+    for what in bound.values():
+        executive.platform.scene.bodies.bind(what)
+
+
+def _is_own(file: Path) -> bool:
+    """Return whether a file is part of the executive or the simulator."""
+    own = Path(__file__).parents[1], Path(inspect.getfile(PyBulletWorld)).parent
+    return any(file.is_relative_to(folder) for folder in own)
+
+
+def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Object], belief: Belief) -> Iterator[str]:
+    """Yield where the truth has each graspable object of the plan."""
+    for what in bound.values():
+        try:
+            name = belief.bind(what, truth.configuration().base)
+        except PlanFailure:
+            continue
+        if name not in truth.names() or not truth.scene.body(name).graspable:
+            continue
+        holder, support = held_by(truth, name), at_rest_on(truth, name)
+        if holder is not None:
+            yield f"{name}: held by {holder}"
+        else:
+            yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
+
+
+def _versions() -> dict[str, str]:
+    versions = {}
+    for package in ("planlang", "pybullet", "casadi", "ruckig", "numpy"):
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = "unknown"
+    return versions

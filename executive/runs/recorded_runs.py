@@ -1,0 +1,169 @@
+"""Traces of earlier runs: what their header says, and whether a run may resume or replay them."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from planlang.designators import Object, local_name
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
+from planlang.resources import Bundled
+from planlang.runs import DamagedTrace, Past, RecordedRun, differences
+from planlang.runs.codec import load
+
+AGREE = (
+    "plan", "iri", "plan_sha256", "parameters", "seed", "schedule", "rate", "start", "robot", "robot_sha256",
+    "urdf_sha256", "map", "map_sha256", "modules",
+)  # fmt: skip
+"""Keys of the header that a trace and the run that resumes it must have in common."""
+CALLED = {
+    "plan_sha256": "the plan (its sha256)",
+    "robot_sha256": "the robot's self-model (its sha256)",
+    "urdf_sha256": "the robot's geometry (its sha256)",
+    "map_sha256": "the map (the sha256 of its files)",
+    "rate": "the number of steps per second",
+    "start": "the robot's start",
+    "modules": "the list of --modules files",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class TraceHeader:
+    """What the header of a trace says about the run. Recipe, robot and environment are set only if they are bundled."""
+
+    recipe: str | None = None
+    name: str | None = None
+    task: str | None = None
+    robot: str | None = None
+    environment: str | None = None
+    start: tuple[float, float, float] | None = None
+    seed: int = 0
+    schedule: int | None = None
+    modules: tuple[str, ...] = ()
+    """Names of the files that were given by ``--modules``."""
+
+    @staticmethod
+    def of(recorded: RecordedRun) -> TraceHeader:
+        """Read a header; raises BadInput for a damaged one."""
+        header = recorded.header
+        match header:
+            case {"plan": str(plan), "seed": int(seed), "schedule": (int() | None) as schedule, "start": [x, y, yaw]}:
+                start = (_number(x), _number(y), _number(yaw))
+            case _:
+                start = (math.nan, 0.0, 0.0)
+        if not all(map(math.isfinite, start)) or seed < 0:
+            raise BadInput([error("X020", "the header is damaged: plan, seed or start", Span(recorded.name))])
+        iri, robot, environment = (_text(header.get(key)) for key in ("iri", "robot", "map"))
+        stem = local_name(environment or "").partition(".")[0]
+        modules = header.get("modules")
+        return TraceHeader(
+            plan if plan in Bundled.RECIPE.names() else None,
+            plan,
+            iri or plan,
+            robot if robot in Bundled.ROBOT.names() else None,
+            stem if stem in Bundled.ENVIRONMENT.names() else None,
+            start,
+            seed,
+            schedule,
+            tuple(map(str, modules)) if isinstance(modules, Mapping) else (),
+        )
+
+    def plan(self, trace: str) -> str:
+        """Return the bundled recipe; raises BadInput for any other plan, which the user has to name."""
+        if self.recipe is None:
+            advice = f"planlang run FILE --resume {trace}, or planlang replay {trace} FILE"
+            message = f"the trace is of the plan {self.name}, which is not bundled: name its file"
+            raise BadInput([error("X020", message, Span(trace), advice)])
+        return self.recipe
+
+
+def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
+    """Return the records in a file and its header; raises BadInput, with the line, if it is no trace or damaged."""
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):  # a pipe would be waited for
+            raise BadInput([error("C001", f"{path} is not a file: a trace is read more than once")])
+        recorded = RecordedRun.read(path)
+    except DamagedTrace as damage:
+        raise BadInput([_damaged(str(path), damage)]) from None
+    except (OSError, ValueError) as problem:  # ValueError: a null character in the path
+        reason = getattr(problem, "strerror", None) or problem
+        raise BadInput([error("C001", f"{path} cannot be read: {reason}")]) from None
+    if recorded.header.get("resumable") is not True or "plan_sha256" not in recorded.header:
+        advice = "planlang run PLAN --trace run.jsonl writes one"
+        message = "this trace was not written by planlang run: its header names no plan"
+        raise BadInput([error("X020", message, Span(str(path)), advice)])
+    return recorded, TraceHeader.of(recorded)
+
+
+def recorded_parameters(recorded: RecordedRun, defaults: Mapping[str, Object]) -> dict[str, Object]:
+    """Return the parameters that the plan was run with; raises BadInput when they are not this plan's."""
+    try:
+        found = load(recorded.header["parameters"])
+        if found.keys() != defaults.keys() or not all(isinstance(what, Object) for what in found.values()):
+            raise ValueError(f"the plan has the parameters {', '.join(defaults) or 'none'}")
+        return dict(found)
+    except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as problem:
+        message = f"the parameters of the plan cannot be read: {problem}"
+        raise BadInput([error("X020", message, Span(recorded.name))]) from None
+
+
+def past_of(recorded: RecordedRun) -> tuple[Past, list[Diagnostic]]:
+    """Return what a resumed run takes over, and notes on what it leaves; raises BadInput when nothing is left to do."""
+    span = Span(recorded.name)
+    if recorded.outcome == "succeeded":
+        raise BadInput([error("X021", "this run has ended: there is nothing to resume", span)])
+    try:
+        past = Past(recorded)
+    except DamagedTrace as damage:
+        raise BadInput([_damaged(recorded.name, damage)]) from None
+    found: list[Diagnostic] = []
+    if recorded.torn:
+        message = "the last line is incomplete; it is ignored"
+        found.append(note("X026", message, Span(recorded.name, len(recorded.lines) + 1)))
+    if past.lost is not None:
+        message = f"the run resumes before a completed step, {past.lost}"
+        found.append(warning("X024", message, span))
+    return past, found
+
+
+def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Diagnostic]:
+    """Raise BadInput, listing the differences, when a trace is of another run; return warnings about versions."""
+    now = {key: header[key] for key in AGREE if key in header} | {"modules": header.get("modules")}
+    span, problems = Span(recorded.name), []
+    for key, (before, after) in differences(recorded.header, now).items():
+        called = CALLED.get(key, f"the {key}")
+        problems.append(error("X022", f"{called} differs: {_short(before)} in the trace, {_short(after)} now", span))
+    if problems:
+        raise BadInput(problems)
+    versions = recorded.header.get("versions")
+    before = versions if isinstance(versions, dict) else {}
+    other = differences(before, dict(header["versions"]))
+    listed = ", ".join(f"{package} {one} is now {two}" for package, (one, two) in other.items())
+    return [warning("X025", f"the run may differ with other versions: {listed}", span)] if other else []
+
+
+def sha256(path: Path) -> str:
+    """Return the digest of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _damaged(name: str, damage: DamagedTrace) -> Diagnostic:
+    return error("X020", f"not a trace, or damaged: {damage}", Span(name, damage.line))
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= 80 else f"{text[:40]}...{text[-20:]}"
+
+
+def _text(value: Any) -> str | None:
+    return value if isinstance(value, str) else None
+
+
+def _number(value: Any) -> float:
+    return float(value) if type(value) in (int, float) else math.nan

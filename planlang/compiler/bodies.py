@@ -1,0 +1,412 @@
+"""The bodies of plan functions: nodes of the plan tree as statements, and as branches for other constructs."""
+
+from __future__ import annotations
+
+import textwrap
+
+from planlang.compiler.expressions import Expressions, partial_call
+from planlang.compiler.layout import (
+    INDENT,
+    WIDTH,
+    Display,
+    Expression,
+    Item,
+    Text,
+    assignment,
+    call,
+    returned,
+    sequence,
+    signature,
+    statement,
+)
+from planlang.compiler.layout import Call as CallExpression
+from planlang.compiler.names import Names, Symbols, quoted, snake_case
+from planlang.compiler.passing import Passing, uses_kept
+from planlang.compiler.structure import DONE, FALSE, TRUE
+from planlang.compiler.tree import (
+    Achieve,
+    Call,
+    Case,
+    Event,
+    Gate,
+    Handle,
+    Hold,
+    Machine,
+    Node,
+    Parallel,
+    PartialOrder,
+    Passed,
+    Perform,
+    PlaceUse,
+    Scope,
+    Series,
+    State,
+)
+from planlang.designators import local_name
+
+MOST_UNPACKED = 4
+"""Branches of which results are taken by position; of more they are taken from a list."""
+
+LONGEST_VARIABLE = 40
+"""Characters of a variable that is called after a step; after a longer one it is called by what it holds alone."""
+
+
+class BodyWriter:
+    """Writes the body of one plan function."""
+
+    def __init__(self, symbols: Symbols, title: str, body: Series) -> None:
+        self._symbols = symbols
+        self._names: Names = symbols.local_names()
+        self._title = title
+        self._body = body
+        self._passing = Passing(body)
+        self._variables: dict[str, str] = {}
+        """Of a step (IRI) the variable that holds its result, where that is used."""
+        self._events: dict[Event, str] = {}
+        self._given: dict[str, tuple[str, ...]] = {}
+        """Of a branch of a partial order the steps whose results it hands to others."""
+        self._kept: dict[str, str] = {}
+        """Of what states make (a name) the fluent that holds the latest."""
+        self._write = Expressions(symbols, self._variables, self._kept)
+
+    def lines(self) -> list[str]:
+        """The statements of the function."""
+        return _spaced(self.body(self._body, 1))
+
+    def body(self, series: Series, depth: int) -> list[str]:
+        """The statements of a series; at least one line."""
+        lines: list[str] = []
+        for event in self._passing.events(series):
+            moment = snake_case(event.moment)
+            wanted = f"{snake_case(local_name(event.step))}_{moment}"
+            self._events[event] = self._local_name(wanted if len(wanted) <= LONGEST_VARIABLE else moment)
+            made = call(self._symbols.use("Fluent"), "False")
+            lines += assignment([Text(self._events[event])], made, depth=depth)
+        for node in series.nodes:
+            written = self._statement(node, depth)
+            lines += [*_comment(node, depth), *written]
+        leaving = self._passing.leaving(series)
+        if leaving:
+            lines += returned(self._targets(leaving), depth=depth)
+        return lines or [f"{INDENT * depth}pass"]
+
+    def _statement(self, node: Node, depth: int) -> list[str]:
+        if isinstance(node, Series):
+            return self.body(node, depth)
+        if isinstance(node, Gate):
+            return self._gate(node, depth)
+        if isinstance(node, Hold):
+            holding = call(self._symbols.use("using"), *map(quoted, node.roles))
+            before, expression = self._awaited(node.body, depth)
+            inside = self._bound(node, expression, depth + 1)
+            return [*before, *statement(holding, depth=depth, before="async with ", after=":"), *inside]
+        before, expression = self._awaited(node, depth)
+        return [*before, *self._bound(node, expression, depth)]
+
+    def _bound(self, node: Node, expression: Expression, depth: int) -> list[str]:
+        """Awaiting what does a node; its result is assigned, and taken apart, if others use it."""
+        leaving = self._passing.leaving(node)
+        if not leaving:
+            return statement(expression, depth=depth, before="await ")
+        if not isinstance(node, (Parallel, PartialOrder)):
+            return assignment(self._targets(leaving), expression, depth=depth, before="await ")
+        giving = [
+            (key, branch, self._passing.leaving(branch)) for key, branch in node.branches if self._is_giving(branch)
+        ]
+        if isinstance(node, Parallel) and len(node.branches) <= MOST_UNPACKED:
+            by_key = {key: self._target(steps) for key, _, steps in giving}
+            targets = [by_key.get(key, Text("_")) for key, _ in node.branches]
+            return assignment(targets, expression, depth=depth, before="await ")
+        results = self._local_name("results")
+        lines = assignment([Text(results)], expression, depth=depth, before="await ")
+        for key, _, steps in giving:
+            place = str([name for name, _ in node.branches].index(key)) if isinstance(node, Parallel) else quoted(key)
+            targets = [Text(self._variable(step) if step in leaving else "_") for step in steps]
+            if any(step in leaving for step in steps):
+                lines += assignment(targets, Item(results, place), depth=depth)
+        return lines
+
+    def _is_giving(self, node: Node) -> bool:
+        return bool(self._passing.leaving(node))
+
+    def _targets(self, steps: tuple[str, ...]) -> list[Expression]:
+        return [Text(self._variable(step)) for step in steps]
+
+    def _target(self, steps: tuple[str, ...]) -> Expression:
+        targets = self._targets(steps)
+        return targets[0] if len(targets) == 1 else sequence(targets)
+
+    def _variable(self, step: str) -> str:
+        if step not in self._variables:
+            wanted = f"result_of_{snake_case(local_name(step))}"
+            self._variables[step] = self._local_name(wanted if len(wanted) <= LONGEST_VARIABLE else "result")
+        return self._variables[step]
+
+    def _gate(self, gate: Gate, depth: int) -> list[str]:
+        """Waiting, telling, the step, and again; each on a line of its own."""
+        lines = self._passages(gate.opens, depth)
+        lines += self._statement(gate.body, depth)
+        return lines + self._passages(gate.closes, depth)
+
+    def _passages(self, entries: tuple[Event | tuple[Event, ...], ...], depth: int) -> list[str]:
+        lines = []
+        for entry in entries:
+            if isinstance(entry, Event):
+                lines += statement(call(f"{self._events[entry]}.set", "True"), depth=depth)
+            else:
+                lines += [
+                    line
+                    for event in entry
+                    for line in statement(
+                        call(self._symbols.use("wait_for"), self._events[event]), depth=depth, before="await "
+                    )
+                ]
+        return lines
+
+    def _awaited(self, node: Node, depth: int) -> tuple[list[str], CallExpression]:
+        """Local functions that a construct needs, and the call that is awaited."""
+        use = self._symbols.use
+        match node:
+            case Perform(name, term):
+                return [], call(use("perform"), self._write.action(term), name=quoted(name))
+            case Call(_, None, (only,)):
+                return [], call(self._symbols.functions[only.recipe], **self._write.arguments(only))
+            case Call(_, None, calls):
+                return [], call(use("try_in_order"), *map(self._write.function, calls))
+            case Call(_, term, calls) if term is not None:
+                return [], call(use("perform_or"), self._write.action(term), self._write.alternatives(calls))
+            case Achieve(condition, body):
+                before, branch = self._branch(body, depth)
+                return before, call(use("achieve"), self._write.condition(condition), branch)
+            case Handle(body, recoveries):
+                before, branch = self._branch(body, depth)
+                return before, call(use("with_failure_handling"), branch, *map(self._write.recovery, recoveries))
+            case Scope():
+                return self._scope(node, depth)
+            case Parallel(branches):
+                before, named = self._branches(branches, depth)
+                return before, call(use("par"), **named)
+            case PartialOrder():
+                return self._partial_order(node, depth)
+            case Machine():
+                return self._machine(node, depth)
+        raise TypeError(f"no statement for {node}")
+
+    def _branch(self, node: Node, depth: int, key: str | None = None) -> tuple[list[str], Expression]:
+        """Local functions that come first, and an expression for a zero-argument async callable.
+
+        ``key`` is what the branch is called, if it has a name.
+        """
+        is_giving_several = isinstance(node, (Parallel, PartialOrder)) and self._is_giving(node)
+        is_body = isinstance(node, (Series, Hold, Gate)) or is_giving_several
+        if not is_body and not (isinstance(node, Call) and key is None):
+            if isinstance(node, Perform) and key is not None:
+                perform = call(self._symbols.use("perform"), self._write.action(node.action))
+                return [], partial_call(self._symbols, perform)
+            before, expression = self._awaited(node, depth)
+            return before, partial_call(self._symbols, expression)
+        name = self._local_name(key or self._function_name(node))
+        return self._local_function(name, node, depth), Text(name)
+
+    def _function_name(self, node: Node) -> str:
+        """What a local function of a branch without a name is called."""
+        match node:
+            case Hold(name=name):
+                return f"{snake_case(name)}_in_turn"
+            case Call(name=name) | Gate(name=name):
+                return f"{snake_case(name)}_once"
+            case _:
+                return f"{self._title}_once"
+
+    def _local_name(self, wanted: str) -> str:
+        name = self._names.claim(wanted)
+        self._symbols.reserve(name)
+        return name
+
+    def _local_function(self, name: str, node: Node, depth: int, parameters: tuple[str, ...] = ()) -> list[str]:
+        lines = self._taken_apart(parameters, depth + 1)
+        if isinstance(node, Series):
+            lines += self.body(node, depth + 1)
+        else:
+            lines += [*_comment(node, depth + 1), *self._statement(node, depth + 1)]
+            leaving = self._passing.leaving(node)
+            if leaving:
+                lines += returned(self._targets(leaving), depth=depth + 1)
+        arguments = [f"{key}: {self._symbols.use('Any', 'typing')}" for key in parameters]
+        return [*signature(f"async def {name}", arguments, self._returned(node), depth=depth), *lines, ""]
+
+    def _returned(self, node: Node) -> str:
+        number = len(self._passing.leaving(node))
+        if not number:
+            return "None"
+        anything = self._symbols.use("Any", "typing")
+        several = [anything] * number if number <= MOST_UNPACKED else [anything, "..."]
+        return anything if number == 1 else f"tuple[{', '.join(several)}]"
+
+    def _taken_apart(self, parameters: tuple[str, ...], depth: int) -> list[str]:
+        """Statements that take apart what a step gets from others by parameters, where these made several things."""
+        lines = []
+        for key in parameters:
+            steps = self._given[key]
+            if len(steps) == 1:
+                self._variables[steps[0]] = key
+            else:
+                lines += assignment(self._targets(steps), Text(key), depth=depth)
+        return lines
+
+    def _scope(self, scope: Scope, depth: int) -> tuple[list[str], CallExpression]:
+        where = scope.place.otherwise if isinstance(scope.place, Passed) else scope.place
+        assert isinstance(where, PlaceUse)
+        name = self._local_name(f"at_{self._symbols.place(where.place)}".lower())
+        reaching = [self._write.value(where) for where in scope.reaching]
+        more: dict[str, Expression | str] = {"attempts": str(scope.attempts)}
+        if reaching:
+            more["reaching"] = sequence(reaching)
+        use = self._symbols.use("at_location")
+        expression = call(use, self._write.value(scope.place), name, **more)
+        return self._local_function(name, scope.body, depth), expression
+
+    def _branches(self, branches: tuple[tuple[str, Node], ...], depth: int) -> tuple[list[str], dict[str, Expression]]:
+        before: list[str] = []
+        named: dict[str, Expression] = {}
+        for key, branch in branches:
+            inner, named[key] = self._branch(branch, depth, key)
+            before += inner
+        return before, named
+
+    def _partial_order(self, node: PartialOrder, depth: int) -> tuple[list[str], CallExpression]:
+        """A partial order; a branch that uses results of others takes them by parameters named like those."""
+        before: list[str] = []
+        named: dict[str, Expression] = {}
+        giving = {key: branch for key, branch in node.branches if self._is_giving(branch)}
+        self._given = {**self._given, **{key: self._passing.leaving(branch) for key, branch in giving.items()}}
+        for key, branch in node.branches:
+            wanted = tuple(k for k, other in giving.items() if k != key and self._passing.needed(branch, other))
+            if wanted:
+                name = self._local_name(key)
+                kept = dict(self._variables)
+                before += self._local_function(name, branch, depth, wanted)
+                for step in (step for k in wanted for step in self._given[k]):
+                    del self._variables[step]  # known by the parameter's name inside of the branch only
+                self._variables.update(kept)
+                named[key] = Text(name)
+            else:
+                inner, named[key] = self._branch(branch, depth, key)
+                before += inner
+        keys = {key: Text(quoted(key)) for key in named}
+        steps = Display("{}", tuple(named.values()), tuple(keys.values()))
+        orderings = [sequence([keys[a], keys[b]]) for a, b in node.orderings]
+        return before, call(self._symbols.use("partial_order"), steps, sequence(orderings, "[]"))
+
+    def _machine(self, machine: Machine, depth: int) -> tuple[list[str], CallExpression]:
+        before = self._latest(machine, depth)
+        states: dict[str, Expression] = {}
+        done = {case.state for case in machine.cases if case.outcome == DONE and not case.is_failure}
+        for state in machine.states:
+            if state.name in machine.ends and not uses_kept(state.body):
+                inner, states[state.name] = self._branch(state.body, depth, state.name)
+                before += inner
+                continue
+            name = self._local_name(state.name)
+            states[state.name] = Text(name)
+            if state.name in machine.ends:
+                before += self._local_function(name, state.body, depth)
+                continue
+            comment = _comment(state.body, depth + 1)
+            first, expression = self._awaited(state.body, depth + 1)
+            lines = [*comment, *first, *self._outcome(state, expression, depth + 1, has_done=state.name in done)]
+            before += [*signature(f"async def {name}", [], "str", depth=depth), *lines, ""]
+        cases = [
+            (sequence([Text(quoted(case.state)), self._case(case)]), Text(quoted(case.target)))
+            for case in machine.cases
+        ]
+        ends = [Text(quoted(end)) for end in machine.ends]
+        more: dict[str, Expression | str] = {"start": quoted(machine.start)}
+        more["end"] = ends[0] if len(ends) == 1 else sequence(ends)
+        table = Display("{}", tuple(states.values()), tuple(Text(quoted(name)) for name in states))
+        transitions = Display("{}", tuple(target for _, target in cases), tuple(key for key, _ in cases))
+        return before, call(self._symbols.use("state_machine"), table, transitions, **more)
+
+    def _latest(self, machine: Machine, depth: int) -> list[str]:
+        """A fluent for each thing that states make and other states use; it has a name, so that a run can go on."""
+        lines: list[str] = []
+        for kept in dict.fromkeys(kept for state in machine.states for kept in state.keeps):
+            wanted = f"latest_{snake_case(kept)}"
+            self._kept[kept] = self._local_name(wanted if len(wanted) <= LONGEST_VARIABLE else "latest")
+            made = call(self._symbols.use("Fluent"), "None", quoted(kept))
+            annotation = f"{self._kept[kept]}: Fluent[{self._symbols.use('Any', 'typing')}] = "
+            lines += statement(made, depth=depth, before=annotation)
+        return [*lines, ""] if lines else []
+
+    def _case(self, case: Case) -> Expression:
+        if case.is_failure:
+            return Text(self._symbols.use(case.outcome, "planlang.failures"))
+        return Text(quoted(case.outcome))
+
+    def _outcome(self, state: State, expression: CallExpression, depth: int, *, has_done: bool) -> list[str]:
+        """The statements of a state that do what is done in it and return how it ended."""
+        indent = INDENT * depth
+
+        def kept(result: str) -> list[str]:
+            return [f"{indent}{self._kept[name]}.set({result})" for name in state.keeps]
+
+        if state.checks:
+            answer = self._local_name("holds")
+            return [
+                *statement(expression, depth=depth, before=f"{answer} = await "),
+                *kept(answer),
+                f"{indent}return {quoted(FALSE)} if {answer} is False else {quoted(TRUE)}",
+            ]
+        if state.outcomes:
+            outcome = self._local_name("outcome")
+            said = [*statement(expression, depth=depth, before=f"{outcome} = await "), *kept(outcome)]
+            if not has_done:
+                return [*said, f"{indent}return str({outcome})"]
+            known = sequence([Text(quoted(one)) for one in state.outcomes])
+            return [
+                *said,
+                *statement(known, depth=depth, before=f"if {outcome} in ", after=":"),
+                f"{indent}{INDENT}return str({outcome})",
+                f"{indent}return {quoted(DONE)}",
+            ]
+        if state.keeps:
+            made = self._local_name("made")
+            said = [*statement(expression, depth=depth, before=f"{made} = await "), *kept(made)]
+        else:
+            said = statement(expression, depth=depth, before="await ")
+        return [*said, f"{indent}return {quoted(DONE)}"]
+
+
+def _spaced(lines: list[str]) -> list[str]:
+    """The lines with an empty one between a statement and a local function that follows it, or its comment."""
+    found: list[str] = []
+    for line in lines:
+        code = line.lstrip()
+        if code.startswith("async def "):
+            indent = line[: len(line) - len(code)]
+            place = len(found)
+            while place and found[place - 1].startswith(f"{indent}#"):
+                place -= 1
+            if place and found[place - 1].startswith(indent):
+                found.insert(place, "")
+        found.append(line)
+    return found
+
+
+def _comment(node: Node, depth: int) -> list[str]:
+    """What a step says in words, above it."""
+    match node:
+        case Perform(name=name, label=str(label)) | Scope(name=name, label=str(label)):
+            says_more = snake_case(label) != snake_case(name)
+            return _words(label, depth) if says_more else []
+        case Gate(body=body, said=said):
+            return [*(_words(said, depth) if said else ()), *_comment(body, depth)]
+        case Handle(body=body) | Achieve(body=body) | Hold(body=body):
+            return _comment(body, depth)
+        case _:
+            return []
+
+
+def _words(text: str, depth: int) -> list[str]:
+    start = INDENT * depth + "# "
+    return textwrap.wrap(" ".join(text.split()), WIDTH, initial_indent=start, subsequent_indent=start)

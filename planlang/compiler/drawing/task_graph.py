@@ -1,0 +1,349 @@
+"""A task as groups of boxes and arrows, whatever they are drawn with; what strangers wrote is made safe to show."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from html import escape
+from itertools import count
+from textwrap import wrap
+
+from planlang.designators import RELATIONS, local_name
+from planlang.diagnostics import Span
+from planlang.recipe.model import (
+    Description,
+    Filler,
+    Name,
+    Ordering,
+    Parameter,
+    Place,
+    Reason,
+    Recipe,
+    RecipeSet,
+    StateMachine,
+    Step,
+    Thing,
+    Transition,
+)
+from planlang.recipe.order.graph import recipe_order
+
+
+class Order(Enum):
+    """Where the order of an arrow comes from."""
+
+    STATED = "stated"
+    """The recipe states it, and it follows from no other."""
+    ADDED = "added"
+    """The compiler adds it: what is done from one place is done together."""
+    TRANSITION = "transition"
+    """No order: the one state is left for the other."""
+    OVERLAP = "overlap"
+    """No order: the two run side by side, and the one begins or ends in relation to the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrow:
+    """One box comes before another; both are told by their keys. ``hover`` says why.
+
+    ``label`` is written beside it: the outcomes of a transition, the relation of an overlap.
+    """
+
+    before: str
+    after: str
+    order: Order
+    hover: str
+    label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A step: ``lines`` say what fills its properties. ``groups`` are its recipes, more than one if alternatives."""
+
+    key: str
+    name: str
+    action: str
+    lines: tuple[str, ...]
+    hover: tuple[str, ...]
+    line: int | None
+    """Where the file states the step."""
+    is_abstract: bool = False
+    groups: tuple[Group, ...] = ()
+
+    def text(self) -> tuple[str, ...]:
+        """The lines to show in the box: the name, then what the step is and what fills its properties."""
+        return (shown(self.name, LONGEST_LINE), *(part for line in (self.action, *self.lines) for part in broken(line)))
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A recipe: its steps in the order of the file."""
+
+    key: str
+    name: str
+    boxes: tuple[Box, ...]
+    arrows: tuple[Arrow, ...]
+
+    def of(self, *orders: Order) -> tuple[Arrow, ...]:
+        """The arrows of these kinds."""
+        return tuple(arrow for arrow in self.arrows if arrow.order in orders)
+
+
+@dataclass(frozen=True, slots=True)
+class TaskGraph:
+    """A task with everything below it. Keys are unique and made of letters and digits alone."""
+
+    title: str
+    subtitle: str
+    group: Group
+
+    def groups(self) -> Iterator[Group]:
+        """All groups, an outer one before those inside of it."""
+        waiting = [self.group]
+        while waiting:
+            group = waiting.pop(0)
+            yield group
+            waiting = [inner for box in group.boxes for inner in box.groups] + waiting
+
+
+def task_graph(
+    recipes: RecipeSet,
+    added: Mapping[str, Iterable[tuple[str, str]]] | None = None,
+    recoveries: Mapping[tuple[str, str], Sequence[str]] | None = None,
+) -> TaskGraph:
+    """The graph of a task and all recipes below it; nothing recurses.
+
+    ``added`` gives for a recipe (IRI) the orders of steps (IRIs) that the compiler adds, ``recoveries`` for a step of a
+    recipe (both IRIs) what is done when it fails. A recipe that several steps call is drawn in the first of them.
+    """
+    main = recipes.main
+    subtitle = f"{main.label}, {recipes.source.file}" if main.label else recipes.source.file
+    return TaskGraph(shown(main.name), shown(subtitle), _Builder(recipes, added or {}, recoveries or {}).group(main))
+
+
+class _Builder:
+    def __init__(
+        self,
+        recipes: RecipeSet,
+        added: Mapping[str, Iterable[tuple[str, str]]],
+        recoveries: Mapping[tuple[str, str], Sequence[str]],
+    ) -> None:
+        self._recipes = recipes
+        self._added = added
+        self._recoveries = recoveries
+        self._numbers = count(1)
+        self._drawn: dict[str, str] = {}
+
+    def group(self, recipe: Recipe) -> Group:
+        key = f"g{next(self._numbers)}"
+        self._drawn[recipe.iri] = key
+        keys: dict[str, str] = {}
+        boxes = []
+        for step in recipe.steps:
+            box = self._box(recipe, step)
+            keys[step.iri] = box.key
+            boxes.append(box)
+        arrows = _transitions(recipe, keys) if recipe.machine is not None else self._arrows(recipe, keys)
+        return Group(key, shown(recipe.name), tuple(boxes), (*arrows, *_overlaps(recipe, keys)))
+
+    def _box(self, recipe: Recipe, step: Step) -> Box:
+        key = f"s{next(self._numbers)}"
+        lines = [_parameter(parameter) for parameter in step.parameters]
+        if step.condition is not None:
+            lines.append(_condition(step.condition))
+        again = [local_name(callee) for callee in step.recipes if callee in self._drawn]
+        if again:
+            lines.append(f"as drawn elsewhere: {', '.join(again)}")
+        groups = tuple(
+            self.group(self._recipes.recipes[callee]) for callee in step.recipes if callee not in self._drawn
+        )
+        action = local_name(step.action)
+        if step.is_abstract:
+            action += " (nothing performs it)"
+        if recipe.machine is not None and (role := _role(recipe.machine, step)):
+            lines.insert(0, role)
+        lines += [
+            f"{o.relation.value} the whole task"
+            for o in recipe.overlaps
+            if (o.first, o.second) == (step.iri, recipe.iri)
+        ]
+        recoveries = self._recoveries.get((recipe.iri, step.iri), ())
+        hover = [step.name, *([step.label] if step.label else []), action, *lines, *recoveries, *_where(step.span)]
+        return Box(
+            key,
+            shown(step.name),
+            shown(action),
+            tuple(map(shown, lines)),
+            tuple(map(shown, hover)),
+            step.span.line if step.span is not None else None,
+            step.is_abstract,
+            groups,
+        )
+
+    def _arrows(self, recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
+        """The orders that follow from no others: those that the recipe states, and those that the compiler adds."""
+        stated: dict[tuple[str, str], list[Ordering]] = {}
+        for ordering in recipe.orderings:
+            stated.setdefault((ordering.before, ordering.after), []).append(ordering)
+        for before, after in recipe_order(recipe).reduction():
+            yield _arrow(keys, before, after, Order.STATED, _why(stated[before, after]))
+        for before, after in self._added.get(recipe.iri, ()):
+            why = "added by the compiler: what is done from one place is done together"
+            yield _arrow(keys, before, after, Order.ADDED, why)
+
+
+def _role(machine: StateMachine, step: Step) -> str:
+    """What a state is besides being one."""
+    roles = [*(["start"] if step.iri == machine.start else []), *(["end"] if step.iri in machine.ends else [])]
+    return f"{' and '.join(roles)} state" if roles else ""
+
+
+def _transitions(recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
+    """One arrow for each two states, with all the outcomes that lead from the one to the other."""
+    assert recipe.machine is not None
+    between: dict[tuple[str, str], list[Transition]] = {}
+    for transition in recipe.machine.transitions:
+        if transition.source in keys and transition.target in keys:
+            between.setdefault((transition.source, transition.target), []).append(transition)
+    for (source, target), found in between.items():
+        outcomes = dict.fromkeys(local_name(one.outcome) if one.outcome else one.ending.value for one in found)
+        said = dict.fromkeys(where for one in found for where in _where(one.span))
+        hover = (
+            f"{local_name(source)} to {local_name(target)}: {', '.join(outcomes)} {' '.join(f'({w})' for w in said)}"
+        )
+        yield Arrow(keys[source], keys[target], Order.TRANSITION, shown(hover), shown(", ".join(outcomes), 60))
+
+
+def _overlaps(recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
+    for overlap in recipe.overlaps:
+        if overlap.first in keys and overlap.second in keys:
+            word = overlap.relation.value
+            hover = f"{local_name(overlap.first)} {word} {local_name(overlap.second)}"
+            where = " ".join(f"({place})" for place in _where(overlap.span))
+            yield Arrow(keys[overlap.first], keys[overlap.second], Order.OVERLAP, shown(f"{hover} {where}"), word)
+
+
+def _arrow(keys: Mapping[str, str], before: str, after: str, order: Order, why: str) -> Arrow:
+    hover = f"{local_name(before)} before {local_name(after)}: {why}"
+    return Arrow(keys[before], keys[after], order, shown(hover))
+
+
+def _why(orderings: Iterable[Ordering]) -> str:
+    said = []
+    for ordering in orderings:
+        name = local_name(ordering.iri) if ordering.iri else ordering.reason.value
+        if ordering.reason is Reason.DATA_FLOW:
+            name += " (data flow)"
+        said.append(" ".join([name, *(f"({where})" for where in _where(ordering.span))]))
+    return ", ".join(said)
+
+
+def _where(span: Span | None) -> list[str]:
+    """File name and line, without folders, as the same file should look the same everywhere."""
+    return [f"{span.file.replace(chr(92), '/').rsplit('/', 1)[-1]} line {span.line}"] if span is not None else []
+
+
+def _parameter(parameter: Parameter) -> str:
+    return f"{local_name(parameter.property)}: {_filler(parameter.filler)}"
+
+
+def _condition(condition: Description) -> str:
+    inside = ", ".join(_parameter(parameter) for parameter in condition.parameters)
+    return f"checks: {condition.name}" + (f" ({inside})" if inside else "")
+
+
+def _filler(filler: Filler) -> str:
+    match filler:
+        case Thing():
+            return filler.name if filler.iri is not None else f"any {filler.name}"
+        case Place():
+            said = " and ".join(
+                f"{RELATIONS[relation]} {_reference(reference)}" for relation, reference in filler.relations
+            )
+            return f"{filler.name} ({said or 'posture'})"
+        case Name():
+            return local_name(filler.iri)
+        case bool():
+            return "true" if filler else "false"
+        case _:
+            return str(filler)
+
+
+def _reference(reference: Thing | Place) -> str:
+    return reference.name if isinstance(reference, Thing) else _filler(reference)
+
+
+LONGEST_LINE = 56
+"""Characters of a line inside a box; what is longer is broken."""
+
+MOST_LINES = 3
+"""Lines that a text is broken into; what is longer is cut, and complete in the tooltip."""
+
+INDENT = "\N{NO-BREAK SPACE}" * 4
+"""Before the lines that continue one."""
+
+LONGEST_TEXT = 2000
+"""Characters of a tooltip."""
+
+_SPACE = re.compile(r"\s+")
+_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn"})
+"""Categories of what is not shown as itself: controls, marks that turn the writing direction, surrogates, ..."""
+
+_PLAIN = frozenset(" _-.,/=+")
+
+
+def shown(text: str, longest: int = LONGEST_TEXT) -> str:
+    """The text on one line; characters that are not shown as themselves become ``\N{REPLACEMENT CHARACTER}``."""
+    line = _SPACE.sub(" ", text).strip()
+    line = "".join("\N{REPLACEMENT CHARACTER}" if unicodedata.category(c) in _HIDDEN else c for c in line)
+    return line if len(line) <= longest else line[: longest - 1].rstrip() + "…"
+
+
+def broken(text: str) -> list[str]:
+    """The lines of a text inside a box, those after the first one indented; a bracket begins a line if one has to."""
+    if len(text) <= LONGEST_LINE:
+        return [text]
+    head, bracket, tail = text.partition(" (")
+    lines = [head, bracket.strip() + tail] if bracket else [text]
+    parts = [part for line in lines for part in wrap(line, LONGEST_LINE - len(INDENT), break_on_hyphens=False)]
+    if len(parts) > MOST_LINES:
+        parts = [*parts[: MOST_LINES - 1], f"{parts[MOST_LINES - 1]} …"]
+    return [*parts[:1], *(INDENT + part for part in parts[1:])]
+
+
+def for_xml(text: str) -> str:
+    """The text as content or attribute of an XML or HTML element."""
+    return escape(text, quote=True)
+
+
+def for_dot(text: str) -> str:
+    """The text inside of a quoted string of Graphviz, which reads escapes and HTML entities in labels."""
+    return text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
+
+
+def for_mermaid(text: str) -> str:
+    """The text inside of a quoted label of Mermaid: what might be syntax or HTML is written by its number."""
+    return "".join(c if c.isalnum() or c in _PLAIN else f"#{ord(c)};" for c in text)
+
+
+_WIDTHS = (
+    ("ijl|'!.,:;", 0.26),
+    ("ft()[]/\\ \N{NO-BREAK SPACE}rI-", 0.34),
+    ("mwMW@%", 0.88),
+    ("ABCDEFGHJKLNOPQRSTUVXYZ&#", 0.70),
+    ("…", 1.0),
+)
+_WIDTH_OF = {character: width for characters, width in _WIDTHS for character in characters}
+
+
+def width(text: str, size: float) -> float:
+    """About how wide a line of a sans-serif font of this size is, rather too much than too little [same unit]."""
+    total = 0.0
+    for character in text:
+        if unicodedata.east_asian_width(character) in "WF":
+            total += 1.05
+        else:
+            total += _WIDTH_OF.get(character, 0.57)
+    return total * size

@@ -1,0 +1,188 @@
+"""Names of a plan: Python names for OWL names, each given out once, and what a plan imports."""
+
+from __future__ import annotations
+
+import builtins
+import keyword
+import re
+import unicodedata
+from collections.abc import Iterable
+
+from planlang.compiler.layout import Sum
+from planlang.compiler.tree import PlanTree
+from planlang.designators import local_name
+from planlang.recipe.model import Kind, Place, RecipeSet, Thing
+
+PLANLANG = frozenset(
+    (
+        *("Any", "Condition", "Fluent", "Location", "Object", "Person", "Recovery"),
+        *("a_device", "a_location", "a_person", "a_posture", "a_situation", "action", "an_object", "holding"),
+        *("achieve", "at_location", "par", "partial", "partial_order", "perform", "perform_or", "plan"),
+        *("given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
+        *("ignore", "look_and_repeat", "look_from_another_place"),
+    )
+)
+"""Names that a plan may import, besides failures."""
+
+
+class Symbols:
+    """Gives every thing, place, function and namespace of a plan one name, and remembers what must be imported."""
+
+    def __init__(self, tree: PlanTree, recipes: RecipeSet) -> None:
+        self._names = Names(PLANLANG)
+        self._claimed: set[str] = set(PLANLANG)
+        self._imports: dict[str, set[str]] = {}
+        self._namespaces: dict[str, str] = {namespace(recipes.task): "RECIPE"}
+        self._things: dict[Thing, str] = {}
+        self._places: dict[str, tuple[Place, str]] = {}
+        self.devices = dict(tree.devices)
+        self.functions = {
+            function.iri: self._claim(snake_case(local_name(function.iri))) for function in tree.functions
+        }
+
+    def use(self, name: str, module: str = "planlang") -> str:
+        """The name, which is imported from the module."""
+        self._imports.setdefault(module, set()).add(name)
+        return name
+
+    def thing(self, thing: Thing) -> str:
+        """The parameter name of an object or person, the constant of a device."""
+        if thing not in self._things:
+            self._things[thing] = self._claim(without_digits(snake_case(thing.name)))
+        return self._things[thing].upper() if thing.kind is Kind.DEVICE else self._things[thing]
+
+    def constant(self, thing: Thing) -> str:
+        """The constant that describes a thing."""
+        return self.thing(thing).upper()
+
+    def place(self, place: Place) -> str:
+        """The function that describes a place, the constant of a posture."""
+        if place.iri not in self._places:
+            self._places[place.iri] = (place, self._claim(without_digits(snake_case(place.name))))
+        name = self._places[place.iri][1]
+        return name.upper() if place.is_posture else name
+
+    def iri(self, iri: str) -> Sum:
+        """An expression for an IRI: the constant of its namespace and its local name."""
+        start = namespace(iri)
+        if start not in self._namespaces:
+            self._namespaces[start] = self._claim(_stem(start)).upper()
+        return Sum(self._namespaces[start], quoted(iri[len(start) :]))
+
+    def local_names(self) -> Names:
+        """A scope inside a function: all names of the module are taken."""
+        return Names(self._claimed | set().union(*self._imports.values()))
+
+    def reserve(self, name: str) -> None:
+        """Keep a name that a function uses inside from becoming one of the module."""
+        self._names.reserve(name)
+
+    def things(self) -> tuple[Thing, ...]:
+        """All things named so far, by first use."""
+        return tuple(self._things)
+
+    def places(self) -> tuple[Place, ...]:
+        """All places named so far, by first use."""
+        return tuple(place for place, _ in self._places.values())
+
+    def namespaces(self) -> list[tuple[str, str]]:
+        """Constants and the namespaces they stand for, that of the recipe first."""
+        return [(constant, start) for start, constant in self._namespaces.items()]
+
+    def imports(self) -> list[tuple[str, list[str]]]:
+        """Modules and the names imported from them, sorted as a linter sorts them."""
+        return [(module, sorted(names, key=_import_order)) for module, names in sorted(self._imports.items())]
+
+    def _claim(self, wanted: str) -> str:
+        name = self._names.claim(wanted)
+        self._claimed.add(name)
+        return name
+
+
+def namespace(iri: str) -> str:
+    """Everything of an IRI before its local name."""
+    return iri[: len(iri) - len(local_name(iri))]
+
+
+def quoted(text: str) -> str:
+    """A string literal, in double quotes unless that needs more escapes."""
+    literal = repr(text)
+    if literal.startswith("'") and '"' not in text:
+        return f'"{literal[1:-1]}"'
+    return literal
+
+
+def is_iri(name: str) -> bool:
+    """True for an IRI, false for a local name of the vocabulary."""
+    return ":" in name
+
+
+def _stem(start: str) -> str:
+    name = start.rstrip("#/").rsplit("/", 1)[-1]
+    return without_digits(snake_case(name.removesuffix(".owl")))
+
+
+def _import_order(name: str) -> tuple[int, str]:
+    if name.isupper() and len(name) > 1:
+        return 0, name
+    return (1 if name[0].isupper() else 2), name
+
+
+def snake_case(name: str) -> str:
+    """``MoveBaseToGraspPose`` -> ``move_base_to_grasp_pose``; characters Python does not allow become ``_``.
+
+    Digits stay with the word before them (``bottle1``); a leading digit gets an underscore before it.
+    """
+    text = unicodedata.normalize("NFKC", name)
+    parts: list[str] = []
+    for index, character in enumerate(text):
+        if not f"a{character}".isidentifier():
+            parts.append("_")
+            continue
+        before, after = text[index - 1 : index] if index else "", text[index + 1 : index + 2]
+        if character.isupper() and (before.islower() or before.isdigit() or (before.isupper() and after.islower())):
+            parts.append("_")
+        parts.append(character.lower())
+    result = re.sub("_+", "_", unicodedata.normalize("NFKC", "".join(parts))).strip("_")
+    return result if result.isidentifier() else f"_{result}"
+
+
+def without_digits(name: str) -> str:
+    """Drop trailing digits and what joins them: ``bottle1`` -> ``bottle``; a name of digits only stays."""
+    return re.sub(r"[_\-]*\d+$", "", name) or name
+
+
+class Names:
+    """A scope of names, each given out once: the second ``bottle`` is ``bottle_2``."""
+
+    def __init__(self, taken: Iterable[str] = ()) -> None:
+        self._taken = set(taken)
+        self._last: dict[str, int] = {}
+        """The greatest number given out with a name, so that the next is not searched from the start."""
+
+    def claim(self, wanted: str, *, is_key: bool = False) -> str:
+        """``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is free and no word of the language.
+
+        With ``is_key`` the name is that of a branch: a keyword argument or a parameter, which may be called like a
+        builtin function but not ``name`` or ``limit``, which constructs have themselves.
+        """
+        name, number = wanted, self._last.get(wanted, 1)
+        is_fit = _is_branch_name if is_key else _is_free
+        while name in self._taken or not is_fit(name):
+            number += 1
+            name = f"{wanted}_{number}"
+        self._last[wanted] = number
+        self._taken.add(name)
+        return name
+
+    def reserve(self, name: str) -> None:
+        """Keep a name from being given out."""
+        self._taken.add(name)
+
+
+def _is_free(name: str) -> bool:
+    return not (keyword.iskeyword(name) or keyword.issoftkeyword(name) or hasattr(builtins, name))
+
+
+def _is_branch_name(name: str) -> bool:
+    return not keyword.iskeyword(name) and name not in ("name", "limit")

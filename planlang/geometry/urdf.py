@@ -1,0 +1,297 @@
+"""The one reader of robot descriptions: the tree of links and joints of a URDF, checked. No shape or mesh is loaded.
+
+Format: https://wiki.ros.org/urdf/XML. A description comes from a stranger: see :mod:`planlang.geometry.xml_tree`.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.geometry.matrices import Array, cross_matrix, product, rigid, rotation_of
+from planlang.geometry.xml_tree import BadXml, Element, read_content, tree_of
+
+KINDS = ("revolute", "continuous", "prismatic", "fixed")
+"""Joint types that a chain may contain; "floating" and "planar" are read and refused there."""
+
+_NUMBERS = {
+    ("origin", "xyz"): 3,
+    ("origin", "rpy"): 3,
+    ("axis", "xyz"): 3,
+    ("box", "size"): 3,
+    ("cylinder", "radius"): 1,
+    ("cylinder", "length"): 1,
+    ("capsule", "radius"): 1,
+    ("capsule", "length"): 1,
+    ("sphere", "radius"): 1,
+    ("mesh", "scale"): 3,
+    ("color", "rgba"): 4,
+    ("mass", "value"): 1,
+    ("limit", "lower"): 1,
+    ("limit", "upper"): 1,
+    ("limit", "velocity"): 1,
+    ("limit", "effort"): 1,
+    ("mimic", "multiplier"): 1,
+    ("mimic", "offset"): 1,
+    **{("inertia", f"i{axes}"): 1 for axes in ("xx", "xy", "xz", "yy", "yz", "zz")},
+}
+"""(element, attribute) -> how many numbers it holds."""
+_SHOWN = 4
+"""Names of a list that a message shows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mimic:
+    """A joint that follows another: its position is ``multiplier * position(joint) + offset``."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joint:
+    """One joint: ``origin`` (4, 4) of the child in the parent at zero, unit ``axis`` (3,) in the child's frame.
+
+    Limits are in rad or m, ``velocity`` in rad/s or m/s; those of continuous joints are (-pi, pi), their range.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Array
+    axis: Array
+    lower: float
+    upper: float
+    velocity: float
+    mimic: Mimic | None
+
+    @property
+    def moves(self) -> bool:
+        """Whether it moves along or about one axis, by itself or after another joint."""
+        return self.kind in KINDS[:3]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Urdf:
+    """A checked description."""
+
+    path: Path
+    """The file that was read."""
+    content: bytes
+    """What stands in it."""
+    tree: Element
+    """Its root element; whoever changes it works on a copy."""
+    root: str
+    """The link that hangs from no joint."""
+    joints: tuple[Joint, ...]
+    """In the order of the file."""
+
+
+class NoSuchChain(Exception):
+    """Two links do not hang together as base and tip of one chain."""
+
+    def __init__(self, base_link: str, tip_link: str, problem: str, links: Iterable[str]) -> None:
+        self.base_link = base_link
+        self.tip_link = tip_link
+        self.links = tuple(links)
+        shown = ", ".join(self.links[:12]) + (", ..." if len(self.links) > 12 else "")
+        super().__init__(f"no chain from {base_link!r} to {tip_link!r}: {problem} (links: {shown})")
+
+
+MOST_KEPT = 8
+"""Descriptions that are kept; a run reads that of one robot several times, and looks at the bundled ones."""
+_kept: dict[tuple[Path, bytes], Urdf] = {}
+
+
+def read_urdf(path: Path) -> Urdf:
+    """Read and check a URDF; raises BadInput with all that makes it unusable (B009)."""
+    try:
+        content = read_content(path)
+        if (path, content) in _kept:
+            return _kept[path, content]
+        robot = tree_of(content)
+    except BadXml as problem:
+        raise BadInput([error("B009", problem.problem, Span(str(path), problem.line))]) from None
+    if robot.tag != "robot":
+        message = f"is not URDF: its root element is <{robot.tag}>, not <robot>"
+        raise BadInput([error("B009", message, Span(str(path), robot.line))])
+    root = _Checker(path, robot).check()
+    found = Urdf(path, content, robot, root, tuple(_joint(element) for element in robot.findall("joint")))
+    while len(_kept) >= MOST_KEPT:
+        del _kept[next(iter(_kept))]
+    _kept[path, content] = found
+    return found
+
+
+def displacement(joint: Joint, value: float) -> Array:
+    """Return the motion (4, 4) of a joint's child at a position, in the child's frame at zero (Rodrigues)."""
+    moved = np.eye(4)
+    if joint.kind == "prismatic":
+        moved[:3, 3] = joint.axis * value
+    elif joint.kind != "fixed":
+        cross = cross_matrix(joint.axis)
+        moved[:3, :3] += cross * np.sin(value) + product(cross, cross) * (1 - np.cos(value))
+    return moved
+
+
+def joints_between(joints: Iterable[Joint], base_link: str, tip_link: str) -> tuple[Joint, ...]:
+    """Return the joints from ``base_link`` out to ``tip_link``, base first; raises :class:`NoSuchChain`."""
+    to_child: dict[str, Joint] = {}
+    links: dict[str, None] = {}
+    for joint in joints:
+        to_child.setdefault(joint.child, joint)
+        links.update({joint.parent: None, joint.child: None})
+    for link in (base_link, tip_link):
+        if link not in links:
+            raise NoSuchChain(base_link, tip_link, f"there is no link {link!r}", links)
+    found: list[Joint] = []
+    link = tip_link
+    while link != base_link:
+        above = to_child.get(link)
+        if above is None or len(found) > len(links):
+            raise NoSuchChain(base_link, tip_link, f"{tip_link!r} does not hang from {base_link!r}", links)
+        found.append(above)
+        link = above.parent
+    return tuple(reversed(found))
+
+
+def _joint(element: ElementTree.Element) -> Joint:
+    """A joint of a description that was checked."""
+
+    def stated(tag: str, attribute: str, default: str) -> tuple[float, ...]:
+        child = element.find(tag)
+        return numbers(default if child is None else child.get(attribute, default))
+
+    kind = element.get("type", "")
+    origin = rigid(rotation_of(*stated("origin", "rpy", "0 0 0")), np.array(stated("origin", "xyz", "0 0 0")))
+    axis = np.array(stated("axis", "xyz", "1 0 0"))
+    lower, upper = stated("limit", "lower", "0")[0], stated("limit", "upper", "0")[0]
+    if kind == "continuous":
+        lower, upper = -math.pi, math.pi
+    follows = element.find("mimic")
+    mimic = None
+    if follows is not None:
+        mimic = Mimic(
+            follows.get("joint", ""), stated("mimic", "multiplier", "1")[0], stated("mimic", "offset", "0")[0]
+        )
+    axis = axis / max(float(np.linalg.norm(axis)), 1e-9)
+    velocity = stated("limit", "velocity", "0")[0]
+    ends = _linked(element, "parent"), _linked(element, "child")
+    return Joint(element.get("name", ""), kind, *ends, origin, axis, lower, upper, velocity, mimic)
+
+
+class _Checker:
+    """Looks for everything that makes a URDF unusable."""
+
+    def __init__(self, path: Path, robot: Element) -> None:
+        self.path, self.robot = path, robot
+        self.found: list[Diagnostic] = []
+
+    def check(self) -> str:
+        """The root link; raises BadInput."""
+        links, joints = self._named("link"), self._named("joint")
+        if not links:
+            self._bad("the robot has no links", self.robot)
+        above: dict[str, str] = {}
+        for name, joint in joints.items():
+            ends = [_linked(joint, end) for end in ("parent", "child")]
+            for end, link in zip(("parent", "child"), ends, strict=True):
+                if link not in links:
+                    problem = f"has a {end} link {link!r} that is not described" if link else f"names no {end} link"
+                    self._bad(f"joint {name!r} {problem}", joint)
+            if ends[1] in above:
+                self._bad(f"link {ends[1]!r} hangs from two joints", joint)
+            above[ends[1]] = ends[0]
+        roots = [name for name in links if name not in above]
+        if not self.found:
+            self._check_roots(links, above, roots)
+        self._numbers()
+        for name, joint in joints.items():
+            self._range(name, joint)
+        if self.found:
+            raise BadInput(self.found)
+        return roots[0]
+
+    def _check_roots(self, links: Mapping[str, Element], above: Mapping[str, str], roots: Sequence[str]) -> None:
+        """Exactly one root, from which everything hangs."""
+        if len(roots) > 1:
+            message = f"the robot falls into {len(roots)} pieces, which begin at {', '.join(roots[:_SHOWN])}"
+            self._bad(message, links[roots[1]])
+            return
+        hanging = set(roots)
+        waiting = [name for name in links if name not in hanging]
+        while waiting:
+            further = [name for name in waiting if above[name] not in hanging]
+            if len(further) == len(waiting):
+                self._bad(f"links hang from each other in a circle: {', '.join(further[:_SHOWN])}", links[further[0]])
+                return
+            hanging.update(set(waiting) - set(further))
+            waiting = further
+
+    def _named(self, tag: str) -> dict[str, Element]:
+        named: dict[str, Element] = {}
+        for element in self.robot:
+            assert isinstance(element, Element)
+            if element.tag == tag:
+                name = element.get("name", "")
+                if not name:
+                    self._bad(f"a {tag} has no name", element)
+                elif name in named:
+                    self._bad(f"there are two {tag}s {name!r}", element)
+                named[name] = element
+        return named
+
+    def _numbers(self) -> None:
+        for element in self.robot.iter():
+            for attribute, text in element.items():
+                wanted = _NUMBERS.get((element.tag, attribute))
+                if wanted is not None and len(numbers(text)) not in ({1, 3} if element.tag == "mesh" else {wanted}):
+                    message = f"<{element.tag} {attribute}={text[:60]!r}>: {wanted} finite number(s) expected"
+                    self._bad(message, element)
+        for geometry in self.robot.iter("geometry"):
+            for shape in geometry:
+                needed = extents_of(shape)
+                values = [value for attribute in needed for value in numbers(shape.get(attribute, ""))]
+                if needed and not (values and min(values) >= 0):
+                    self._bad(f"<{shape.tag}> needs {' and '.join(needed)}, not below zero", shape)
+
+    def _range(self, name: str, joint: Element) -> None:
+        """A joint that moves has an axis, and limits the right way round."""
+        kind, axis, limit = joint.get("type", ""), joint.find("axis"), joint.find("limit")
+        if kind in KINDS[:3] and axis is not None and not any(numbers(axis.get("xyz", "1 0 0"))):
+            self._bad(f"joint {name!r} has an axis of length zero", joint)
+        if kind in ("revolute", "prismatic") and limit is not None:
+            lower, upper = (numbers(limit.get(end, "0")) for end in ("lower", "upper"))
+            if lower and upper and lower[0] > upper[0]:
+                self._bad(f"joint {name!r} has limits [{lower[0]}, {upper[0]}] the wrong way round", joint)
+
+    def _bad(self, message: str, element: ElementTree.Element) -> None:
+        assert isinstance(element, Element)
+        self.found.append(error("B009", message, Span(str(self.path), element.line)))
+
+
+def _linked(joint: ElementTree.Element, end: str) -> str:
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
+def extents_of(shape: ElementTree.Element) -> list[str]:
+    """Names of the attributes that say how large a primitive is."""
+    return [attribute for tag, attribute in _NUMBERS if tag == shape.tag and tag != "mesh"]
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Finite numbers in an attribute; empty if any of them is none."""
+    try:
+        values = tuple(float(word) for word in text.split())
+    except ValueError:
+        return ()
+    return values if all(map(math.isfinite, values)) else ()

@@ -1,0 +1,398 @@
+"""The event loop: steps tasks, lets constructs decide between rounds, and lets time pass when all is at rest."""
+
+from __future__ import annotations
+
+import ctypes
+import heapq
+from collections.abc import AsyncGenerator, Awaitable
+from contextvars import copy_context
+from types import CoroutineType
+from typing import Any
+
+from planlang.failures import PlanFailure
+from planlang.kernel.cancel import MAX_DELIVERIES, STUCK, evaporate
+from planlang.kernel.core import PARKED, Scheduler, Task
+from planlang.kernel.errors import (
+    DeadlockError,
+    Evaporated,
+    NoProgress,
+    Overdue,
+    PlanStructureError,
+    StepLimit,
+    StuckTask,
+)
+from planlang.kernel.fluent import FluentWait
+from planlang.kernel.listing import blocked, explain_recursion, listing, locate, place_of
+from planlang.kernel.primitives import refuse_arguments, refuse_result
+from planlang.kernel.threads import Calls
+from planlang.kernel.tree import EVAPORATED, FAILED, SUCCEEDED, Status
+from planlang.misuse import contrast
+
+MAX_RESUMPTIONS = 100_000
+"""Resumptions of tasks and decisions in one world step after which the run is considered to make no progress: more
+than 10,000 tasks need that end in one step, and less than a second of computing."""
+THREADS_HINT = (
+    "what another thread sets is waited for with a RealTimeHost only, as long as a source of it is open: "
+    'with host.source("door"): ...'
+)
+
+
+def loop(scheduler: Scheduler, root: Task) -> None:
+    """Drive the run until its top-level task is dead."""
+    while True:
+        rest(scheduler, root)
+        if scheduler.spoilt is not None:
+            raise scheduler.spoilt
+        if root.dead:
+            return
+        if scheduler.interrupts != scheduler.heeded:
+            _heed_interrupts(scheduler, root)
+        else:
+            _advance(scheduler, root)
+
+
+def rest(scheduler: Scheduler, root: Task) -> None:
+    """Rounds, decisions and deadlines until nothing more can happen in this step."""
+    while True:
+        _round(scheduler, root)
+        if _decide(scheduler):
+            continue
+        if scheduler.awaits_threads and scheduler.service(Calls).collect(scheduler):
+            _heed_interrupts(scheduler, root)
+        elif scheduler.draining or not scheduler.timers.expire():
+            return
+
+
+def _round(scheduler: Scheduler, root: Task) -> None:
+    queue, pool, choice = scheduler.queue, scheduler.pool, scheduler.choice
+    while queue or pool:
+        if scheduler.interrupts != scheduler.heeded:
+            _heed_interrupts(scheduler, root)
+        if scheduler.resumptions > MAX_RESUMPTIONS and not scheduler.draining:
+            title = (
+                f"no progress: tasks had more than {MAX_RESUMPTIONS} turns within world step {scheduler.now}; a loop "
+                "has to wait for what takes time, such as sleep(0.1), or for what is not true yet; still running"
+            )
+            raise NoProgress(listing(title, [*queue, *pool]))
+        if choice is None:
+            task = queue.popleft()
+        else:
+            task = pool.pop(choice.choose(pool) if len(pool) > 1 else 0)
+        task.in_queue = False
+        if task.holds or task.dead:  # suspended, or evaporated before it began, since it was queued
+            continue
+        scheduler.resumptions += task.begun  # a beginning is no resumption: wide constructs are no loops
+        step_task(scheduler, task)
+        if scheduler.fatal is not None:
+            fatal, scheduler.fatal = scheduler.fatal, None
+            raise fatal
+
+
+def _decide(scheduler: Scheduler) -> bool:
+    """Let the most deeply nested scopes with newly dead branches decide; False if there are none.
+
+    Only one depth at a time: what a decision wakes runs first, and may end a branch of a scope that is less deep in
+    the same step. That scope then sees both ends at once.
+    """
+    dirty = scheduler.dirty
+    if not dirty:
+        return False
+    depth = dirty[0][0]
+    while dirty and dirty[0][0] == depth:
+        scope = heapq.heappop(dirty)[2]
+        scope.dirty = False
+        scheduler.resumptions += 1
+        scope.settle()
+    return True
+
+
+def _advance(scheduler: Scheduler, root: Task) -> None:
+    """Let the world go on by one step, or jump to the next due one."""
+    timers = scheduler.timers
+    repeats = scheduler.recorded is not None and scheduler.recorded.step_ends(timers.now)
+    if not repeats and scheduler.live is not None and _attend(scheduler):
+        return
+    target = _target(scheduler, root, repeats)
+    if not repeats:
+        passed = _let_pass(scheduler, target - timers.now)
+        if not passed:  # a live host came back early: something has happened in this step
+            return
+        target = timers.now + passed
+    timers.now = target
+    scheduler.resumptions = 0
+    if scheduler.world_waits:
+        fluents = tuple(scheduler.world_waits)
+        changed = [fluent for fluent in fluents if fluent.sample(target)]  # all are read before anybody looks
+        for fluent in changed:
+            fluent.notify()
+    timers.ring()
+
+
+def _target(scheduler: Scheduler, root: Task, repeats: bool) -> int:
+    """Return the step to go on to; raises DeadlockError where nothing would ever happen, and StepLimit."""
+    timers, live = scheduler.timers, scheduler.live
+    due = timers.next_due()
+    # Something outside may still wake a task: an open source of a live host, or a call in a thread.
+    outside = live is not None and (live.sources or scheduler.awaits_threads)
+    if due is None and not scheduler.vital_waits and not outside:
+        raise DeadlockError(_deadlock(root))
+    # Without a world only tasks change what is read: one look after they have run is enough.
+    looked_at = scheduler.vital_waits or (scheduler.world_waits and scheduler.resumptions)
+    following = timers.now + 1
+    if repeats and due is not None:
+        target = max(due, following)  # nothing is sampled in what a resumed run takes over
+    elif live is not None:
+        # The host comes back earlier if something happens; what is read from the world is looked at in each step, and
+        # without a timer a second is as good as any time to look whether all sources are closed.
+        target = timers.now + (1 if scheduler.world_waits else scheduler.rate)
+        if due is not None:
+            target = max(min(due, target), following)
+        if scheduler.max_steps is not None and target > scheduler.max_steps > timers.now:
+            target = scheduler.max_steps
+    elif due is None or looked_at or not scheduler.host.jumps:
+        target = following
+    else:
+        target = max(due, following)
+    if scheduler.max_steps is not None and target > scheduler.max_steps:
+        raise StepLimit(listing(f"more than {scheduler.max_steps} world steps", blocked(root)))
+    return target
+
+
+def _deadlock(root: Task) -> str:
+    message = listing("nothing can go on", blocked(root))
+    if any(isinstance(task.wait, FluentWait) for task in blocked(root)):
+        message += f"\n{THREADS_HINT}"
+    return message
+
+
+def _let_pass(scheduler: Scheduler, steps: int) -> int:
+    """Have the host let time pass; returns how many steps have passed."""
+    scheduler.idle = True
+    try:
+        passed = scheduler.host.advance(steps)
+    except Exception as error:
+        error.add_note(f"raised by {type(scheduler.host).__name__} after {scheduler.now} world steps")
+        raise
+    scheduler.idle = False
+    return steps if passed is None else passed
+
+
+def _attend(scheduler: Scheduler) -> bool:
+    """Call what came into the inbox; False if there was nothing."""
+    items = scheduler.inbox.take()
+    for item in items:
+        item()
+    return bool(items)
+
+
+def _heed_interrupts(scheduler: Scheduler, root: Task) -> None:
+    """The first Ctrl-C evaporates the plan, its cleanups run; the second one drains it."""
+    if scheduler.interrupts != scheduler.heeded and not scheduler.draining:
+        scheduler.heeded = scheduler.interrupts
+        if scheduler.interrupts > 1:
+            raise KeyboardInterrupt
+        if scheduler.observer is not None:
+            scheduler.observer.write(scheduler.now, "interrupted")
+        evaporate(scheduler, root)
+
+
+# -- one step of a task, from where it waits to its next wait, or to its end
+
+
+def _call(task: Task) -> object:
+    """Call the branch, in its task, and run to the first wait."""
+    try:
+        coroutine = task.branch()
+    except TypeError as error:
+        refuse_arguments(task.branch, error)
+        raise
+    if coroutine.__class__ is not CoroutineType and not hasattr(coroutine, "send"):
+        if not hasattr(coroutine, "__await__"):
+            refuse_result(task.path, coroutine)
+        coroutine = _awaiting(coroutine)
+    task.coroutine = coroutine
+    return coroutine.send(None)
+
+
+async def _awaiting(awaitable: Awaitable[Any]) -> Any:
+    return await awaitable
+
+
+def step_task(scheduler: Scheduler, task: Task) -> None:
+    """Run the task from where it waits to its next wait, or to its end."""
+    task.woken = False
+    scheduler.current = task
+    try:
+        coroutine = task.coroutine
+        if coroutine is None:
+            task.begun = True
+            if task.watched is not None:
+                task.watched.set(Status.RUNNING)
+            if scheduler.observer is not None:
+                scheduler.observer.started(scheduler.timers.now, task)
+            if scheduler.on_start is not None:
+                scheduler.on_start(task)
+            group = task.group
+            context = task.context = copy_context() if group is None else group.owner.context.copy()
+            signal = context.run(_call, task)
+        elif task.error is None:
+            value, task.value = task.value, None
+            signal = task.context.run(coroutine.send, value)
+        else:
+            error, task.error = task.error, None
+            if error.__class__ is Evaporated:
+                task.thrown = True
+                task.deliveries += 1
+            signal = task.context.run(coroutine.throw, error)
+    except StopIteration as stop:
+        if task.thrown or task.generators or stop.value.__class__ is CoroutineType:
+            _returned(scheduler, task, stop.value)
+        else:
+            task.result = stop.value
+            del task.context
+            scheduler.finish(task, SUCCEEDED)
+    except BaseException as raised:
+        _raised(scheduler, task, raised)
+    else:
+        if signal is not PARKED:
+            _unexpected(scheduler, task, signal)
+    finally:
+        scheduler.current = None
+
+
+def _returned(scheduler: Scheduler, task: Task, value: Any) -> None:
+    if task.generators and (left := _unfinished(task.generators)):
+        _close_first(scheduler, task, left, value, None)
+    elif task.thrown:
+        scheduler.finish(task, EVAPORATED)
+    elif value.__class__ is CoroutineType:
+        _raised(scheduler, task, _returned_coroutine(task, value))
+    else:
+        task.result = value
+        scheduler.finish(task, SUCCEEDED)
+
+
+def _returned_coroutine(task: Task, coroutine: CoroutineType[Any, Any, Any]) -> PlanStructureError:
+    """The error of a branch that returned a coroutine instead of its result."""
+    name = coroutine.__name__
+    coroutine.close()
+    message = f"branch {task.path} returned a call of {name}() that was not awaited, so nothing was done"
+    return PlanStructureError(contrast(message, f"return {name}(...)", f"return await {name}(...)"))
+
+
+def _raised(scheduler: Scheduler, task: Task, error: BaseException) -> None:
+    if task.generators and (left := _unfinished(task.generators)):
+        _close_first(scheduler, task, left, None, error)
+        return
+    if isinstance(error, Evaporated) and task.thrown:
+        pass
+    elif isinstance(error, PlanFailure):
+        if error.where is None:
+            locate(error, task.node, scheduler.revision)
+        if task.thrown:
+            task.cleanup_failures = [*(task.cleanup_failures or ()), error]
+        else:
+            task.failure = error
+    elif isinstance(error, Overdue):
+        scheduler.fatal = error
+        scheduler.overdue = task
+    elif isinstance(error, Evaporated):
+        task.crash = PlanStructureError(f"{task.path} raised Evaporated itself; evaporate its handle instead")
+    else:
+        task.crash = error
+        if isinstance(error, RecursionError):
+            explain_recursion(error, task.path)
+        if not isinstance(error, Exception):
+            scheduler.fatal = error
+        if isinstance(error, RuntimeError) and str(error) == "no running event loop":
+            error.add_note(contrast("asyncio does not work in a plan", "await asyncio.sleep(1)", "await sleep(1)"))
+    scheduler.finish(task, EVAPORATED if task.thrown else FAILED)
+
+
+def _unexpected(scheduler: Scheduler, task: Task, signal: object) -> None:
+    if signal is STUCK:
+        _never_close(task.coroutine)
+        task.crash = StuckTask(
+            contrast(
+                f"{task.path} does not end although it was evaporated {MAX_DELIVERIES} times{place_of(task)}; "
+                "evaporation is a BaseException, which a plan has to let through",
+                "except BaseException:    or a bare except:",
+                "except PlanFailure:      or except Exception:",
+            )
+        )
+        task.generators = None
+        scheduler.fatal = scheduler.fatal or task.crash
+        scheduler.finish(task, EVAPORATED)
+        return
+    scheduler.throw(
+        task,
+        TypeError(
+            contrast(
+                f"{task.path} awaits {type(signal).__module__}.{type(signal).__qualname__}{place_of(task)}, which "
+                "belongs to another event loop; plans await planlang's own sleep, wait_for and constructs",
+                "await asyncio.sleep(1)",
+                "await sleep(1)    after: from planlang import sleep",
+            )
+        ),
+    )
+
+
+def _never_close(coroutine: object) -> None:
+    """Keep a coroutine that refuses to end from being closed, which it would refuse too, even by the interpreter."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(coroutine))
+
+
+# -- closing what a task left open: async generators that it iterated and did not exhaust
+
+
+async def _close(
+    task: Task, generators: list[AsyncGenerator[Any, Any]], value: Any, error: BaseException | None
+) -> Any:
+    """Close them in order of first iteration, then end as the task would have ended."""
+    try:
+        for generator in generators:
+            try:
+                await generator.aclose()
+            except (Evaporated, PlanFailure) as raised:
+                error = error or raised
+            except Exception as raised:
+                if error is None or isinstance(error, (Evaporated, PlanFailure)):
+                    error = raised
+    finally:
+        task.shields -= 1
+    if error is not None:
+        raise error
+    return value
+
+
+def _unfinished(generators: list[AsyncGenerator[Any, Any]]) -> list[AsyncGenerator[Any, Any]]:
+    """Those that still have something to run."""
+    return [generator for generator in generators if getattr(generator, "ag_frame", None) is not None]
+
+
+def keep(generator: AsyncGenerator[Any, Any]) -> None:
+    """Generators are closed by the task that iterated them; nothing is left to the collector."""
+
+
+def adopt(scheduler: Scheduler, generator: AsyncGenerator[Any, Any]) -> None:
+    """The running task iterates a generator for the first time."""
+    task = scheduler.current
+    if task is not None:
+        task.generators = [*_unfinished(task.generators or []), generator]
+
+
+def _close_first(
+    scheduler: Scheduler,
+    task: Task,
+    generators: list[AsyncGenerator[Any, Any]],
+    value: Any,
+    error: BaseException | None,
+) -> None:
+    """Close the async generators that the task left open, shielded, before it counts as dead."""
+    task.generators = None
+    task.node = task
+    task.coroutine = _close(task, generators, value, error)
+    task.shields += 1
+    if not scheduler.draining:
+        task.doomed = False
+    scheduler.wake(task)

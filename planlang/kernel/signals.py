@@ -1,0 +1,334 @@
+"""Signals: what can be waited for, fluents at the root, and expressions over them.
+
+An expression is lazy: its value is computed from the current values of its sources whenever it is read, so it never
+shows a mixture of old and new. Operators give expressions; only ``.value`` gives values.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+from planlang.misuse import Usage, WrongValue
+
+T = TypeVar("T")
+MISSED = ("never", "once", "always")
+_PULSED = Usage("fluent.pulsed", {"missed": '"once"'})
+
+
+class Signal(Generic[T]):
+    """Something with a value that can be waited for: a fluent or an expression over fluents."""
+
+    name: str | None = None
+
+    @property
+    def value(self) -> T:
+        """The current value."""
+        raise NotImplementedError
+
+    def read(self) -> T:
+        """The value, world fluents read anew instead of as sampled."""
+        return self.value
+
+    def sources(self) -> dict[BaseFluent[Any], None]:
+        """The fluents whose change may change the value."""
+        raise NotImplementedError
+
+    def arm(self) -> None:
+        """A wait begins."""
+
+    def consume(self) -> None:
+        """A wait has ended with a value."""
+
+    def __bool__(self) -> bool:
+        raise TypeError(f"the truth of {self} is ambiguous: write .value for now, or wait_for(...) it")
+
+    def __str__(self) -> str:
+        return self.name or type(self).__name__.lower()
+
+    def __repr__(self) -> str:
+        return f"<{self}>"
+
+    def __hash__(self) -> int:
+        return id(self)  # identity, never used for order
+
+    def __eq__(self, other: object) -> Signal[bool]:  # type: ignore[override]
+        return Expression(operator.eq, "==", self, other)
+
+    def __ne__(self, other: object) -> Signal[bool]:  # type: ignore[override]
+        return Expression(operator.ne, "!=", self, other)
+
+    def __lt__(self, other: object) -> Signal[bool]:
+        return Expression(operator.lt, "<", self, other)
+
+    def __le__(self, other: object) -> Signal[bool]:
+        return Expression(operator.le, "<=", self, other)
+
+    def __gt__(self, other: object) -> Signal[bool]:
+        return Expression(operator.gt, ">", self, other)
+
+    def __ge__(self, other: object) -> Signal[bool]:
+        return Expression(operator.ge, ">=", self, other)
+
+    def __add__(self, other: object) -> Signal[Any]:
+        return Expression(operator.add, "+", self, other)
+
+    def __radd__(self, other: object) -> Signal[Any]:
+        return Expression(operator.add, "+", other, self)
+
+    def __sub__(self, other: object) -> Signal[Any]:
+        return Expression(operator.sub, "-", self, other)
+
+    def __rsub__(self, other: object) -> Signal[Any]:
+        return Expression(operator.sub, "-", other, self)
+
+    def __mul__(self, other: object) -> Signal[Any]:
+        return Expression(operator.mul, "*", self, other)
+
+    def __rmul__(self, other: object) -> Signal[Any]:
+        return Expression(operator.mul, "*", other, self)
+
+    def __truediv__(self, other: object) -> Signal[Any]:
+        return Expression(operator.truediv, "/", self, other)
+
+    def __rtruediv__(self, other: object) -> Signal[Any]:
+        return Expression(operator.truediv, "/", other, self)
+
+    def __floordiv__(self, other: object) -> Signal[Any]:
+        return Expression(operator.floordiv, "//", self, other)
+
+    def __rfloordiv__(self, other: object) -> Signal[Any]:
+        return Expression(operator.floordiv, "//", other, self)
+
+    def __mod__(self, other: object) -> Signal[Any]:
+        return Expression(operator.mod, "%", self, other)
+
+    def __rmod__(self, other: object) -> Signal[Any]:
+        return Expression(operator.mod, "%", other, self)
+
+    def __pow__(self, other: object) -> Signal[Any]:
+        return Expression(operator.pow, "**", self, other)
+
+    def __rpow__(self, other: object) -> Signal[Any]:
+        return Expression(operator.pow, "**", other, self)
+
+    def __neg__(self) -> Signal[Any]:
+        return Expression(operator.neg, "-", self)
+
+    def __abs__(self) -> Signal[Any]:
+        return Expression(abs, "abs", self)
+
+    def __and__(self, other: object) -> Signal[Any]:
+        return Both(None, "&", self, other)
+
+    def __rand__(self, other: object) -> Signal[Any]:
+        return Both(None, "&", other, self)
+
+    def __or__(self, other: object) -> Signal[Any]:
+        return Either(None, "|", self, other)
+
+    def __ror__(self, other: object) -> Signal[Any]:
+        return Either(None, "|", other, self)
+
+    def __invert__(self) -> Signal[bool]:
+        return Expression(operator.not_, "~", self)
+
+    def changed(self) -> Signal[bool]:
+        """True when the value has changed since this was asked, or since the last wait for it ended."""
+        return Changed(self)
+
+    def pulsed(self, missed: str = "once") -> Signal[bool]:
+        """True after a pulse of the fluent, or of one of those that an expression is made of; a change is a pulse.
+
+        Pulses that come while nobody waits on this object are missed ("never" seen later), seen "once" for all, or
+        "always": one wait for each.
+        """
+        if missed not in MISSED:
+            raise _PULSED.wrong("missed", missed, f"one of {', '.join(map(repr, MISSED))}", WrongValue)
+        return Pulsed(self, missed)
+
+
+class Wait:
+    """Something that a task, or a part of it, waits for and that may have to be looked at again."""
+
+    @property
+    def undisturbed(self) -> bool:
+        """True while evaporation has to leave the waiting task alone, as during a call in a thread."""
+        return False
+
+    def recheck(self) -> None:
+        """Wake the task if what it waits for is there; called on changes, and when the task is no longer held."""
+
+
+class BaseFluent(Signal[T]):
+    """A fluent at the root of expressions: knows who waits."""
+
+    def __init__(self) -> None:
+        self.pulses = 0
+        """How often the fluent was pulsed; a change is a pulse too."""
+        self._waits: dict[Wait, None] = {}
+
+    def sources(self) -> dict[BaseFluent[Any], None]:
+        """Itself."""
+        return {self: None}
+
+    def set(self, value: T) -> None:
+        """Change the value."""
+        raise NotImplementedError
+
+    def watch(self, wait: Wait) -> None:
+        """Tell ``wait`` about changes."""
+        self._waits[wait] = None
+
+    def unwatch(self, wait: Wait) -> None:
+        """No longer tell ``wait``."""
+        self._waits.pop(wait, None)
+
+    def notify(self) -> None:
+        """Let all waits look at their condition."""
+        for wait in tuple(self._waits):
+            wait.recheck()
+
+
+class Expression(Signal[Any]):
+    """An operation on fluents and plain values."""
+
+    def __init__(self, operation: Callable[..., Any] | None, symbol: str, *operands: object) -> None:
+        self._operation = operation
+        self._symbol = symbol
+        self._operands = operands
+
+    @property
+    def value(self) -> Any:
+        """Computed from the current values of the operands."""
+        return self._compute(_value)
+
+    def read(self) -> Any:
+        """Computed from operands read anew."""
+        return self._compute(_read)
+
+    def _compute(self, get: Callable[[object], Any]) -> Any:
+        assert self._operation is not None
+        return self._operation(*map(get, self._operands))
+
+    def sources(self) -> dict[BaseFluent[Any], None]:
+        """All fluents below, each once."""
+        found: dict[BaseFluent[Any], None] = {}
+        stack: list[object] = [self]
+        while stack:
+            one = stack.pop()
+            if isinstance(one, Expression):
+                stack.extend(reversed(one._operands))
+            elif isinstance(one, Signal):
+                found.update(one.sources())
+        return found
+
+    def arm(self) -> None:
+        """A wait begins."""
+        for one in self._operands:
+            if isinstance(one, Signal):
+                one.arm()
+
+    def consume(self) -> None:
+        """A wait has ended with a value."""
+        for one in self._operands:
+            if isinstance(one, Signal):
+                one.consume()
+
+    def __str__(self) -> str:
+        if self.name is not None:
+            return self.name
+        if len(self._operands) == 1:
+            operand = self._operands[0]
+            return f"{self._symbol}({operand})" if self._symbol.isalpha() else f"{self._symbol}{operand}"
+        return f"({self._operands[0]} {self._symbol} {self._operands[1]})"
+
+
+class Both(Expression):
+    """``a & b``: the value of ``a`` if false, else that of ``b``."""
+
+    def _compute(self, get: Callable[[object], Any]) -> Any:
+        return get(self._operands[0]) and get(self._operands[1])
+
+
+class Either(Expression):
+    """``a | b``: the value of ``a`` if true, else that of ``b``."""
+
+    def _compute(self, get: Callable[[object], Any]) -> Any:
+        return get(self._operands[0]) or get(self._operands[1])
+
+
+class Changed(Signal[bool]):
+    """Whether a signal has changed since it was last looked at by a wait."""
+
+    def __init__(self, signal: Signal[Any]) -> None:
+        self._signal = signal
+        self._seen = signal.value
+
+    @property
+    def value(self) -> bool:
+        """True if the value is another than the one seen."""
+        return not same(self._seen, self._signal.value)
+
+    def sources(self) -> dict[BaseFluent[Any], None]:
+        """Those of the signal."""
+        return self._signal.sources()
+
+    def consume(self) -> None:
+        """The change has been seen."""
+        self._seen = self._signal.value
+
+    def __str__(self) -> str:
+        return f"a change of {self._signal}"
+
+
+class Pulsed(Signal[bool]):
+    """Whether a signal was pulsed."""
+
+    def __init__(self, signal: Signal[Any], missed: str) -> None:
+        self._signal = signal
+        self._missed = missed
+        self._seen = self._count()
+
+    def _count(self) -> int:
+        return sum(source.pulses for source in self._signal.sources())
+
+    @property
+    def value(self) -> bool:
+        """True if there is a pulse that was not seen."""
+        return self._count() > self._seen
+
+    def sources(self) -> dict[BaseFluent[Any], None]:
+        """Those of the signal."""
+        return self._signal.sources()
+
+    def arm(self) -> None:
+        """What came before this wait is missed, if so chosen."""
+        if self._missed == "never":
+            self._seen = self._count()
+
+    def consume(self) -> None:
+        """One pulse, or all, have been seen."""
+        self._seen = self._seen + 1 if self._missed == "always" else self._count()
+
+    def __str__(self) -> str:
+        return f"a pulse of {self._signal}"
+
+
+def _value(operand: object) -> Any:
+    return operand.value if isinstance(operand, Signal) else operand
+
+
+def _read(operand: object) -> Any:
+    return operand.read() if isinstance(operand, Signal) else operand
+
+
+def same(a: object, b: object) -> bool:
+    """Whether two values are equal as a whole."""
+    if a is b:
+        return True
+    try:
+        return bool(a == b)
+    except Exception:  # arrays and the like: not comparable as a whole
+        return False

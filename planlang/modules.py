@@ -1,0 +1,170 @@
+"""Process modules by registration: those that come with planlang, of installed packages, and of files a user names.
+
+A process module is a class marked with :func:`process_module`. Packages announce theirs as entry points of the group
+``planlang.modules``, each naming such a class or a Python module that holds some; users name files by
+``planlang run --modules FILE.py``. An action goes to the module of its most specific class. Where two modules perform
+the same class, a user's file outranks an installed package, and that outranks planlang; two of the same rank are an
+error.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar
+
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
+from planlang.language.executive import ProcessModule
+
+GROUP = "planlang.modules"
+"""Entry-point group of installed process modules."""
+LARGEST = 10_000_000
+"""Bytes of a file of process modules that are read at most."""
+_MARK = "__planlang_process_module__"
+
+M = TypeVar("M")
+
+
+def process_module(cls: type[M]) -> type[M]:
+    """Mark a class as a process module, so that planlang finds it in its file or package.
+
+    The class is called with the robot's platform and gives a :class:`planlang.ProcessModule`. Raises TypeError, naming
+    what is missing, for a class that cannot be one.
+    """
+    absent = [name for name in ("name", "actions", "failures", "resources", "execute") if not hasattr(cls, name)]
+    if absent:
+        raise TypeError(f"process module {cls.__name__} lacks {', '.join(absent)}")
+    actions, failures = cls.actions, cls.failures  # type: ignore[attr-defined]
+    if isinstance(actions, str) or not actions or not all(isinstance(name, str) for name in actions):
+        raise TypeError(f'actions of {cls.__name__} has to be a tuple of class names, such as ("Pouring",)')
+    if not all(isinstance(kind, type) and issubclass(kind, Exception) for kind in failures):
+        raise TypeError(f"failures of {cls.__name__} has to be a tuple of failure classes")
+    setattr(cls, _MARK, cls)
+    return cls
+
+
+class Rank(IntEnum):
+    """Where a process module comes from; a higher rank wins."""
+
+    BUNDLED = 0
+    INSTALLED = 1
+    NAMED = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Registered:
+    """A class of process modules and where it comes from."""
+
+    factory: Callable[[Any], ProcessModule]
+    actions: tuple[str, ...]
+    origin: str
+    rank: Rank
+
+
+class ModuleRegistry:
+    """The process modules of one run. ``identity`` names those that planlang did not bring, for the trace's header."""
+
+    def __init__(self) -> None:
+        self._registered: list[Registered] = []
+        self.identity: dict[str, str] = {}
+
+    def add(self, module: ModuleType, origin: str, rank: Rank) -> int:
+        """Register the marked classes that a Python module or package defines; return how many there are."""
+        found = list(_marked(module))
+        self._registered += [Registered(cls, tuple(cls.actions), f"{cls.__name__} of {origin}", rank) for cls in found]
+        return len(found)
+
+    def add_file(self, path: Path) -> None:
+        """Register the process modules of a user's file; raises BadInput, with the line, if it cannot be used."""
+        module = _imported(path)
+        if not self.add(module, path.name, Rank.NAMED):
+            advice = "mark the class with @process_module from planlang"
+            raise BadInput([error("X011", "this file has no process module", Span(str(path)), advice)])
+        self.identity[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
+
+    def add_installed(self) -> None:
+        """Register those of installed packages; raises BadInput if one cannot be imported."""
+        for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
+            package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown"
+            found = _loaded(entry, package)
+            classes: list[Any] = [found] if isinstance(found, type) else list(_marked(found))
+            if not all(getattr(cls, _MARK, None) is cls for cls in classes) or not classes:
+                message = f"the entry point {entry.name} of {package} names no process module: {entry.value}"
+                raise BadInput([error("X011", message, help="mark the class with @process_module from planlang")])
+            for cls in classes:
+                self._registered.append(
+                    Registered(cls, tuple(cls.actions), f"{cls.__name__} of {package}", Rank.INSTALLED)
+                )
+            self.identity[f"{GROUP}: {entry.name}"] = package
+
+    def resolve(self, found: list[Diagnostic]) -> tuple[Callable[[Any], ProcessModule], ...]:
+        """Return the classes, the highest rank first; what outranks another is noted in ``found``.
+
+        Raises BadInput where two of one rank perform the same action class.
+        """
+        ordered = sorted(self._registered, key=lambda one: -one.rank)
+        problems = []
+        for action in dict.fromkeys(name for one in ordered for name in one.actions):
+            first, *others = (one for one in ordered if action in one.actions)
+            if others and others[0].rank == first.rank:
+                both = f"{first.origin} and {others[0].origin}"
+                advice = "leave one out, or let one perform a more specific class"
+                problems.append(error("X012", f"two process modules perform {action}: {both}", help=advice))
+            elif others:
+                found.append(note("X012", f"{action} is performed by {first.origin}, not by {others[0].origin}"))
+        if problems:
+            raise BadInput(problems)
+        return tuple(one.factory for one in ordered)
+
+
+def _marked(module: ModuleType) -> Iterator[Any]:
+    seen: dict[int, Any] = {}
+    for value in vars(module).values():
+        # one that a file imports, to derive its own from it, is not registered a second time
+        if isinstance(value, type) and vars(value).get(_MARK) is value and value.__module__.startswith(module.__name__):
+            seen.setdefault(id(value), value)
+    yield from seen.values()
+
+
+def _loaded(entry: EntryPoint, package: str) -> Any:
+    try:
+        return entry.load()
+    except Exception as problem:
+        message = f"the process module {entry.value} of {package} cannot be imported: {_reason(problem)}"
+        raise BadInput([error("X011", message, help=f"pip uninstall {package.split()[0]} removes it")]) from problem
+
+
+def _imported(path: Path) -> ModuleType:
+    """Import a file under a name of its own; it stays imported, as failures are found by their module's name."""
+    name = f"planlang_modules_{path.stem}"
+    try:
+        if path.stat().st_size > LARGEST or not path.is_file():
+            raise BadInput([error("X011", f"{path} is no Python file of at most {LARGEST // 1_000_000} MB")])
+        code = compile(path.read_bytes(), str(path), "exec")
+        spec = importlib.util.spec_from_loader(name, loader=None, origin=str(path))
+        assert spec is not None
+        module = importlib.util.module_from_spec(spec)
+        module.__file__ = str(path)
+        sys.modules[name] = module  # dataclasses look their module up while the file is executed
+        exec(code, vars(module))
+    except BadInput:
+        raise
+    except (Exception, SystemExit) as problem:
+        lines: Sequence[Any] = traceback.extract_tb(problem.__traceback__)
+        passed = [frame.lineno for frame in lines if frame.filename == str(path)]
+        line = passed[-1] if passed else getattr(problem, "lineno", None)
+        message = f"the process modules cannot be imported: {_reason(problem)}"
+        raise BadInput([error("X011", message, Span(str(path), line or 1))]) from problem
+    return module
+
+
+def _reason(problem: BaseException) -> str:
+    return f"{type(problem).__name__}: {problem}"

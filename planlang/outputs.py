@@ -1,0 +1,185 @@
+"""Files that planlang writes: complete or not at all, and never over a file that it did not write.
+
+Every kind of output carries a mark near its beginning: plans their header, traces their first record, pictures a text
+chunk (PNG) or a comment (SVG, DOT, Mermaid). A file with a mark may be replaced; any other needs ``--force``.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import zlib
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.plan_header import LONGEST, header
+
+MARK = "written by planlang"
+_TRACE = b'{"step": 0, "event": "header", "schema": '
+_PNG = b"\x89PNG\r\n\x1a\n"
+_AFTER_IHDR = 33
+"""Bytes of a PNG up to the end of its first chunk: signature (8), and IHDR with 13 bytes of data (12 + 13)."""
+_COMMENTS = {".svg": "<!-- {} -->", ".dot": "// {}", ".gv": "// {}", ".mmd": "%% {}"}
+"""Suffix of a graph -> how its format writes a comment."""
+
+
+def check_outputs(
+    outputs: Mapping[str, Path | None],
+    inputs: Mapping[str, Path | None],
+    *,
+    pictures: Iterable[str] = (),
+    force: bool = False,
+) -> list[Diagnostic]:
+    """Return what would keep files from being written, before the work starts.
+
+    ``outputs`` and ``inputs`` map what the user calls a file (``--trace``) to its path, or to None when it was not
+    asked for; ``pictures`` are the outputs that are PNG files. With ``force``, files of other origin may be replaced,
+    inputs never.
+    """
+    problems: list[Diagnostic] = []
+    taken = {_real(path): name for name, path in inputs.items() if path is not None}
+    for name, path in outputs.items():
+        if path is None:
+            continue
+        problem = _problem(name, path, taken, is_picture=name in pictures, force=force)
+        if problem is not None:
+            problems.append(problem)
+        else:
+            taken[_real(path)] = name
+    return problems
+
+
+def _problem(name: str, path: Path, taken: Mapping[Path, str], *, is_picture: bool, force: bool) -> Diagnostic | None:
+    folder = path.parent
+    if is_picture and path.suffix.lower() not in ("", ".png"):
+        return error("C004", f"{name} {path}: pictures are written as PNG", help=f"name it {path.stem}.png")
+    if path.is_dir():
+        return error("C004", f"{name} {path} is a folder", help="name a file in it")
+    if not folder.is_dir():
+        return error("C004", f"{name} {path}: there is no folder {folder}", help=f"mkdir -p {folder}")
+    if _real(path) in taken and not _is_device(path):
+        return error("C004", f"{name} {path} would overwrite {taken[_real(path)]}", help=f"give {name} another name")
+    if _is_device(path):
+        return None if os.access(path, os.W_OK) else error("C004", f"{name} {path} cannot be written to")
+    if path.is_symlink() and not path.exists() and _real(path) == path.absolute():
+        return error("C004", f"{name} {path} is a link that leads back to itself", help=f"give {name} another name")
+    if not os.access(_real(path).parent, os.W_OK):
+        return error("C004", f"{name} {path}: the folder {folder} cannot be written to")
+    if not force and not is_replaceable(path):
+        return error("C005", f"{name} {path} exists and was not written by planlang", help="--force overwrites it")
+    return None
+
+
+def is_replaceable(path: Path) -> bool:
+    """Return whether nothing is lost by writing to a path: no file, an empty one, a device, or one with a mark.
+
+    At most the first 10,000 bytes are read, and nothing of a device or pipe, which may have no end.
+    """
+    if not path.is_file():
+        return True
+    try:
+        with path.open("rb") as file:
+            start = file.read(LONGEST)
+    except OSError:
+        return False
+    if not start.strip() or start.startswith(_TRACE):
+        return True
+    if start.startswith(_PNG):
+        return MARK.encode() in start[_AFTER_IHDR : _AFTER_IHDR + 100]
+    text = start.decode("utf-8", errors="replace")
+    return any(MARK in line for line in text.split("\n", 2)[:2]) or header(text) is not None
+
+
+def replace(path: Path, write: Callable[[Path], object]) -> None:
+    """Let ``write`` fill a temporary file beside ``path``, then rename it; on any failure ``path`` is as before.
+
+    The temporary file keeps the suffix of ``path``, by which some writers choose the format; a PNG gets its mark.
+    Links are followed. A device or pipe gets the content once it is complete.
+    Raises BadInput when the system does not let the file be written.
+    """
+    temporary: Path | None = None
+    try:
+        device = _is_device(path)
+        path = path if device else path.resolve()
+        folder = None if device else path.parent
+        number, temporary_name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=folder)
+        os.close(number)
+        temporary = Path(temporary_name)
+        write(temporary)
+        _mark_png(temporary)
+        if device:
+            path.write_bytes(temporary.read_bytes())
+            return
+        temporary.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask())
+        temporary.replace(path)
+    except (OSError, RuntimeError) as problem:  # RuntimeError: a loop of links
+        if isinstance(problem, RuntimeError) and "loop" not in str(problem):
+            raise
+        reason = getattr(problem, "strerror", None) or problem
+        raise BadInput([error("C004", f"{path} cannot be written: {reason}")]) from None
+    finally:
+        if temporary is not None:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a whole text file, or leave the old one as it was; graphs get their mark as a comment."""
+    comment = _COMMENTS.get(path.suffix.lower())
+    first, newline, rest = text.partition("\n")
+    whole = text if comment is None else f"{first}\n{comment.format(MARK)}{newline}{rest}"
+    replace(path, lambda temporary: temporary.write_text(whole, encoding="utf-8", newline="\n"))
+
+
+def write_plan(path: Path, source: str, *, force: bool) -> None:
+    """Write a compiled plan, unless that would lose a person's work.
+
+    A file that is no compiled plan, or one that was edited since, is refused without ``force``. Raises BadInput.
+    """
+    if path.is_file() and not force:
+        try:
+            # one character more than the new plan is enough to tell whether the old one is the same
+            with path.open(encoding="utf-8", errors="replace", newline="") as file:
+                old = file.read(max(len(source), LONGEST) * 2 + 1)
+        except OSError as problem:
+            raise BadInput([error("C004", f"{path} cannot be read: {problem.strerror}")]) from None
+        if old == source:
+            return
+        before = header(old)
+        if before is None and old.strip():
+            raise BadInput([error("C005", f"{path} is not a compiled plan", help="--force overwrites it")])
+        if before is not None and before.is_edited(old):
+            advice = f"planlang check {path} shows the changes; --force overwrites them; -o writes to another file"
+            raise BadInput([error("C005", f"{path} was edited since it was compiled", help=advice)])
+    write_text(path, source)
+
+
+def _mark_png(path: Path) -> None:
+    with path.open("r+b") as file:
+        if file.read(len(_PNG)) != _PNG:
+            return
+        file.seek(0)
+        content = file.read()
+        chunk = b"tEXt" + b"Software\x00" + MARK.encode()
+        length, check = (len(chunk) - 4).to_bytes(4, "big"), zlib.crc32(chunk).to_bytes(4, "big")
+        file.seek(_AFTER_IHDR)
+        file.write(length + chunk + check + content[_AFTER_IHDR:])
+
+
+def _is_device(path: Path) -> bool:
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
+def _real(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError):  # a loop of links is itself
+        return path.absolute()
+
+
+def _umask() -> int:
+    umask = os.umask(0)
+    os.umask(umask)
+    return umask

@@ -1,0 +1,314 @@
+"""The journal of a run: which steps of the top-level plan have completed, so that the run can be resumed.
+
+The top-level plan is the outermost plan function; ``budget`` and ``timeout`` around it are looked through. Its steps
+are the nodes of the tree directly in it. Of a ``seq``, ``state_machine`` or ``partial_order`` among them the branches,
+states and steps are steps too. Nothing deeper is: what has not completed runs again as a whole.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from typing import Any
+
+from planlang.failures import PlanFailure
+from planlang.kernel.core import Scheduler, Task, here, park
+from planlang.kernel.errors import PlanStructureError
+from planlang.kernel.fluent import Fluent, find
+from planlang.kernel.observer import Body
+from planlang.kernel.schedule import CountedRandom
+from planlang.kernel.signals import BaseFluent
+from planlang.kernel.tree import EVAPORATED, Node, Status
+from planlang.runs.codec import Exact, Lost, dump, dump_failure
+from planlang.runs.inputs import RecordedInputs
+from planlang.runs.recorded_run import Done, Past
+from planlang.runs.resumed_trace import ResumedTrace
+from planlang.runs.trace import Trace
+
+LOOKED_INTO = ("seq", "state_machine", "partial_order")
+"""Constructs whose parts are steps."""
+AROUND = ("budget", "timeout")
+"""Constructs that may be around the top-level plan."""
+
+
+class _Open:
+    """A step that has begun and not ended."""
+
+    __slots__ = ("draws", "fluents", "spent", "used")
+
+    def __init__(self, draws: object) -> None:
+        self.draws = draws
+        self.fluents: dict[Fluent[Any], None] = {}
+        self.spent: dict[str, int] = {}
+        self.used: dict[str, int] = {}
+
+
+class Journal(RecordedInputs):
+    """Observes one run and notes its completed steps; in a resumed run it gives what was taken over.
+
+    Implements both interfaces of :mod:`planlang.kernel.observer`. Invariants: ``spine`` holds the open nodes whose
+    parts are steps, with whether a plan function in them is still looked into; ``opened`` the steps that have begun
+    and not ended; ``given`` the nodes whose results are taken over.
+    """
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        trace: Trace,
+        *,
+        snapshot: Callable[[], Any] | None = None,
+        past: Past | None = None,
+        account: Callable[[Mapping[str, int], Mapping[str, int]], None],
+    ) -> None:
+        """``snapshot`` gives the state of the world and the robot's belief as JSON. ``account`` charges the budgets
+        around the running task with what a step that is taken over has used.
+        """
+        super().__init__(scheduler, trace if past is None else ResumedTrace(trace, past), past)
+        self._snapshot = snapshot
+        self._left: Any = None
+        self._account = account
+        self._spine: dict[Node, bool] = {}
+        self._opened: dict[Node, _Open] = {}
+        self._given: set[Node] = set()
+        self._order: Iterator[Done] = iter(() if past is None else past.order)
+        self._due = next(self._order, None)
+        """The step whose end comes next."""
+        self._waiting: dict[str, Task] = {}
+        self._later: list[Task] = []
+        if past is not None and past.last is None:
+            self._go_on()
+
+    # -- Observer
+
+    def begin(self, root: Node, fail: Callable[[BaseException], object]) -> None:
+        """The run begins."""
+        self._trace.begin(root, fail)
+        self._spine[root] = True
+
+    def started(self, step: int, node: Node, /, **details: object) -> None:
+        """A node begins, in its task. Raises Different where a resumed plan does not repeat what it did."""
+        self._trace.started(step, node, **details)
+        if self._ahead is not None and self._ahead.problem is not None:
+            raise self._ahead.problem
+        if node not in self._given:
+            self._enter(node)
+
+    def ended(
+        self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
+    ) -> None:
+        """A node ends; a step has completed if it ended with a result or a plan failure."""
+        self._spine.pop(node, None)
+        opened = self._opened.pop(node, None)
+        if opened is not None and outcome is not EVAPORATED and (failure is None or isinstance(failure, PlanFailure)):
+            task = node if isinstance(node, Task) else here()[1]
+            if not task.cancelled:  # what evaporation has cut short does not count
+                self._completed(node, task, opened, result, failure)
+        self._trace.ended(step, node, outcome, result, failure)
+        self._given.discard(node)
+
+    def write(self, step: int, event: str, node: Node | None = None, /, **details: Any) -> None:
+        """Something else has happened."""
+        if event == "plan" and node is not None and self._spine.get(node):  # a branch turns out to be the plan function
+            self._spine[node] = False
+        elif event == "returned" and node is not None:
+            self.note_call(node, details["call"], details)
+        self._trace.write(step, event, node, **details)
+
+    def changed(self, fluent: BaseFluent[Any]) -> None:
+        """A task sets a fluent; statuses of tasks come about by themselves."""
+        task = self._scheduler.current
+        if task is not None and isinstance(fluent, Fluent) and not isinstance(fluent.value, Status):
+            for opened in self._around(task.node):
+                opened.fluents[fluent] = None
+
+    def charged(self, kind: str, part: str, number: int) -> None:
+        """Something is charged to budgets: ``kind`` is "spent" [world steps] or "used" [attempts]."""
+        for opened in self._around(here()[1].node):
+            counts = opened.spent if kind == "spent" else opened.used
+            counts[part] = counts.get(part, 0) + number
+
+    def end(self) -> None:
+        """The run is over."""
+        self._trace.end()
+
+    # -- which nodes are steps
+
+    def _enter(self, node: Node) -> None:
+        parent = node.parent
+        outer = None if parent is None else self._spine.get(parent)
+        if outer is None or parent is None:
+            return
+        is_branch = isinstance(node, Task)
+        if outer and (parent.kind in AROUND if is_branch else node.kind in AROUND):
+            self._spine[node] = True
+        elif outer and node.kind == "plan":
+            self._spine[node] = False
+        else:
+            if node.kind in LOOKED_INTO:
+                self._spine[node] = False
+            self._opened[node] = _Open(None if is_branch else _draws(here()[1]))
+
+    def _around(self, node: Node | None) -> Iterator[_Open]:
+        while node is not None:
+            opened = self._opened.get(node)
+            if opened is not None:
+                yield opened
+            node = node.parent
+
+    # -- what steps leave behind
+
+    def _completed(self, node: Node, task: Task, opened: _Open, result: object, failure: BaseException | None) -> None:
+        step = self._scheduler.now
+        try:
+            details = self._details(node, task, opened, result, failure)
+        except Lost as lost:
+            what = "its failure" if failure is not None else "its result, or what it left behind,"
+            self._trace.write(step, "completed", node, lost=f"{what} does not survive JSON: {lost}")
+        else:
+            self._trace.write(step, "completed", node, **details)
+        self._trace.sync()
+
+    def _details(
+        self, node: Node, task: Task, opened: _Open, result: object, failure: BaseException | None
+    ) -> dict[str, object]:
+        """What a completed step is recorded with; raises Lost."""
+        details: dict[str, object] = {}
+        if failure is not None:
+            details["failure"] = Exact(dump_failure(failure))
+        elif result is not None:
+            details["value"] = Exact(dump(result))
+        details["fluents"] = {_named(fluent): dump(fluent.value) for fluent in opened.fluents if _outside(fluent, node)}
+        draws = None if task is node else _draws(task)  # the stream of a branch ends with it
+        details["draws"] = None if draws == opened.draws else draws
+        details["spent"] = opened.spent
+        details["used"] = opened.used
+        details["open"] = [one.path for one in self._opened if one not in self._spine]
+        choices = getattr(self._scheduler.choice, "state", None)
+        if self._snapshot is not None and (left := self._snapshot()) != self._left:
+            self._left = left
+            details["left"] = Exact(left)
+        if choices is not None:
+            details["choices"] = Exact(choices())
+        return {key: value if isinstance(value, Exact) else Exact(value) for key, value in details.items() if value}
+
+    # -- Recorded: taking over
+
+    def body(self, node: Node, body: Body) -> Body:
+        """What to await: the body itself, what gives the result that it had, or the body once the run goes on."""
+        past = self._past
+        if self._ahead is None or past is None or node.parent not in self._spine:
+            return body
+        done = past.done.get(node.path)
+        if done is not None:
+            self._given.add(node)
+            return partial(self._give, done)
+        outer = self._spine[node.parent]
+        if isinstance(node, Task) and not (outer and node.parent.kind in AROUND):
+            return partial(self._begin_later, body)
+        return body
+
+    async def _begin_later(self, body: Body) -> Any:
+        """Run a branch that is a step and has not completed: as it was written, once all others are taken over."""
+        task = here()[1]
+        while self._ahead is not None:
+            self._later.append(task)
+            try:
+                await park("what the run takes over")
+            finally:
+                self._later.remove(task)
+        return await body()
+
+    async def _give(self, done: Done) -> Any:
+        """Let the time pass that the step took, and give what it gave; in the order in which steps completed."""
+        scheduler, task = here()
+        await self._until(done.step, done.path)
+        while self._due is not done:
+            self._waiting[done.path] = task
+            await park(f"the end of {self._due.path if self._due else 'the run'}, which was before its own")
+        self._due = next(self._order, None)
+        if self._due is not None and self._due.path in self._waiting:
+            scheduler.wake(self._waiting.pop(self._due.path))
+        if done.draws is not None:
+            _draw(scheduler, task, done)
+        for name, value in done.fluents.items():
+            fluent = find(name)
+            if fluent is None:
+                raise PlanStructureError(f"{done.path} has set the fluent {name}, which there is not")
+            fluent.set(value)
+        self._account(done.spent, done.used)
+        if self._due is None:
+            self._go_on()
+        if done.failure is not None:
+            raise done.failure
+        return done.value
+
+    async def _until(self, step: int, what: str) -> None:
+        scheduler, task = here()
+        if step > scheduler.now:
+            timer = scheduler.alarm(task, step - scheduler.now, lambda: scheduler.wake(task))
+            try:
+                await park(what)
+            finally:
+                timer.drop()
+
+    def _go_on(self) -> None:
+        """From here on the plan runs."""
+        past, ahead = self._past, self._ahead
+        assert past is not None
+        assert ahead is not None
+        self._ahead = None
+        self._left = past.left
+        restore = getattr(self._scheduler.choice, "restore", None)
+        if restore is not None:
+            restore(past.choices)
+        ahead.go_on(self._scheduler.now, past)
+        for task in self._later:
+            self._scheduler.wake(task)
+
+    def step_ends(self, step: int) -> bool:
+        """True while the run repeats what it takes over; raises Different if something recorded has not happened."""
+        if self._ahead is not None:
+            self._ahead.check(step)
+        return self._ahead is not None
+
+    def check_repeated(self) -> None:
+        """Raise Different if a resumed plan has ended otherwise than by going on from its past."""
+        self.step_ends(sys.maxsize)
+
+
+def _draws(task: Task) -> Any:
+    """How far a task's stream of random numbers has come; None if it has none. Raises Lost."""
+    stream = task.stream
+    if not isinstance(stream, CountedRandom):
+        return None
+    try:
+        return stream.draws
+    except ValueError as problem:
+        raise Lost(str(problem)) from None
+
+
+def _draw(scheduler: Scheduler, task: Task, done: Done) -> None:
+    stream = CountedRandom(f"{scheduler.seed} {task.path}") if task.stream is None else task.stream
+    assert isinstance(stream, CountedRandom)
+    task.stream = stream
+    try:
+        stream.go_to(done.draws)
+    except ValueError as problem:
+        raise PlanStructureError(f"{done.path} cannot be taken over: {problem}") from None
+
+
+def _named(fluent: Fluent[Any]) -> str:
+    if fluent.name is None:
+        raise Lost("a fluent without a name, which is from outside of the step")
+    if find(fluent.name) is not fluent:
+        raise Lost(f"a fluent {fluent.name}, which is not the only one of that name")
+    return fluent.name
+
+
+def _outside(fluent: Fluent[Any], node: Node) -> bool:
+    """Whether a fluent was made outside of a step."""
+    born: Node | None = fluent.born
+    while born is not None and born is not node:
+        born = born.parent
+    return born is None

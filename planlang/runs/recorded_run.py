@@ -1,0 +1,371 @@
+"""A trace that was written, read back: its records with their places in the tree, and what a resumed run takes over.
+
+That is all up to the last step of the top-level plan that completed. Such a step is recorded with its result and with
+what it left behind: draws from random streams, fluents set, budgets used. One whose result does not survive JSON is
+recorded as lost; what can be taken over ends before it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from planlang.kernel.schedule import checked_draws
+from planlang.runs.codec import Exact, load, load_failure
+from planlang.runs.encoding import SCHEMA
+
+LONGEST_LINE = 20_000_000
+"""Bytes of one line of a trace that are read at most."""
+
+
+class DamagedTrace(ValueError):
+    """A file is no trace, or a line of it is damaged; ``line`` counts from 1."""
+
+    def __init__(self, message: str, line: int) -> None:
+        super().__init__(message)
+        self.line = line
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One record: its line in the file, counted from 1, and the path of the node it is about, if it is about one."""
+
+    number: int
+    record: Mapping[str, Any]
+    path: str | None
+
+    @property
+    def step(self) -> int:
+        """Plan time in world steps."""
+        return int(self.record["step"])
+
+    @property
+    def event(self) -> str:
+        """What happened."""
+        return str(self.record["event"])
+
+
+@dataclass(slots=True)
+class RecordedRun:
+    """The records of a run, the header first. ``torn``: the last line was cut off and is left out."""
+
+    lines: list[Line]
+    torn: bool = False
+    name: str = "the trace"
+    header: Mapping[str, Any] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.header = self.lines[0].record
+
+    @property
+    def last(self) -> int:
+        """The step of the last record."""
+        return self.lines[-1].step
+
+    @property
+    def outcome(self) -> str | None:
+        """How the plan ended: "succeeded", "failed" or "evaporated"; None if the record ends before."""
+        root = next((line.path for line in self.lines if line.event == "started"), None)
+        for line in reversed(self.lines):
+            if line.event == "ended" and line.path == root:
+                return str(line.record.get("status"))
+        return None
+
+    @staticmethod
+    def read(path: str | os.PathLike[str]) -> RecordedRun:
+        """From a file; raises OSError, DamagedTrace."""
+        place = Path(path)
+        texts: list[bytes] = []
+        with place.open("rb") as file:
+            while text := file.readline(LONGEST_LINE + 1):
+                if len(text) > LONGEST_LINE:
+                    raise DamagedTrace(f"a line of more than {LONGEST_LINE // 1_000_000} MB", len(texts) + 1)
+                texts.append(text)
+        torn = bool(texts) and not texts[-1].endswith(b"\n")
+        records: list[object] = []
+        for number, text in enumerate(texts, 1):
+            try:
+                records.append(json.loads(text))
+            except (ValueError, RecursionError) as problem:
+                if torn and number == len(texts) and number > 1:
+                    break
+                raise DamagedTrace(f"this is no JSON: {_reason(problem)}", number) from None
+        else:
+            torn = False
+        return RecordedRun(_lines(records), torn, str(path))
+
+    @staticmethod
+    def of(events: Sequence[Mapping[str, Any]]) -> RecordedRun:
+        """From the records that a trace has kept; raises DamagedTrace."""
+        return RecordedRun(_lines(events))
+
+
+def _reason(problem: Exception) -> str:
+    return getattr(problem, "msg", None) or ("too deeply nested" if isinstance(problem, RecursionError) else "no UTF-8")
+
+
+def _lines(records: Iterable[object]) -> list[Line]:
+    lines: list[Line] = []
+    paths: dict[int, str] = {}
+    step = 0
+    for number, record in enumerate(records, 1):
+        match record:
+            case {"step": int(now), "event": str()} if not isinstance(now, bool) and now >= 0:
+                pass
+            case _:
+                raise DamagedTrace("this is no record of a trace: it has no step and event", number)
+        assert isinstance(record, Mapping)
+        if number == 1:
+            _check_header(record)
+        if now < step:
+            raise DamagedTrace(f"step {now} comes after step {step}", number)
+        step = now
+        lines.append(Line(number, record, _path(record, paths, number)))
+    if not lines:
+        raise DamagedTrace("the trace is empty", 1)
+    return lines
+
+
+def _check_header(record: Mapping[str, Any]) -> None:
+    if record["event"] != "header":
+        raise DamagedTrace("a trace begins with its header", 1)
+    if record.get("schema") != SCHEMA:
+        raise DamagedTrace(f"schema {record.get('schema')!r}; this version reads and writes schema {SCHEMA}", 1)
+
+
+def _path(record: Mapping[str, Any], paths: dict[int, str], number: int) -> str | None:
+    if "node" not in record:
+        return None
+    node = record["node"]
+    if not isinstance(node, int):
+        raise DamagedTrace("a node is told by its number", number)
+    if node not in paths:
+        match record:
+            case {"node": int(), "parent": None, "name": str(name)}:
+                paths[node] = name
+            case {"node": int(), "parent": int(parent), "name": str(name)} if parent in paths:
+                paths[node] = f"{paths[parent]}/{name}"
+            case _:
+                raise DamagedTrace("the record is about a node that has not started", number)
+    return paths[node]
+
+
+BOOKKEEPING = frozenset({"completed", "resumed", "world", "answer", "performed"})
+"""Events that no node of a plan writes when it runs again."""
+SPANS = frozenset({"started", "ended"})
+_FRAME = frozenset({"step", "event", "node", "parent", "kind", "name"})
+
+
+def details(record: Mapping[str, Any]) -> dict[str, Any]:
+    """What a record tells besides when, what and where."""
+    return {key: value for key, value in record.items() if key not in _FRAME}
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """A step that completed: when, with which result or failure, and what it left behind."""
+
+    path: str
+    step: int
+    line: int
+    value: Any = None
+    failure: BaseException | None = None
+    draws: Any = None
+    """How far the task's stream of random numbers has come."""
+    fluents: Mapping[str, Any] = field(default_factory=dict)
+    spent: Mapping[str, int] = field(default_factory=dict)
+    used: Mapping[str, int] = field(default_factory=dict)
+
+
+class Past:
+    """What a resumed run takes over.
+
+    ``done``: completed steps by path. ``kept``: the records that the resumed run's trace begins with, the header
+    first. ``again``: paths of steps that had begun and not completed, which run again. ``until``: plan time at which
+    the plan goes on [world steps]. ``left``: state of the world and the robot's belief then, None if it was not
+    recorded. ``lost``: why the past ends before a step that completed, if it does.
+    """
+
+    def __init__(self, recorded: RecordedRun) -> None:
+        self.recorded = recorded
+        self.done: dict[str, Done] = {}
+        self.again: tuple[str, ...] = ()
+        self.left: Any = None
+        self.choices: Any = None
+        self.lost: str | None = None
+        self.last: Done | None = None
+        """The completed step after which the plan goes on; None if that is the beginning."""
+        cut = 0
+        for place, line in enumerate(recorded.lines):
+            if line.event != "completed" or line.path is None:
+                continue
+            if "lost" in line.record:
+                self.lost = f"{line.path}: {line.record['lost']}"
+                break
+            self.last = self.done[line.path] = _done(line)
+            self.left = line.record.get("left", self.left)
+            self.choices = line.record.get("choices")
+            self.again = _paths(line)
+            cut = place
+        self._called: set[Any] = set()
+        before = recorded.lines[: cut + 1]
+        self.kept = [line for line in before if not self._dropped(line)]
+        self.nodes = max((int(line.record.get("node", 0)) for line in before), default=0)
+        """The highest number that a node has been given."""
+        self.calls = max((_call(line) for line in self.kept if line.event == "called"), default=0)
+        """The highest number that a call in a thread has been given."""
+        self.order = [done for path, done in self.done.items() if not self._inside_done(path)]
+        """What is taken over, in the order in which it completed, without what is inside of other such steps."""
+
+    def expected(self) -> list[Line]:
+        """The kept records that the plan writes again on its way to where it goes on."""
+        found = []
+        for line in self.kept:
+            path = line.path
+            if path is None or line.event in BOOKKEEPING or self._inside_done(path):
+                continue
+            if path in self.done and line.event not in SPANS:
+                continue
+            found.append(line)
+        return found
+
+    def answers(self) -> dict[str, Any]:
+        """Question -> how it was answered last, as :func:`outcome_of` tells it."""
+        asked = (line.record for line in self.kept if line.event == "answer")
+        return {str(record.get("asked")): outcome_of(record) for record in asked}
+
+    def value_of(self, path: str | None, number: int, now: int) -> Line | None:
+        """The record of the value that a world fluent had, by the node in which it was first read and its number."""
+        found = None
+        for line in self.kept:
+            if line.event == "world" and line.path == path and line.record.get("number") == number and line.step <= now:
+                found = line
+        return found
+
+    def call(self, path: str) -> tuple[int, Line]:
+        """Number and outcome of the next call in a thread that was made in a node."""
+        for line in self.kept:
+            number = line.record.get("call")
+            if line.event == "called" and line.path == path and number not in self._called:
+                self._called.add(number)
+                for answer in self.kept:
+                    if answer.event == "answer" and answer.record.get("asked") == f"call {number}":
+                        return int(str(number)), answer
+        raise DamagedTrace("a call in a thread is not recorded", 1)
+
+    def _inside_done(self, path: str) -> bool:
+        return any(around in self.done for around in _around(path))
+
+    def _dropped(self, line: Line) -> bool:
+        if line.path is None or not self.again:
+            return False
+        return (line.path in self.again and line.event != "started") or any(a in self.again for a in _around(line.path))
+
+
+def _around(path: str) -> Iterator[str]:
+    """The paths of the nodes around a node, the nearest first."""
+    while (end := path.rfind("/")) >= 0:
+        path = path[:end]
+        yield path
+
+
+def _call(line: Line) -> int:
+    """The number of a call in a thread."""
+    number = line.record.get("call")
+    if not isinstance(number, int):
+        raise DamagedTrace("a call in a thread is told by its number", line.number)
+    return number
+
+
+def _done(line: Line) -> Done:
+    record = line.record
+    try:
+        failure = load_failure(record["failure"]) if "failure" in record else None
+        return Done(
+            str(line.path),
+            line.step,
+            line.number,
+            load(record.get("value")),
+            failure,
+            checked_draws(record["draws"]) and record["draws"] if "draws" in record else None,
+            load(_mapping(record, "fluents")),
+            _counts(record, "spent"),
+            _counts(record, "used"),
+        )
+    except (ValueError, TypeError, RecursionError) as problem:
+        raise DamagedTrace(f"a completed step cannot be read: {problem}", line.number) from None
+
+
+def _mapping(record: Mapping[str, Any], key: str) -> dict[str, Any]:
+    found = record.get(key, {})
+    if not isinstance(found, dict):
+        raise ValueError(f"{key} is no mapping")
+    return found
+
+
+def _counts(record: Mapping[str, Any], key: str) -> dict[str, int]:
+    found = _mapping(record, key)
+    if not all(type(number) is int and number >= 0 for number in found.values()):
+        raise ValueError(f"{key} are whole numbers")
+    return found
+
+
+def _paths(line: Line) -> tuple[str, ...]:
+    found = line.record.get("open", [])
+    if not isinstance(found, list) or not all(isinstance(path, str) for path in found):
+        raise DamagedTrace("open steps are told by their paths", line.number)
+    return tuple(found)
+
+
+def outcome_of(record: Mapping[str, Any]) -> Any:
+    """How a question was answered, for comparing: its value, failure or that it did not survive, as JSON."""
+    return {
+        key: value.json if isinstance(value, Exact) else value
+        for key, value in record.items()
+        if key in ("value", "failure", "lost")
+    }
+
+
+def value_in(line: Line) -> Any:
+    """The value that a record tells; raises the failure that it tells, or DamagedTrace."""
+    record = line.record
+    try:
+        if "failure" not in record:
+            return load(record.get("value"))
+        failure = load_failure(record["failure"])
+    except (ValueError, TypeError, RecursionError) as problem:
+        raise DamagedTrace(f"what was told cannot be read: {problem}", line.number) from None
+    raise failure
+
+
+def differences(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """What is recorded otherwise than it is now: key -> (recorded, now), for the keys of ``now``."""
+    return {key: (recorded.get(key), value) for key, value in now.items() if recorded.get(key) != value}
+
+
+def refuse_other(past: Past, now: Mapping[str, Any]) -> None:
+    """Raise ValueError if the past is that of another run than one with ``now`` in its header."""
+    if past.recorded.header.get("resumable") is not True:
+        raise ValueError("the trace does not tell which steps have completed: it was not written with resumable=True")
+    found = differences(past.recorded.header, now)
+    if found:
+        told = "; ".join(f"{key} was {before!r} and is {after!r}" for key, (before, after) in found.items())
+        raise ValueError(f"the trace is that of another run: {told}")
+
+
+def restore(executive: object, past: Past) -> bool:
+    """Bring world and belief to where the past left them; False if the past or the executive cannot tell.
+
+    Raises ValueError when what was recorded does not fit.
+    """
+    back = getattr(executive, "restore", None)
+    if past.last is None:
+        return True
+    if back is None or past.left is None:
+        return False
+    back(past.left)
+    return True

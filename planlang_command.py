@@ -1,0 +1,83 @@
+"""Entry point of the command ``planlang``; beside the packages, so that nothing of them is imported before it runs.
+
+Signals, closed streams, and other packages named like ours are dealt with first: importing takes a quarter of a second,
+in which Ctrl-C has to work, too.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import signal
+import sys
+from contextlib import suppress
+from pathlib import Path
+from types import FrameType
+
+INTERRUPTED, IN_THE_WAY = 130, 2
+ENDING = ("SIGTERM", "SIGHUP")
+"""Signals that end a run as Ctrl-C does: the robot is halted, files are completed."""
+
+_received: list[int] = []
+
+
+def main() -> None:
+    """Run the command; ends the process with its exit code, 128 and its number after a signal other than Ctrl-C."""
+    try:
+        _handle_signals()
+        _open_closed_streams()
+        _check_packages()
+        importlib.import_module("executive.cli.app").main()
+    except KeyboardInterrupt:
+        with suppress(OSError):
+            sys.stderr.write("interrupted\n")
+        sys.exit(_code(INTERRUPTED))
+    except SystemExit as end:
+        sys.exit(_code(end.code))
+
+
+def _code(code: object) -> int | str | None:
+    return 128 + _received[0] if _received and code == INTERRUPTED else code  # type: ignore[return-value]
+
+
+def _handle_signals() -> None:
+    for name in ENDING:
+        number = getattr(signal, name, None)
+        # one that is ignored stays so: nohup does that
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _end)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    _received.append(number)
+    signal.raise_signal(signal.SIGINT)
+
+
+def _open_closed_streams() -> None:
+    """Give closed standard streams to /dev/null: else the next file that is opened would be stdout."""
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest free number, which is this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, closefd=False))  # noqa: SIM115  open as long as the process
+
+
+def _check_packages() -> None:
+    """End with a message if another package is found under the name of one of ours."""
+    here = Path(__file__).resolve().parent
+    for name in ("planlang", "executive", "sim"):
+        found = importlib.util.find_spec(name)
+        where = "nothing" if found is None else found.origin or next(iter(found.submodule_search_locations or ()), "")
+        if where and here not in Path(where).resolve().parents:
+            sys.stderr.write(
+                f"error: Python finds {where} instead of planlang's package {name}\n"
+                "    help: rename it, or take its folder off PYTHONPATH\n"
+            )
+            sys.exit(IN_THE_WAY)
+
+
+if __name__ == "__main__":
+    main()
