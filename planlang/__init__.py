@@ -1,5 +1,7 @@
 """The plan language: the names a plan author imports, nothing else."""
 
+from typing import TYPE_CHECKING
+
 from planlang.designators import (
     Action,
     Condition,
@@ -62,15 +64,12 @@ from planlang.language.recovery import (
     Recovery,
     Return,
     explain,
-    ignore,
-    look_and_repeat,
-    look_from_another_place,
-    repeat,
     retry,
     with_failure_handling,
 )
 from planlang.language.resources import using
 from planlang.language.running import run
+from planlang.language.strategies import ignore, look_and_repeat, look_from_another_place, recovery_strategy
 from planlang.language.tags import (
     Handle,
     evaporate,
@@ -159,7 +158,7 @@ __all__ = [
     "plan",
     "pursue",
     "race",
-    "repeat",
+    "recovery_strategy",
     "retry",
     "retry_after_suspension",
     "rng",
@@ -185,3 +184,16 @@ __all__ = [
     "with_policies",
     "with_requests",
 ]
+
+
+if TYPE_CHECKING:
+    __version__: str
+else:  # for mypy every name would be one of planlang's
+
+    def __getattr__(name: str) -> str:
+        """Look up ``__version__`` when it is asked for: that reads files, which ``import planlang`` need not."""
+        if name != "__version__":
+            raise AttributeError(f"module 'planlang' has no attribute {name!r}")
+        from importlib.metadata import version
+
+        return version("planlang")

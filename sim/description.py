@@ -1,17 +1,19 @@
-"""Makes a robot's URDF ready for PyBullet: checked, without extensions, with shapes in place of absent meshes.
+"""Makes a robot's URDF ready for PyBullet: checked meshes, shapes in place of absent ones, no extensions.
 
-Format: https://wiki.ros.org/urdf/XML. PyBullet itself refuses a file with one absent mesh, reads lines of at most 1024
-characters, says what it dislikes on stdout only, and moves no joint that mimics another.
+PyBullet itself refuses a file with one absent mesh, dies of a broken one, reads lines of at most 1024 characters, says
+what it dislikes on stdout only, and moves no joint that mimics another.
 """
 
 from __future__ import annotations
 
 import copy
+import hashlib
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -19,14 +21,20 @@ import numpy as np
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product, rotation_of
+from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
 from planlang.geometry.urdf import Joint, extents_of, numbers, read_urdf
 from planlang.geometry.xml_tree import Element, tree_of
-from sim.meshes import THINNEST, find_mesh, inertia_box
 
 MOST_JOINTS = 127
 """PyBullet gives the poses of this many links."""
 _KEPT = {"robot", "link", "joint", "material"}
 _SHOWN = 4
+"""Names of a list that a message shows."""
+THINNEST = 0.002
+"""Least extent of a box made from an inertia [m]."""
+LIGHTEST = 30.0
+"""Density of foam [kg/m3]. Inertias of lighter boxes were filled in, not measured: in real URDFs measured ones come to
+300 and more, the frequent 0.1 kg with 0.01 kg m2 comes to 0.2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +54,14 @@ class Description:
     """The file that was read."""
     text: str
     """What PyBullet gets."""
+    meshes: Mapping[str, bytes]
+    """Files beside it: the meshes that it names, by names that follow from what is in them."""
     root: str
     """The link that hangs from no joint."""
     followers: Mapping[str, tuple[Follower, ...]]
     """Joint -> those that mimic it, directly or not."""
     diagnostics: tuple[Diagnostic, ...] = ()
-    """At most one warning, about meshes."""
+    """At most two warnings, about meshes and shapes."""
 
 
 MOST_KEPT = 8
@@ -61,10 +71,11 @@ _meshless: dict[tuple[Path, bytes], Description] = {}
 
 
 def read_description(path: Path) -> Description:
-    """Read and check a URDF, put shapes in place of absent meshes; raises BadInput with all that is wrong.
+    """Read and check a URDF and its meshes; raises BadInput with all that makes it unusable.
 
     A mesh that is not there or cannot be read is replaced: for contacts by the box that has the link's mass and
-    inertia, for looks by the link's shapes for contacts; by nothing if there are none.
+    inertia, for looks by the link's shapes for contacts; by nothing if there are none. If no link has a shape for
+    contacts, those for looks serve.
     """
     urdf = read_urdf(path)
     if (path, urdf.content) in _meshless:
@@ -78,10 +89,17 @@ def read_description(path: Path) -> Description:
             robot.remove(child)
     _without_empty_shapes(robot)
     meshless = next(robot.iter("mesh"), None) is None
-    absent, bare = _without_absent_meshes(path, robot)
-    found = (_warned(absent, bare, path),) if absent else ()
+    found = []
+    if robot.find("link/collision") is None:
+        found.append(_looks_touched(path, robot))
+    meshes = _Meshes(path)
+    bare = _replace_meshes(robot, meshes)
+    if meshes.absent:
+        found.append(_warned(meshes.absent, bare, path))
     ElementTree.indent(robot)
-    description = Description(path, ElementTree.tostring(robot, "unicode"), urdf.root, _followers(urdf.joints), found)
+    description = Description(
+        path, ElementTree.tostring(robot, "unicode"), meshes.files, urdf.root, _followers(urdf.joints), tuple(found)
+    )
     if meshless:
         while len(_meshless) >= MOST_KEPT:
             del _meshless[next(iter(_meshless))]
@@ -95,6 +113,8 @@ def loadable(description: Description) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(description.text, encoding="utf-8")
+        for name, content in description.meshes.items():
+            (path.parent / name).write_bytes(content)
         yield path
 
 
@@ -115,29 +135,81 @@ def _without_empty_shapes(robot: Element) -> None:
 # Meshes
 
 
-def _without_absent_meshes(path: Path, robot: Element) -> tuple[list[tuple[str, int]], list[str]]:
-    """Replace meshes by files that are there, or by shapes.
+class _Meshes:
+    """The meshes that a URDF names: read, checked, and written plainly under names of their own."""
 
-    Names and lines of the absent ones, in order, and links that have no shape for contacts any more.
+    def __init__(self, urdf: Path) -> None:
+        self.urdf = urdf
+        self.files: dict[str, bytes] = {}
+        self.absent: dict[str, tuple[int, str]] = {}
+        """Name of one that is not there or cannot be read -> the line that names it, and the reason if it is there."""
+        self._names: dict[str, str | None] = {}
+
+    def replace(self, mesh: Element) -> bool:
+        """Have an element name the checked mesh; False if there is none."""
+        name = mesh.get("filename", "")
+        if name not in self._names:
+            self._names[name] = self._read(name, mesh.line)
+        found = self._names[name]
+        if found is not None:
+            mesh.set("filename", found)
+        return found is not None
+
+    def _read(self, name: str, line: int) -> str | None:
+        reason = ""
+        for place in mesh_places(self.urdf, name):
+            try:
+                suffix, content = checked_mesh(place)
+            except BadMesh as problem:
+                reason = reason or str(problem)
+                continue
+            except OSError:
+                continue
+            own = hashlib.sha256(content).hexdigest()[:32] + suffix
+            self.files[own] = content
+            return own
+        self.absent[name] = line, reason
+        return None
+
+
+@lru_cache(maxsize=256)
+def _checked(content: bytes, suffix: str) -> tuple[str, bytes]:
+    return mesh_of(content, suffix).written()
+
+
+def checked_mesh(path: Path) -> tuple[str, bytes]:
+    """Return a suffix and the content of a file that holds a mesh as PyBullet reads it without harm.
+
+    Raises OSError for one that is not there, :class:`BadMesh` for one that cannot be used. A mesh is worked out once in
+    a process, however many worlds load it.
     """
-    absent: list[tuple[str, int]] = []
+    return _checked(mesh_content(path), path.suffix.lower())
+
+
+def _looks_touched(path: Path, robot: Element) -> Diagnostic:
+    """Let what is seen of the links be what touches."""
+    found = 0
+    for link in robot.findall("link"):
+        for visual in link.findall("visual"):
+            collision = ElementTree.SubElement(link, "collision")
+            collision.extend(copy.deepcopy(part) for part in visual if part.tag in ("origin", "geometry"))
+            found += 1
+    span = Span(str(path), robot.line)
+    if not found:
+        return warning(
+            "B015", "no link has a shape (<collision> or <visual>)", span, "give the robot's body at least one"
+        )
+    message = "no link has a shape for contacts (<collision>); those for looks (<visual>) are used"
+    return warning("B015", message, span)
+
+
+def _replace_meshes(robot: Element, meshes: _Meshes) -> list[str]:
+    """Replace meshes by checked ones, or by shapes; returns links that have no shape for contacts any more."""
     bare: list[str] = []
-    known: dict[str, Path | None] = {}
 
     def is_absent(shape: ElementTree.Element) -> bool:
         mesh = shape.find("geometry/mesh")
-        if mesh is None:
-            return False
-        name = mesh.get("filename", "")
-        if name not in known:
-            known[name] = find_mesh(path, name)
-        file = known[name]
-        if file is None:
-            assert isinstance(mesh, Element)
-            absent.append((name, mesh.line))
-            return True
-        mesh.set("filename", str(file))
-        return False
+        return isinstance(mesh, Element) and not meshes.replace(mesh)
 
     for link in robot.findall("link"):
         collisions, visuals = ([s for s in link.findall(kind) if is_absent(s)] for kind in ("collision", "visual"))
@@ -152,7 +224,7 @@ def _without_absent_meshes(path: Path, robot: Element) -> tuple[list[tuple[str, 
     for texture_holder in robot.iter("material"):
         for texture in texture_holder.findall("texture"):
             texture_holder.remove(texture)
-    return absent, bare
+    return bare
 
 
 def _box_of(link: ElementTree.Element) -> list[ElementTree.Element]:
@@ -171,6 +243,25 @@ def _box_of(link: ElementTree.Element) -> list[ElementTree.Element]:
     ElementTree.SubElement(collision, "origin", xyz=_text(position), rpy=_text(angles_of(product(turned, axes))))
     ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), "box", size=_text(extents))
     return [collision]
+
+
+def inertia_box(mass: float, inertia: Array) -> tuple[Array, Array] | None:
+    """Extents (3,) [m] and axes (3, 3), one per column, of the box of even density with this mass and inertia (3, 3).
+
+    From m / 12 (b^2 + c^2) and so on for the principal moments. None without mass or moments, and for a box lighter
+    than foam (:data:`LIGHTEST`). What no body can have (a moment larger than the others' sum) gives the thinnest box.
+    """
+    if not np.allclose(inertia, np.diag(np.diag(inertia)), rtol=0.0, atol=1e-12):
+        moments, axes = np.linalg.eigh(inertia)
+        if np.linalg.det(axes) < 0:
+            axes[:, 2] *= -1
+    else:
+        moments, axes = np.diag(inertia), np.eye(3)
+    if mass <= 0 or moments.max() <= 0:
+        return None
+    squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
+    extents = np.maximum(np.sqrt(np.maximum(squares, 0.0)), THINNEST)
+    return (extents, axes) if mass >= LIGHTEST * float(np.prod(extents)) else None
 
 
 def _looks_of(link: ElementTree.Element) -> list[ElementTree.Element]:
@@ -192,15 +283,15 @@ def _text(values: Sequence[float] | Array) -> str:
     return " ".join(repr(round(float(value), 12)) for value in values)
 
 
-def _warned(absent: Sequence[tuple[str, int]], bare: Sequence[str], path: Path) -> Diagnostic:
-    names = list(dict.fromkeys(name for name, _ in absent))
-    count = f"{len(names)} meshes are" if len(names) != 1 else "a mesh is"
+def _warned(absent: Mapping[str, tuple[int, str]], bare: Sequence[str], path: Path) -> Diagnostic:
+    count = f"{len(absent)} meshes are" if len(absent) != 1 else "a mesh is"
+    names = [f"{name} ({reason})" if reason else name for name, (_, reason) in absent.items()]
     message = f"{count} not there or cannot be read; simple shapes stand in for them: {_some(names)}"
     if bare:
         links = f"{len(bare)} links have" if len(bare) != 1 else "a link has"
         message += f"; {links} no usable inertia either, so no shape: {_some(bare)}"
-    advice = "put the packages that hold them beside the URDF, as OBJ, DAE or binary STL"
-    return warning("B013", message, Span(str(path), absent[0][1]), advice)
+    advice = "put the packages that hold them beside the URDF, as OBJ, DAE or STL"
+    return warning("B013", message, Span(str(path), next(iter(absent.values()))[0]), advice)
 
 
 def _some(names: Sequence[str]) -> str:

@@ -16,8 +16,8 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from planlang.cache import Cache
+from planlang.geometry.mesh import mesh_places
 from planlang.geometry.xml_tree import BadXml, Element, read_content, read_tree
-from sim.meshes import places_of
 
 VERSION = 1
 """Raised whenever the same source is written otherwise."""
@@ -83,7 +83,7 @@ def _text(urdf: Path, mount: Mount | None) -> str:
     robot = read_tree(urdf)
     for mesh in robot.iter("mesh"):
         name = mesh.get("filename", "")
-        found = next((place for place in places_of(urdf, name) if place.is_file()), None)
+        found = next((place for place in mesh_places(urdf, name) if place.is_file()), None)
         if found is not None:
             mesh.set("filename", str(found.resolve()))
     if mount is not None:

@@ -17,7 +17,7 @@ from executive.locations import Resolver
 from executive.modules.platform import Platform
 from executive.robots import Robot
 from executive.robots.arms import arm_models, gaze_of
-from planlang.diagnostics import BadInput, error
+from planlang.diagnostics import BadInput, Span, error
 from planlang.ontology import Ontology, expand, shorten
 from sim import PyBulletWorld, Scene, perturb
 
@@ -43,6 +43,9 @@ def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: Ex
         raise _nowhere()
     world = PyBulletWorld(replace(scene, start=first), robot.body())
     stack.callback(world.close)
+    if not world.robot.solid:
+        message = "no link has a shape (<collision> or <visual>): there is nothing to find room for"
+        raise BadInput([error("B015", message, Span(str(robot.urdf)))])
     if start is not None:
         _check_start(world)
         return world

@@ -95,13 +95,11 @@ class Expressions:
         """A recovery."""
         use = self._symbols.use
         arguments: list[Expression | str] = [use(recovery.failure, "planlang.failures")]
-        attempts = recovery.attempts
-        if recovery.about is not None:
-            arguments.append(call(use(recovery.strategy), self._symbols.thing(recovery.about)))
-        elif recovery.strategy == "escalate":
-            attempts = 0
-        elif recovery.strategy != "repeat":
-            arguments.append(use(recovery.strategy))
+        attempts = recovery.attempts if recovery.strategy.function is not None else 0
+        if recovery.strategy.origin is not None:
+            module, function = recovery.strategy.origin
+            do = use(function, module)
+            arguments.append(do if recovery.about is None else call(do, self._symbols.thing(recovery.about)))
         more: dict[str, Expression | str] = {"attempts": str(attempts)}
         if recovery.otherwise is not None:
             more["otherwise"] = use(recovery.otherwise, "planlang.failures")

@@ -7,6 +7,7 @@ from collections.abc import Set as AbstractSet
 
 import networkx as nx
 
+from planlang.compiler.names import snake_case
 from planlang.compiler.recoveries import Recoveries
 from planlang.compiler.roles import Roles
 from planlang.compiler.structure import Overlaps, machine, structured
@@ -248,7 +249,7 @@ class Steps:
 
 def _in_words(recovery: Recover) -> str:
     about = f" ({recovery.about.name})" if recovery.about is not None else ""
-    what = f"{recovery.strategy.replace('_', ' ')}{about}"
+    what = f"{snake_case(recovery.strategy.name).replace('_', ' ')}{about}"
     times = "once" if recovery.attempts == 1 else f"up to {recovery.attempts} times"
     tried = f"{what}, {times}" if recovery.attempts else what
     return f"on {recovery.failure}: {tried}" + (f", else {recovery.otherwise}" if recovery.otherwise else "")

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from planlang.compiler.layout import Sum
 from planlang.compiler.tree import PlanTree
 from planlang.designators import local_name
+from planlang.language.strategies import registered_strategies
 from planlang.recipe.model import Kind, Place, RecipeSet, Thing
 
 PLANLANG = frozenset(
@@ -19,18 +20,18 @@ PLANLANG = frozenset(
         *("a_device", "a_location", "a_person", "a_posture", "a_situation", "action", "an_object", "holding"),
         *("achieve", "at_location", "par", "partial", "partial_order", "perform", "perform_or", "plan"),
         *("given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
-        *("ignore", "look_and_repeat", "look_from_another_place"),
     )
 )
-"""Names that a plan may import, besides failures."""
+"""Names that a plan may import, besides failures and strategies of recovery."""
 
 
 class Symbols:
     """Gives every thing, place, function and namespace of a plan one name, and remembers what must be imported."""
 
     def __init__(self, tree: PlanTree, recipes: RecipeSet) -> None:
-        self._names = Names(PLANLANG)
-        self._claimed: set[str] = set(PLANLANG)
+        functions = (one.origin[1] for one in registered_strategies() if one.origin is not None)
+        self._claimed: set[str] = {*PLANLANG, *functions}
+        self._names = Names(self._claimed)
         self._imports: dict[str, set[str]] = {}
         self._namespaces: dict[str, str] = {namespace(recipes.task): "RECIPE"}
         self._things: dict[Thing, str] = {}

@@ -7,26 +7,17 @@ from collections.abc import Set as AbstractSet
 from difflib import get_close_matches
 
 from planlang import failures
-from planlang.compiler.names import snake_case
 from planlang.compiler.tree import Recover
 from planlang.diagnostics import Diagnostic, error, warning
 from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailure
 from planlang.language.location import CURABLE
+from planlang.language.strategies import Strategy, find_strategy, registered_strategies
 from planlang.recipe.actions import Actions, RecoveryRule, recoveries_of
 from planlang.recipe.checks import check
 from planlang.recipe.model import Kind, Place, Step, Thing
 
 NEXT_SOLUTION = "NextSolution"
-"""Is not written as a recovery: it is what a location scope does."""
-
-MOVES_THE_BASE = frozenset({"LookFromAnotherPlace"})
-"""Strategies that leave the place of the scope, so they surround it."""
-
-NEEDS_AN_OBJECT = MOVES_THE_BASE | {"LookAndRepeat"}
-"""Strategies that are about an object: written only where one is known."""
-
-WRITTEN = NEEDS_AN_OBJECT | {"Repeat", "Ignore", "Escalate"}
-"""Strategies that the plan language has."""
+"""No strategy that could be registered: a location scope does it."""
 
 HANDLED = ("in_center_of", "in_front_of")
 """Relations of the hand to a thing that is about to be manipulated."""
@@ -39,7 +30,7 @@ RAISED = (ObjectUnreachable.__name__, ObjectUndeliverable.__name__)
 """What a location scope raises when there is no further place: nothing is held, or something is."""
 
 LATER = frozenset({"OpenWhatIsInTheWay", "PutDownAndRegrasp"})
-"""Strategies that are known but cannot be written yet."""
+"""Strategies of the vocabulary for which no function is registered so far."""
 
 
 @check("R043", "R044")
@@ -53,13 +44,26 @@ def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
         named = [*rule.failures, *([rule.escalates_to] if rule.escalates_to else [])]
         for name in (name for name in named if name not in classes):
             yield _unknown(rule, "failure", name, classes)
-        if rule.strategy in LATER:
-            message = f"the recovery `{rule.name}` is left out: {rule.strategy} cannot be written yet"
-            yield warning("R043", message, rule.span)
-        elif rule.strategy not in WRITTEN | {NEXT_SOLUTION}:
-            yield _unknown(rule, "strategy", rule.strategy, WRITTEN | LATER | {NEXT_SOLUTION})
-        elif rule.strategy == NEXT_SOLUTION:
+        if rule.strategy == NEXT_SOLUTION:
             yield from _other_than_a_scope(rule)
+        else:
+            yield from _unregistered(rule)
+
+
+def _unregistered(rule: RecoveryRule) -> Iterator[Diagnostic]:
+    """What is wrong with the strategy of a rule, if it is not registered."""
+    try:
+        known = find_strategy(rule.strategy) is not None
+    except Exception as failed:  # whatever the user's package raises
+        message = f"the strategy {rule.strategy} of the recovery `{rule.name}` cannot be loaded"
+        yield error("R043", message, rule.span, "; ".join([f"{type(failed).__name__}: {failed}", *failed.__notes__]))
+        return
+    if not known and rule.strategy in LATER:
+        message = f"the recovery `{rule.name}` is left out: no function is registered for {rule.strategy}"
+        yield warning("R043", message, rule.span)
+    elif not known:
+        names = {one.name for one in registered_strategies()}
+        yield _unknown(rule, "strategy", rule.strategy, names | LATER | {NEXT_SOLUTION})
 
 
 def _other_than_a_scope(rule: RecoveryRule) -> Iterator[Diagnostic]:
@@ -106,11 +110,12 @@ class Recoveries:
     def around_step(self, cls: str, about: Thing | None, written: frozenset[str]) -> tuple[Recover, ...]:
         """Recoveries of an action class that keep the base where it is; ``written`` names rules already outside."""
         return tuple(
-            _recover(failure, rule, about)
+            _recover(failure, rule, strategy, about)
             for failure, rule in self._of(cls)
-            if rule.strategy in WRITTEN - MOVES_THE_BASE
+            if (strategy := find_strategy(rule.strategy)) is not None
+            and not strategy.moves_base
             and rule.name not in written
-            and (about is not None or rule.strategy not in NEEDS_AN_OBJECT)
+            and (about is not None or not strategy.about_object)
         )
 
     def names(self, cls: str) -> frozenset[str]:
@@ -126,8 +131,9 @@ class Recoveries:
         if about is not None:
             for cls in classes:
                 for failure, rule in self._of(cls):
-                    if rule.strategy in MOVES_THE_BASE:
-                        found.setdefault(failure, _recover(failure, rule, about))
+                    strategy = find_strategy(rule.strategy)
+                    if strategy is not None and strategy.moves_base:
+                        found.setdefault(failure, _recover(failure, rule, strategy, about))
         return tuple(found.values())
 
     def looked_at(self, step: Step) -> Thing | None:
@@ -148,6 +154,5 @@ class Recoveries:
         return None
 
 
-def _recover(failure: str, rule: RecoveryRule, about: Thing | None) -> Recover:
-    known = about if rule.strategy in NEEDS_AN_OBJECT else None
-    return Recover(failure, snake_case(rule.strategy), known, rule.attempts, rule.escalates_to)
+def _recover(failure: str, rule: RecoveryRule, strategy: Strategy, about: Thing | None) -> Recover:
+    return Recover(failure, strategy, about if strategy.about_object else None, rule.attempts, rule.escalates_to)

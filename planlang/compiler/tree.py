@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from planlang.language.strategies import Strategy
 from planlang.recipe.model import Name, Place, Thing
 
 
@@ -108,10 +109,10 @@ class Achieve:
 
 @dataclass(frozen=True, slots=True)
 class Recover:
-    """One recovery: failure class, strategy function and what it is about, how often, and what to raise then."""
+    """One recovery: failure class, strategy and what it is about, how often, and what to raise then."""
 
     failure: str
-    strategy: str
+    strategy: Strategy
     about: Thing | None
     attempts: int
     otherwise: str | None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from copy import deepcopy
 from pathlib import Path
 from xml.parsers import expat
 
@@ -29,15 +30,25 @@ class Element(ElementTree.Element):
 
     line = 1
 
+    def __deepcopy__(self, memo: object) -> Element:
+        """Return a copy that knows its line, too."""
+        copied = Element(self.tag, dict(self.attrib))
+        copied.line, copied.text = self.line, self.text
+        copied.extend(deepcopy(child) for child in self)
+        return copied
+
 
 def read_tree(path: Path) -> Element:
-    """The root element of a file; raises :class:`BadXml`."""
+    """Return the root element of a file; raises :class:`BadXml`."""
     return tree_of(read_content(path))
 
 
-def tree_of(content: bytes) -> Element:
-    """The root element of what stands in a file; raises :class:`BadXml`."""
-    return _Reader().read(content)
+def tree_of(content: bytes, *, texts: bool = False) -> Element:
+    """Return the root element of what stands in a file, with what stands between its tags if ``texts`` is asked for.
+
+    Raises :class:`BadXml`.
+    """
+    return _Reader(texts).read(content)
 
 
 def read_content(path: Path) -> bytes:
@@ -55,13 +66,17 @@ def read_content(path: Path) -> bytes:
 
 
 class _Reader:
-    def __init__(self) -> None:
+    def __init__(self, texts: bool) -> None:
         self._root: Element | None = None
         self._open: list[Element] = []
         self._count = 0
         self._parser = expat.ParserCreate()
         self._parser.StartElementHandler = self._start
-        self._parser.EndElementHandler = lambda name: self._open.pop()
+        self._parser.EndElementHandler = self._end
+        self._texts: list[str] = []
+        if texts:
+            self._parser.buffer_text = True
+            self._parser.CharacterDataHandler = self._texts.append
         self._parser.EntityDeclHandler = self._entity
 
     def read(self, content: bytes) -> Element:
@@ -76,8 +91,15 @@ class _Reader:
             raise BadXml("it is empty")
         return self._root
 
+    def _end(self, name: str) -> None:
+        element = self._open.pop()
+        if self._texts and not len(element):  # what stands between children means nothing in the formats read here
+            element.text = "".join(self._texts)
+        self._texts.clear()
+
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         self._count += 1
+        self._texts.clear()
         if len(self._open) >= DEEPEST or self._count > MOST:
             raise BadXml("its elements are too many, or too deeply nested", self._parser.CurrentLineNumber)
         element = Element(name, attributes)

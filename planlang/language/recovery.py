@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from planlang.designators import Object, a_location, action
 from planlang.failures import (
     CompositeFailure,
-    ObjectNotFound,
-    ObjectNowhereToBeFound,
-    ObjectUndeliverable,
-    ObjectUnreachable,
     PlanFailure,
     matches,
 )
@@ -23,8 +17,6 @@ from planlang.kernel.core import here
 from planlang.kernel.primitives import called, given, node, record
 from planlang.language.branches import evaporating
 from planlang.language.budgets import take_attempt
-from planlang.language.location import at_location
-from planlang.language.performing import perform
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_iterable, written
 
 if TYPE_CHECKING:
@@ -74,7 +66,7 @@ Otherwise = type[PlanFailure] | Callable[[PlanFailure], PlanFailure] | Return[An
 
 
 async def retry(failure: PlanFailure) -> Decision:
-    """Run the body again, nothing else."""
+    """Run the body again, and do nothing before."""
     return RETRY
 
 
@@ -269,51 +261,6 @@ def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]
         wrong = _RECOVERY.shown("otherwise", "lambda failure: None")
         raise WrongType(contrast(message, wrong, _RECOVERY.shown("otherwise"))) from failure
     raise raised from failure
-
-
-repeat = retry
-"""Run the body again, nothing else."""
-
-
-def look_from_another_place(what: Object) -> Do:
-    """Go where the object should be visible from and look for it there, then run the body again.
-
-    Not finding it there either is no failure yet: the body will tell. Raises ObjectNowhereToBeFound when there is no
-    other place to look from.
-    """
-
-    Usage("look_from_another_place", {"what": "bottle"}).instance("what", what, Object, "an object")
-
-    async def look(failure: PlanFailure) -> Decision:
-        try:
-            with suppress(ObjectNotFound):
-                await at_location(a_location(visible_from=what), partial(_look_for, what))
-        except (ObjectUnreachable, ObjectUndeliverable) as nowhere:
-            raise ObjectNowhereToBeFound(what=str(what)) from nowhere
-        return RETRY
-
-    return look
-
-
-def look_and_repeat(what: Object) -> Do:
-    """Look for the object from here, which may correct where it is believed to be, then run the body again."""
-
-    Usage("look_and_repeat", {"what": "bottle"}).instance("what", what, Object, "an object")
-
-    async def look(failure: PlanFailure) -> Decision:
-        await _look_for(what)
-        return RETRY
-
-    return look
-
-
-async def ignore(failure: PlanFailure) -> Decision:
-    """Go on as if the body had succeeded, with None."""
-    return Return(None)
-
-
-async def _look_for(what: Object) -> None:
-    await perform(action("LookingForSomething", object_acted_on=what))
 
 
 def explain(failure: BaseException) -> str:

@@ -53,6 +53,8 @@ class Handle:
         _HANDLE.text("name", name)
         self.name = name
         self._task: Task | None = None
+        self.bindings = 0
+        """How many tasks it has stood for."""
         self._status: Fluent[Status] = Fluent(Status.CREATED, f"the status of {name}")
         self._suspensions = 0
         self._evaporated = False
@@ -67,6 +69,7 @@ class Handle:
         """Stand for this task from now on."""
         scheduler = here()[0]
         self._task = task
+        self.bindings += 1
         if task.watched is None:
             task.watched = self._status
         else:
@@ -257,12 +260,14 @@ def evaporate(handle: Handle) -> bool:
 async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
     """``async with task_suspended(h):`` holds the task while the block runs, and always wakes it up."""
     _check_handle("async with task_suspended", handle)
-    held = handle._task
-    changed = suspend(handle)
+    # What is held is the task that the handle stands for, or the first that it will stand for. One that is tagged so
+    # later is not, and may be held by somebody else.
+    last = handle.bindings + (handle._task is None)
+    suspend(handle)
     try:
         yield handle
     finally:
-        if changed and (held is None or held is handle._task):
+        if handle.bindings <= last:
             wake_up(handle)
 
 

@@ -20,7 +20,7 @@ from planlang.runs.codec import Exact, load, load_failure
 from planlang.runs.encoding import encode
 from planlang.runs.inputs import FluentKeys
 from planlang.runs.recorded_run import BOOKKEEPING, Line, RecordedRun, details
-from planlang.runs.resumed_trace import Different
+from planlang.runs.resumed_trace import Different, shown
 from planlang.runs.trace import Trace
 
 
@@ -145,7 +145,9 @@ class ReplayCheck(Trace):
         assert line is not None
         if self.difference is None and not self.over:
             recorded = {"step": line.step, "event": line.event, "path": line.path} | details(line.record)
-            self.difference = Different(f"line {line.number} is not repeated", line.number, recorded, found)
+            told = found if isinstance(found, str) else shown(found)
+            message = f"line {line.number} is not repeated\n  recorded  {shown(recorded)}\n  found     {told}"
+            self.difference = Different(message, line.number, recorded, found)
         self.over = True
 
     def started(self, step: int, node: Node, /, **more: object) -> None:

@@ -56,7 +56,7 @@ class ResumedTrace(Trace):
             if step <= now:
                 line = self._ahead[step][0]
                 self.problem = Different(
-                    f"the plan does not repeat what is recorded in line {line.number}: {_shown(line.record)}",
+                    f"the plan does not repeat what is recorded in line {line.number}: {shown(line.record)}",
                     line.number,
                     line.record,
                 )
@@ -73,8 +73,8 @@ class ResumedTrace(Trace):
             found = {"step": step, "event": event, "path": None if node is None else node.path, **encode(details)}
             ahead = self._ahead.get(min(self._ahead, default=step), [])
             line = ahead[0].number if ahead else None
-            where = f" where line {line} says {_shown(ahead[0].record)}" if ahead else ""
-            message = f"the plan does not repeat what is recorded: it does {_shown(found)}{where}"
+            where = f" where line {line} says {shown(ahead[0].record)}" if ahead else ""
+            message = f"the plan does not repeat what is recorded: it does {shown(found)}{where}"
             self.problem = Different(message, line, ahead[0].record if ahead else None, found)
 
     def started(self, step: int, node: Node, /, **details: object) -> None:
@@ -124,7 +124,8 @@ class ResumedTrace(Trace):
         self._inner.sync()
 
 
-def _shown(record: Mapping[str, Any]) -> str:
+def shown(record: Mapping[str, Any]) -> str:
+    """Return a record in one line: step, place in the tree, event, details."""
     where = record.get("path") or record.get("name")
     details = {key: value for key, value in details_of(record).items() if key != "path"}
     more = ", ".join(f"{key} {value}" for key, value in details.items())

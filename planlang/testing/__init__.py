@@ -5,16 +5,13 @@ wrong; ``history``, ``steps`` and ``verdicts`` answer questions from the trace; 
 matter, with ``schedules``, ``shrinking`` and ``columns``; ``extensions`` are orders, ``plugin`` is for pytest.
 """
 
-from planlang.testing.belief import Belief
 from planlang.testing.exploring import Exploration, ScheduleDependence, explore
 from planlang.testing.extensions import Extensions, all_linear_extensions
 from planlang.testing.faults import Fault
-from planlang.testing.history import History
-from planlang.testing.recipes import compiled
-from planlang.testing.running import PlanRun, replay, run_plan
-from planlang.testing.script import Rule, Script
+from planlang.testing.history import Count, History, NoSuchStep, Verdict
+from planlang.testing.running import PlanRun, compiled, replay, run_plan
+from planlang.testing.script import Belief, Rule, Script
 from planlang.testing.steps import Step
-from planlang.testing.verdicts import Count, NoSuchStep, Verdict
 
 __all__ = [
     "Belief",

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import math
 from collections import Counter, deque
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -13,17 +14,18 @@ from planlang.failures import PlanFailure
 from planlang.kernel.core import ChoiceSource
 from planlang.kernel.schedule import ListedSchedule, RandomSchedule
 from planlang.misuse import Usage
+from planlang.runs import with_paths
 from planlang.runs.encoding import encode
-from planlang.testing.columns import side_by_side
 from planlang.testing.faults import Fault
+from planlang.testing.history import History
 from planlang.testing.running import PlanRun, attempt, made
-from planlang.testing.schedules import Priorities, Recorder, trimmed
-from planlang.testing.shrinking import Choices, Shrinker, continued
+from planlang.testing.schedules import Choices, Priorities, Recorder, Shrinker, continued, trimmed
 
 if TYPE_CHECKING:
     from planlang.testing.script import Script
 
 V = TypeVar("V")
+
 Check = Callable[[PlanRun[Any]], object]
 
 
@@ -167,3 +169,55 @@ def outcome_of(run: PlanRun[Any]) -> str:
     value = run.value
     text = repr(value) if isinstance(value, PlanFailure) else json.dumps(encode(value), ensure_ascii=False)
     return f"returned {text}"
+
+
+WIDTH = 58
+BEFORE = 3
+LONGEST = 60
+
+
+def side_by_side(usual: History, other: History) -> str:
+    """The traces of two runs in two columns, from a little before they differ; differing lines are marked ``|``."""
+    left, right = _lines(usual), _lines(other)
+    rows: list[tuple[str, str, str]] = []
+    matcher = difflib.SequenceMatcher(None, left, right, autojunk=False)
+    for what, a, b, c, d in matcher.get_opcodes():
+        ours, theirs = left[a:b], right[c:d]
+        for number in range(max(len(ours), len(theirs))):
+            one = ours[number] if number < len(ours) else ""
+            two = theirs[number] if number < len(theirs) else ""
+            rows.append((one, " " if what == "equal" else "|", two))
+    first = next((number for number, row in enumerate(rows) if row[1] == "|"), len(rows))
+    begin = max(0, first - BEFORE)
+    shown = rows[begin : begin + LONGEST]
+    lines = [f"{'first come, first served':{WIDTH}}   with these choices"]
+    if begin:
+        lines.append(f"... {begin} lines are the same")
+    lines.extend(f"{_cut(one):{WIDTH}} {mark} {_cut(two)}".rstrip() for one, mark, two in shown)
+    if begin + LONGEST < len(rows):
+        lines.append(f"... {len(rows) - begin - LONGEST} more lines")
+    return "\n".join(lines)
+
+
+def _lines(run: History) -> list[str]:
+    return [_line(event, run.rate) for event in with_paths(run.events) if event["event"] != "header"]
+
+
+def _line(event: Mapping[str, Any], rate: int) -> str:
+    known = ("step", "event", "path", "status", "failure")
+    place = ("node", "parent", "kind", "name") if "node" in event else ()
+    parts = [f"{event['step'] / rate:6.3f} s", _short(str(event.get("path", "")))]
+    parts.append(event.get("status") or event["event"])
+    if "failure" in event:
+        parts.append(f"{event['failure']['type']}: {event['failure']['message']}")
+    parts.extend(f"{key} {value}" for key, value in event.items() if key not in (*known, *place))
+    return " ".join(part for part in parts if part)
+
+
+def _short(path: str) -> str:
+    names = path.split("/")
+    return path if len(names) <= 3 else "../" + "/".join(names[-3:])
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= WIDTH else text[: WIDTH - 3] + "..."

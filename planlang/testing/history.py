@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import difflib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from planlang.failures import PlanFailure
 from planlang.runs import with_paths
 from planlang.testing.steps import Step, read_steps, tree_of
-from planlang.testing.verdicts import Count, NoSuchStep, Verdict
 
 Event = Mapping[str, Any]
 What = str | Step
@@ -185,3 +185,56 @@ def _caused(failure: Event, kind: type[PlanFailure]) -> bool:
             return True
         cause = cause.get("cause")
     return False
+
+
+class NoSuchStep(AssertionError):
+    """A question names a step that did not run, so that a misspelt name does not pass for an answer."""
+
+    def __init__(self, step: str, names: Iterable[str]) -> None:
+        known = list(dict.fromkeys(names))
+        close = difflib.get_close_matches(step, known, 1, 0.7)
+        hint = f"; did you mean {close[0]!r}?" if close else f"; steps that did: {', '.join(known)}"
+        super().__init__(f"no step {step!r} ran{hint}")
+
+
+class Verdict:
+    """Yes or no, and why: ``assert run.happened_before("a", "b")`` shows the reason when it fails."""
+
+    def __init__(self, holds: bool, reason: str) -> None:
+        self.holds = holds
+        self.reason = reason
+
+    def __bool__(self) -> bool:
+        return self.holds
+
+    def __repr__(self) -> str:
+        return f"<{'yes' if self.holds else 'no'}: {self.reason}>"
+
+    def __str__(self) -> str:
+        return self.reason
+
+
+class Count(int):
+    """A number of attempts, with how each of them went."""
+
+    step: str
+    attempts: Sequence[str]
+
+    def __new__(cls, step: str, attempts: Sequence[str]) -> Count:
+        """As many as there are ``attempts``, each told in a line."""
+        count = super().__new__(cls, len(attempts))
+        count.step = step
+        count.attempts = tuple(attempts)
+        return count
+
+    def __repr__(self) -> str:
+        return str(int(self))
+
+    def __str__(self) -> str:
+        return str(int(self))
+
+    def explained(self) -> list[str]:
+        """One line per attempt."""
+        if not self.attempts:
+            return [f"{self.step} never began"]
+        return [f"{self.step}, attempt {number}: {line}" for number, line in enumerate(self.attempts, 1)]

@@ -1,16 +1,22 @@
-"""The pytest plugin: fixtures ``plan`` and ``script``, readable counts, and ``--plan-trace``."""
+"""The pytest plugin: fixtures ``scripted_run`` and ``script``, readable counts, short tracebacks, ``--plan-trace``."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Generator
 from typing import Any
 
 import pytest
 
+from planlang.failures import PlanFailure
+from planlang.kernel import PlanStructureError, RunError
 from planlang.testing import running
+from planlang.testing.history import Count
 from planlang.testing.running import PlanRun, run_plan
 from planlang.testing.script import Script
-from planlang.testing.verdicts import Count
+
+PLUMBING = ("planlang.kernel", "planlang.language", "planlang.runs", "planlang.testing")
+"""Packages whose frames say nothing about a plan."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -26,8 +32,8 @@ def script() -> Script:
 
 
 @pytest.fixture
-def plan(script: Script) -> Callable[..., PlanRun[Any]]:
-    """``plan(serve_a_drink)`` runs a plan in virtual time with the test's ``script``; see planlang.testing.run_plan."""
+def scripted_run(script: Script) -> Callable[..., PlanRun[Any]]:
+    """Run plans in virtual time with the test's ``script``: ``run = scripted_run(serve)``; options as in run_plan."""
 
     def run(plan: Callable[[], Any], **options: Any) -> PlanRun[Any]:
         if "executive" not in options:
@@ -45,13 +51,26 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, None]:
-    """Add the task trees to the report of a failing test."""
+    """Hide planlang's own frames in the report of a failing test, and add the task trees.
+
+    Between a line of a plan and the line that awaits it stand a dozen frames of the kernel. ``pytest --full-trace``
+    shows them.
+    """
+    for name, module in tuple(sys.modules.items()):
+        if name.startswith(PLUMBING):
+            vars(module)["__tracebackhide__"] = _is_no_fault_of_ours
     outcome = yield
     report: pytest.TestReport = outcome.get_result()
     if report.when == "call" and report.failed and item.config.getoption("--plan-trace"):
         for number, ended in enumerate(running.made, 1):
             title = "plan trace" if len(running.made) == 1 else f"plan trace {number} of {len(running.made)}"
             report.sections.append((title, f"{ended!r}\n{ended.tree()}"))
+
+
+def _is_no_fault_of_ours(raised: pytest.ExceptionInfo[BaseException]) -> bool:
+    """Return False for an exception that arose inside planlang and is none that plans and tests are meant to see."""
+    meant = isinstance(raised.value, (PlanFailure, PlanStructureError, RunError, AssertionError))
+    return meant or not raised.traceback[-1].frame.f_globals.get("__name__", "").startswith(PLUMBING)
 
 
 def pytest_assertrepr_compare(config: pytest.Config, op: str, left: object, right: object) -> list[str] | None:

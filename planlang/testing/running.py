@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+import functools
+import linecache
+import os
 from collections import deque
 from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.failures import PlanFailure
 from planlang.kernel import VirtualHost
 from planlang.kernel.schedule import Schedule
 from planlang.kernel.tree import name_of
+from planlang.language.plans import Plan
 from planlang.language.replaying import Replay
 from planlang.language.replaying import replay as replay_recorded
 from planlang.language.running import run
 from planlang.misuse import Usage
+from planlang.resources import bundled
 from planlang.runs import Past, RecordedRun, Trace, restore
 from planlang.testing.faults import Fault, Injector
 from planlang.testing.history import History
 
 if TYPE_CHECKING:
     from planlang.language.executive import Executive
-    from planlang.testing.belief import Belief
-    from planlang.testing.script import Script
+    from planlang.testing.script import Belief, Script
 
 V = TypeVar("V")
 
@@ -187,3 +193,26 @@ def replay(plan: Callable[[], Awaitable[Any]], source: PlanRun[Any] | Trace | Re
     holds for a plan that decides by what it is told alone.
     """
     return replay_recorded(plan, recorded_run(source))
+
+
+@functools.cache
+def compiled(recipe: str | os.PathLike[str], task: str | None = None) -> Plan[..., Any]:
+    """The plan of a recipe: of a file, or of a bundled recipe by name (``compiled("serve_a_drink")``).
+
+    The plan's own names are in its module: ``plan.function.__globals__["BOTTLE"]``. Raises BadInput with the
+    diagnostics when the recipe has errors.
+    """
+    from planlang.compiler import compile_recipe
+
+    path = Path(recipe)
+    if not path.suffix and not path.exists():
+        path = bundled("recipes") / f"{path}.omn"
+    plan = compile_recipe(path, task=task)
+    name = plan.functions[-1]
+    file = f"<plan of {path.name}>"
+    linecache.cache[file] = (len(plan.source), None, plan.source.splitlines(keepends=True), file)
+    module = ModuleType(name)
+    exec(compile(plan.source, file, "exec"), module.__dict__)
+    found = getattr(module, name)
+    assert isinstance(found, Plan)
+    return found

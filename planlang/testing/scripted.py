@@ -14,9 +14,8 @@ from planlang.kernel.core import here
 from planlang.kernel.tree import Node
 from planlang.protocols import Solution
 from planlang.runs.codec import dump, load
-from planlang.testing.belief import Belief
 from planlang.testing.faults import made
-from planlang.testing.script import Rule, Script
+from planlang.testing.script import Belief, Rule, Script
 
 ORDINARY: Mapping[str, tuple[str, ...]] = {
     "navigation": ("Translation-LocationChange",),

@@ -35,16 +35,16 @@ def script(script):
     return script.performs("GraspingSomething", "OpeningADoor")
 
 
-def test_a_bottle_that_slips_is_grasped_again(plan, script):
+def test_a_bottle_that_slips_is_grasped_again(scripted_run, script):
     script.on("Lift", fails=GraspSlipped, after=0.5, times=1, does=lambda belief, action: belief.drop())
-    run = plan(serve)
+    run = scripted_run(serve)
     assert run.attempts("Grasp") == 2 and run.failed_with("fetch", GraspSlipped)
     assert run.belief.at == {"DrinkingBottle": "Patient"}
 
 
-def test_the_robot_leaves_when_a_late_door_is_open_and_fetches_meanwhile(plan, script):
+def test_the_robot_leaves_when_a_late_door_is_open_and_fetches_meanwhile(scripted_run, script):
     script.on("OpenDoor", fails=ContainerStuck, until=5)
-    run = plan(serve)
+    run = scripted_run(serve)
     assert run.attempts("OpenDoor") == 6 and run.overlapped("fetching", "door")
     assert run.happened_before("OpenDoor#6", "Translation-LocationChange")
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import FrozenInstanceError
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -128,3 +129,9 @@ def test_no_two_modules_perform_the_same_class_or_share_a_name() -> None:
 
 def test_all_names_that_are_listed_can_be_imported() -> None:
     assert set(planlang.__all__) <= set(vars(planlang))
+
+
+def test_planlang_tells_its_version() -> None:
+    assert planlang.__version__ == version("planlang")
+    with pytest.raises(AttributeError, match="has no attribute 'pars'"):
+        _ = getattr(planlang, "pars")  # noqa: B009 - mypy knows that there is none

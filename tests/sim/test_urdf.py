@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from planlang.diagnostics import BadInput
 from planlang.geometry.matrices import angles_of, rotation_of
+from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
 from planlang.protocols import Configuration
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
-from sim.description import Description, read_description
-from sim.meshes import find_mesh, inertia_box
+from sim.description import Description, checked_mesh, inertia_box, read_description
 
 INERTIAL = """<inertial><origin xyz="0.1 0 0" rpy="0 0 0.5"/><mass value="1200"/>
 <inertia ixx="500" iyy="1000" izz="1300" ixy="0" ixz="0" iyz="0"/></inertial>"""
@@ -106,33 +106,111 @@ def test_meshes_are_found_beside_the_urdf_and_above_it(tmp_path: Path, name: str
     path = write(folder, f'<link name="base">{INERTIAL}{collision}</link>')
     description = read_description(path)
     assert description.diagnostics == ()
-    assert shapes(description, "collision") == [{"tag": "mesh", "filename": str(tmp_path / place)}]
+    ((_, mesh),) = description.meshes.items()
+    assert [shape["tag"] for shape in shapes(description, "collision")] == ["mesh"]
+    assert mesh_of(mesh, ".stl").vertices[:3].tolist() == [[0, 0, 0], [0, 0, 1], [0, 1, 0]]
     world = world_of(path)
     assert world.robot.solid_names == ["base"]
     world.close()
 
 
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [("a.ply", CUBE), ("a.obj", "no mesh"), ("a.obj", ""), ("a.stl", "solid a\nendsolid a\n"), ("a.dae", "<html/>")],
-)
-def test_a_file_that_is_no_mesh_counts_as_absent(tmp_path: Path, name: str, content: str) -> None:
+COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"><asset><unit meter="0.1"/></asset>
+<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="12">{points}</float_array>
+</source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<polylist count="2"><input semantic="VERTEX" source="#v" offset="0"/><vcount>4 3</vcount><p>{corners}</p></polylist>
+</mesh></geometry></library_geometries><library_visual_scenes><visual_scene><node><translate>0 0 10</translate>
+<node><scale>2 1 1</scale><instance_geometry url="#g"/></node>
+</node></visual_scene></library_visual_scenes></COLLADA>"""
+SQUARE = "0 0 0 1 0 0 1 1 0 0 1 0"
+BOMB = '<!DOCTYPE a [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]>'
+STL = "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 {} 0\nendfacet\nendsolid s"
+BROKEN_MESHES = {
+    "unknown format": ("a.ply", CUBE, "format"),
+    "no mesh": ("a.obj", "no mesh", "no triangle"),
+    "empty": ("a.obj", "", "no triangle"),
+    "face without its vertex": ("a.obj", CUBE + "f 1 2 999999999\n", "names vertex 999999999, there are 8"),
+    "face before its vertices": ("a.obj", "v 0 0 0\nf -1 -2 -3\n", "names vertex"),
+    "face of a number that is none": ("a.obj", CUBE + "f 1 2 x\n", "number that is none"),
+    "vertex that is no number": ("a.obj", CUBE.replace("v 0 0 1", "v nan 0 1"), "not finite"),
+    "vertex beyond the world": ("a.obj", CUBE.replace("v 0 0 1", "v 1e300 0 1"), "beyond"),
+    "no triangle": ("a.stl", "solid a\nendsolid a\n", "no triangle"),
+    "infinite": ("a.stl", STL.format("inf"), "not finite"),
+    "cut off": ("a.stl", "\0" * 80 + "\1\0\0\0" + "\0" * 10, "cut off"),
+    "another document": ("a.dae", "<html/>", "<html>"),
+    "empty document": ("a.dae", "<COLLADA></COLLADA>", "no triangle"),
+    "entities": ("a.dae", BOMB + COLLADA.format(points=SQUARE, corners="0 1 2 3 0 1 2"), "entity"),
+    "polygon without its points": ("a.dae", COLLADA.format(points=SQUARE, corners="0 1 2 9 0 1 2"), "names vertex 9"),
+    "point that is no number": ("a.dae", COLLADA.format(points="nan " * 12, corners="0 1 2 3 0 1 2"), "not finite"),
+    "nodes without end": ("a.dae", "<COLLADA>" + "<node>" * 1000 + "</node>" * 1000 + "</COLLADA>", "nested"),
+}
+
+
+@pytest.mark.parametrize(("name", "content", "reason"), BROKEN_MESHES.values(), ids=BROKEN_MESHES)
+def test_a_broken_mesh_is_replaced_and_the_warning_says_why(
+    tmp_path: Path, name: str, content: str, reason: str
+) -> None:
     (tmp_path / name).write_text(content)
-    assert find_mesh(tmp_path / "cart.urdf", name) is None
+    mesh = MESH.format("collision", "").replace("package://cart_description/meshes/", name)
+    path = write(tmp_path, f'<link name="base">{INERTIAL}{mesh}</link>')
+    description = read_description(path)
+    ((code, message),) = [(one.code, one.message) for one in description.diagnostics]
+    assert code == "B013"
+    assert f"{name} (" in message
+    assert reason in message
+    assert [shape["tag"] for shape in shapes(description, "collision")] == ["box"]
+    world_of(path).close()
 
 
-def test_folders_and_odd_names_are_no_meshes(tmp_path: Path) -> None:
+def test_meshes_have_bounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.obj").write_text(CUBE)
+    monkeypatch.setattr("planlang.geometry.mesh.MOST_VERTICES", 7)
+    with pytest.raises(BadMesh, match="more than 7 vertices"):
+        mesh_of(CUBE.encode(), ".obj")
+    monkeypatch.setattr("planlang.geometry.mesh.LARGEST", 20)
+    with pytest.raises(BadMesh, match="larger than"):
+        mesh_content(tmp_path / "a.obj")
+
+
+def test_polygons_of_a_collada_scene_are_where_its_nodes_put_them() -> None:
+    mesh = mesh_of(COLLADA.format(points=SQUARE, corners="0 1 2 3 0 1 2").encode(), ".dae")
+    assert mesh.vertices.tolist() == pytest.approx(np.array([[0, 0, 1], [0.2, 0, 1], [0.2, 0.1, 1], [0, 0.1, 1]]))
+    assert mesh.parts[0].tolist() == [[0, 1, 2], [0, 2, 3], [0, 1, 2]], "a square is two triangles"
+
+
+def test_text_and_binary_stl_hold_the_same() -> None:
+    mesh = mesh_of(STL.format("1").encode(), ".stl")
+    suffix, binary = mesh.written()
+    again = mesh_of(binary, suffix)
+    assert again.vertices.tolist() == mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+
+
+def test_groups_of_an_obj_stay_shapes_of_their_own() -> None:
+    mesh = mesh_of((CUBE + "g other\nf 1// 2/1 -1\n").encode(), ".obj")
+    assert [part.tolist() for part in mesh.parts] == [[[0, 1, 2], [1, 2, 3], [4, 5, 6]], [[0, 1, 7]]]
+    assert [part.tolist() for part in mesh_of(mesh.written()[1], ".obj").parts] == [
+        part.tolist() for part in mesh.parts
+    ]
+
+
+ODD_NAMES = ("a.obj", "", "\0.obj", "a" * 5000 + ".obj", "/dev/zero", "package://", "package://../../../etc/passwd")
+
+
+@pytest.mark.parametrize("name", ODD_NAMES, ids=["folder", "empty", "zero", "long", "device", "package", "escape"])
+def test_folders_and_odd_names_are_no_meshes(tmp_path: Path, name: str) -> None:
     (tmp_path / "a.obj").mkdir()
-    for name in (
-        "a.obj",
-        "",
-        "\0.obj",
-        "a" * 5000 + ".obj",
-        "/dev/zero",
-        "package://",
-        "package://../../../etc/passwd",
-    ):
-        assert find_mesh(tmp_path / "cart.urdf", name) is None
+    for place in mesh_places(tmp_path / "cart.urdf", name):
+        with pytest.raises((OSError, BadMesh)):
+            checked_mesh(place)
+
+
+def test_a_robot_without_shapes_for_contacts_touches_with_those_for_looks(tmp_path: Path) -> None:
+    description = read_description(write(tmp_path, f'<link name="base">{BOX.format("visual")}</link>'))
+    assert shapes(description, "collision") == shapes(description, "visual")
+    ((code, message),) = [(one.code, one.message) for one in description.diagnostics]
+    assert code == "B015"
+    assert "those for looks (<visual>) are used" in message
+    (problem,) = read_description(write(tmp_path, '<link name="base"/>')).diagnostics
+    assert (problem.code, problem.message) == ("B015", "no link has a shape (<collision> or <visual>)")
 
 
 def test_nothing_stays_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -398,3 +398,29 @@ def test_nothing_is_warned_about_when_cleanup_is_shielded() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         go(partial(pursue, partial(unwind_protect, partial(sleep, 10), partial(sleep, 1)), partial(sleep, 1)))
+
+
+@pytest.mark.parametrize("depth", [0, 1, 2, 5])
+def test_failures_of_cleanups_at_any_depth_are_attached_to_what_is_raised(depth: int) -> None:
+    async def failing_cleanup() -> None:
+        raise PlanFailure("the retract failed")
+
+    body: Any = partial(unwind_protect, partial(sleep, 9), failing_cleanup)
+    for _ in range(depth):
+        body = partial(par, body, partial(sleep, 9))
+    with pytest.raises(Timeout) as caught:
+        go(partial(timeout, 1, body))
+    assert [str(failure) for failure in caught.value.cleanup_failures] == ["the retract failed"]
+
+
+def test_failures_of_cleanups_of_a_construct_that_is_broken_off_are_attached_to_what_breaks_it_off() -> None:
+    async def failing_cleanup() -> None:
+        raise PlanFailure("the retract failed")
+
+    async def too_long() -> None:
+        with shield(within=1):
+            await par(partial(unwind_protect, partial(sleep, 9), failing_cleanup))
+
+    with pytest.raises(CleanupOverrun) as caught:
+        go(too_long)
+    assert any("the retract failed" in note for note in caught.value.__notes__)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from typing import Any
+
+from planlang import VirtualHost, par, rng, run
 
 PROGRAM = """
 import sys
@@ -66,3 +69,19 @@ def test_importing_planlang_loads_neither_numpy_nor_the_protocols() -> None:
     program = "import sys, planlang; print([m for m in ('numpy', 'planlang.protocols', 'lark') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert done.stdout.strip() == "[]"
+
+
+def test_inserting_a_line_changes_no_random_numbers_of_a_plan_with_lambdas() -> None:
+    code = "async def body():\n    return await par(lambda: draw(), lambda: draw())\n"
+
+    async def draw() -> float:
+        return rng().random()
+
+    def drawn(text: str) -> Any:
+        space: dict[str, Any] = {"par": par, "draw": draw}
+        exec(text, space)
+        return run(space["body"], host=VirtualHost())
+
+    first, second = drawn(code)
+    assert first != second
+    assert drawn(code.replace("par(", "par(\n\n")) == [first, second]

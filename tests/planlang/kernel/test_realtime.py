@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -13,6 +14,7 @@ from planlang import (
     DeadlockError,
     Fluent,
     NoProgress,
+    PlanStructureError,
     RealTimeHost,
     SimulationHost,
     StepLimit,
@@ -354,3 +356,115 @@ def test_a_run_in_real_time_is_resumed_where_it_was_left_and_not_replayed() -> N
     assert clock.now < 1001, "what is taken over takes no time"
     with pytest.raises(ValueError, match="resumed, not replayed"):
         replay(top, again)
+
+
+def test_a_fluent_that_another_thread_sets_is_seen_at_once_without_post() -> None:
+    door: Fluent[bool] = Fluent(False, "door")
+    seen: list[float] = []
+    host = RealTimeHost(240)
+
+    async def body() -> None:
+        def callback() -> None:
+            time.sleep(0.05)
+            door.set(True)
+            source.close()
+
+        source = host.source("door")
+        threading.Thread(target=callback).start()
+        await wait_for(door)
+        seen.append(now())
+        assert threading.current_thread() is threading.main_thread()
+
+    run(lambda: pursue(body, partial(sleep, 5)), host=host)
+    assert seen[0] < 4
+    assert door.value
+
+
+def test_what_another_thread_sets_comes_in_order_also_while_nobody_waits() -> None:
+    count: Fluent[int] = Fluent(0, "count")
+    host = RealTimeHost(240)
+
+    async def body() -> list[int]:
+        found: list[int] = []
+        await wait_for(count == 1, 0.01)
+        thread = threading.Thread(target=lambda: [count.set(number) for number in range(1, 100)])
+        with host.source("counter"):
+            thread.start()
+            while count.value < 99:
+                await wait_for(count.changed())
+                found.append(count.value)
+        return found
+
+    found = run(body, host=host)
+    assert found == sorted(found)
+    assert found[-1] == 99
+
+
+def test_a_pulse_of_another_thread_is_handed_over_too() -> None:
+    bell: Fluent[None] = Fluent(None, "bell")
+    host = RealTimeHost(240)
+
+    async def body() -> str:
+        rung = bell.pulsed(missed="never")
+        with host.source("bell"):
+            timer = threading.Timer(0.05, bell.pulse)
+            timer.start()
+            await wait_for(rung)
+        return "rung"
+
+    assert run(body, host=host) == "rung"
+
+
+def test_in_simulation_a_fluent_that_a_thread_sets_is_refused_with_the_right_code_there_and_in_the_run() -> None:
+    door: Fluent[bool] = Fluent(False, "door")
+    raised: list[BaseException] = []
+
+    def callback() -> None:
+        try:
+            door.set(True)
+        except PlanStructureError as error:
+            raised.append(error)
+
+    async def body() -> None:
+        await wait_for(door)
+
+    async def world() -> None:
+        thread = threading.Thread(target=callback, name="driver")
+        await sleep(1)
+        thread.start()
+        thread.join()
+        await sleep(1)
+
+    with pytest.raises(PlanStructureError, match="door is set from thread driver while a simulated run") as caught:
+        run(partial(par, body, world), host=VirtualHost())
+    assert raised == [caught.value]
+    assert "right: door.set(await in_thread(" in str(caught.value)
+
+
+def test_in_simulation_what_a_call_in_a_thread_sets_is_set_before_its_caller_goes_on() -> None:
+    door: Fluent[bool] = Fluent(False, "door")
+
+    async def opens() -> bool:
+        await in_thread(partial(door.set, True))
+        return door.value
+
+    async def waits() -> str:
+        await wait_for(door)
+        return "open"
+
+    assert run(partial(par, waits, opens), host=VirtualHost()) == ["open", True]
+
+
+def test_a_fluent_of_a_run_that_is_over_is_set_as_any_other() -> None:
+    door: Fluent[bool] = Fluent(False, "door")
+    run(partial(wait_for, door, 1), host=VirtualHost())
+    thread = threading.Thread(target=partial(door.set, True))
+    thread.start()
+    thread.join()
+    assert door.value
+
+
+def test_a_deadlock_on_a_fluent_says_what_it_takes_to_wait_for_a_thread() -> None:
+    door: Fluent[bool] = Fluent(False, "door")
+    with pytest.raises(DeadlockError, match=r"with host\.source\("):
+        run(partial(wait_for, door), host=VirtualHost())

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
+from random import Random
 
 import pytest
 
 from planlang import Trace, VirtualHost, checkpoint, par, plan, run
 from planlang.failures import PlanFailure
 from planlang.kernel import Task
+from planlang.kernel.schedule import CountedRandom
 from planlang.kernel.tree import Node
 from planlang.runs import with_paths
 
@@ -100,3 +103,52 @@ def test_what_is_raised_when_a_node_begins_is_what_the_node_fails_with(step: str
     assert {path for path, status in ended.items() if status == "failed"} == {
         path for path in ended if f"{raised.value.where.path}/".startswith(f"{path}/")
     }
+
+
+def draw_a_bit_of_everything(stream: Random) -> list[object]:
+    return [
+        stream.random(),
+        stream.randrange(10**12),
+        stream.gauss(0, 1),
+        stream.sample(range(99), 5),
+        stream.choice("ab"),
+    ]
+
+
+def test_a_counted_stream_gives_the_numbers_of_pythons_and_can_be_brought_to_where_it_was() -> None:
+    counted, pythons = CountedRandom("7 plan"), Random("7 plan")
+    assert draw_a_bit_of_everything(counted) == draw_a_bit_of_everything(pythons)
+    kinds = set()
+    for _ in range(2):  # with a second number of gauss ready, and without
+        kinds.add(type(counted.draws))
+        again = CountedRandom("7 plan")
+        again.go_to(counted.draws)
+        assert again.getstate() == counted.getstate()
+        assert counted.gauss(0, 1) == again.gauss(0, 1)
+    assert kinds == {list, int}
+
+
+def test_many_draws_are_made_again_in_little_memory() -> None:
+    counted = CountedRandom("many")
+    counted.getrandbits(32 * 250_000)
+    again = CountedRandom("many")
+    again.go_to(250_000)
+    assert again.random() == counted.random()
+
+
+@pytest.mark.parametrize("draws", [-1, True, "many", None, 10**12, [1], [1, 2], [True, 0.5], [1, 0.5, 2]])
+def test_what_is_no_count_of_draws_is_refused(draws: object) -> None:
+    with pytest.raises(ValueError, match="number of its draws"):
+        CountedRandom("7").go_to(draws)
+
+
+def test_a_stream_does_not_go_back_and_one_that_the_plan_has_seeded_is_not_counted() -> None:
+    counted = CountedRandom("7")
+    counted.random()
+    with pytest.raises(ValueError, match="cannot go back to 1 draws"):
+        counted.go_to(1)
+    for reseeded in (partial(counted.seed, 3), partial(counted.setstate, Random(3).getstate())):
+        reseeded()
+        assert (counted.random(), counted.getrandbits(8)) != (0, 0)
+        with pytest.raises(ValueError, match="seeded by the plan"):
+            _ = counted.draws

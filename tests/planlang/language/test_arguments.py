@@ -304,7 +304,7 @@ OUTSIDE: list[Case] = [
 ]  # fmt: skip
 
 
-ANYTHING = {"Return", "given", "retry", "repeat", "ignore", "PlanFailure", "TaskNode", "Signal"}
+ANYTHING = {"Return", "given", "retry", "ignore", "PlanFailure", "TaskNode", "Signal"}
 """What takes whatever there is, is called by the language only, or is made by it only."""
 
 

@@ -14,6 +14,8 @@ from planlang import (
     Fluent,
     Policy,
     Recovery,
+    Trace,
+    VirtualHost,
     achieve,
     action,
     at_location,
@@ -25,6 +27,7 @@ from planlang import (
     plan,
     pursue,
     rng,
+    run,
     seq,
     sleep,
     suspend,
@@ -425,3 +428,33 @@ def test_answers_that_were_tampered_with_are_told_with_their_line() -> None:
     assert str(replay(top, run)) == f"equal to the end: {len(run.trace.events)} lines"
     part = replay(top, RecordedRun.of(run.trace.events[:9]))
     assert str(part) == "equal to the end: 9 lines, where the record ends before the plan does"
+
+
+async def lose() -> None:
+    raise GraspMissed
+
+
+async def top_without_executive() -> str:
+    try:
+        await par(lose)
+    except GraspMissed:
+        return "lost"
+    return "won"
+
+
+def test_a_run_without_executive_is_repeated_also_where_it_fails() -> None:
+    trace = Trace()
+    run(top_without_executive, host=VirtualHost(), trace=trace, resumable=True)
+    recorded = RecordedRun.of(trace.events)
+    assert replay(top_without_executive, recorded).equal
+
+
+def test_a_difference_says_what_is_recorded_and_what_was_found() -> None:
+    trace = Trace()
+    with pytest.raises(GraspMissed):
+        run(lambda: par(lose), host=VirtualHost(), trace=trace, resumable=True)
+    found = str(replay(lambda: seq(lose), RecordedRun.of(trace.events)).difference)
+    lines = found.splitlines()
+    assert lines[0] == "line 3 is not repeated"
+    assert lines[1].startswith("  recorded  step 0: lambda/par started")
+    assert lines[2].startswith("  found     step 0: lambda/seq started")

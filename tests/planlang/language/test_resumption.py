@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import enum
 import io
+import os
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -769,3 +771,29 @@ def test_a_resumed_run_whose_trace_cannot_be_written_any_further_ends_with_that_
     with pytest.raises(OSError, match="No space left") as full:
         run(top, host=VirtualHost(240), trace=Trace(Full()), resume=past)
     assert "the run was ended" in full.value.__notes__[0]
+
+
+def test_the_trace_is_on_the_disk_when_a_step_has_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda file: synced.append(os.fstat(file).st_size))
+
+    @plan
+    async def top() -> None:
+        await seq(partial(sleep, 1), partial(sleep, 1))
+        await par(partial(sleep, 1))
+
+    with Trace.at(tmp_path / "run.jsonl") as trace:
+        run(top, host=VirtualHost(), trace=trace, resumable=True)
+    lines = (tmp_path / "run.jsonl").read_text().splitlines(keepends=True)
+    ends = [number for number, line in enumerate(lines, 1) if '"event": "completed"' in line]
+    assert synced == [sum(map(len, lines[:number])) for number in ends]
+    assert len(synced) == 4
+
+
+def test_a_trace_that_goes_to_a_pipe_needs_no_disk(tmp_path: Path) -> None:
+    @plan
+    async def top() -> None:
+        await seq(partial(sleep, 1))
+
+    with Trace.at("/dev/null") as trace:
+        run(top, host=VirtualHost(), trace=trace, resumable=True)

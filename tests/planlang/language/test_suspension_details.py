@@ -297,3 +297,61 @@ def test_a_suspended_holder_of_a_resource_keeps_it() -> None:
         return await par(partial(tag, "first", partial(user, 0)), partial(user, 0.1), control)
 
     assert go(body)[:2] == [0, 3]
+
+
+class Refused(PlanFailure):
+    """What a hook raises."""
+
+
+def refuse() -> None:
+    raise Refused
+
+
+def test_a_hook_that_fails_leaves_nothing_suspended_and_the_others_are_called() -> None:
+    stopped: list[str] = []
+
+    async def worker() -> str:
+        async with on_suspension(lambda: stopped.append("arm")), on_suspension(refuse):
+            await sleep(2)
+        return f"done at {now():g}"
+
+    async def control() -> None:
+        await sleep(1)
+        with pytest.raises(Refused):
+            suspend(task("worker"))
+        with pytest.raises(Refused):
+            async with task_suspended(task("worker")):
+                raise AssertionError("the block does not begin")
+
+    assert go(lambda: par(partial(tag, "worker", worker), control)) == ["done at 2", None]
+    assert stopped == ["arm", "arm"]
+
+
+@pytest.mark.parametrize("begins", ["before the block", "in the block", "not again"])
+def test_task_suspended_wakes_what_it_has_suspended_and_only_that(begins: str) -> None:
+    async def worker() -> float:
+        await sleep(3)
+        return now()
+
+    async def workers() -> float:
+        if begins == "in the block":
+            await sleep(0.6)
+        with suppress(PlanFailure):  # the block evaporates it
+            return await tag("worker", worker)
+        return await tag("worker", worker)
+
+    async def control() -> None:
+        await sleep(0.5)
+        async with task_suspended(task("worker")):
+            if begins == "not again":
+                await sleep(1)
+                return
+            await sleep(0.5)
+            evaporate(task("worker"))
+            await sleep(0.5)
+            suspend(task("worker"))  # the second one, at 1.5 s
+        await sleep(7.5)
+        wake_up(task("worker"))
+
+    ended, _ = go(lambda: par(workers, control))
+    assert ended == (4.0 if begins == "not again" else 11.5)

@@ -23,7 +23,7 @@ PLAN = """
 def test_installing_planlang_is_enough(pytester: pytest.Pytester) -> None:
     (found,) = [point for point in entry_points(group="pytest11") if point.name == "planlang"]
     assert found.value == "planlang.testing.plugin"
-    pytester.makepyfile(PLAN + "    def test_it(plan):\n        assert plan(serve).value == 'served'\n")
+    pytester.makepyfile(PLAN + "    def test_it(scripted_run):\n        assert scripted_run(serve).value == 'served'\n")
     result = pytester.runpytest_subprocess("-W", "error", "-p", "no:cacheprovider")
     result.assert_outcomes(passed=1)
     assert result.ret == 0
@@ -33,18 +33,18 @@ def test_fixtures_give_a_runner_and_its_script(pytester: pytest.Pytester) -> Non
     pytester.makepyfile(
         PLAN
         + """
-    def test_script(plan, script):
+    def test_script(scripted_run, script):
         script.on("CloseGripper", fails=GraspMissed, times=1)
-        run = plan(serve, seed=3)
+        run = scripted_run(serve, seed=3)
         assert run.attempts("CloseGripper") == 2
         assert run.events[0]["seed"] == 3
 
-    def test_the_script_of_another_test_is_gone(plan):
-        assert plan(serve).attempts("CloseGripper") == 1
+    def test_the_script_of_another_test_is_gone(scripted_run):
+        assert scripted_run(serve).attempts("CloseGripper") == 1
 
-    def test_another_script(plan):
+    def test_another_script(scripted_run):
         from planlang.testing import Script
-        assert plan(serve, script=Script(takes=5)).seconds == 7
+        assert scripted_run(serve, script=Script(takes=5)).seconds == 7
 """
     )
     pytester.runpytest_inprocess().assert_outcomes(passed=3)
@@ -53,16 +53,16 @@ def test_fixtures_give_a_runner_and_its_script(pytester: pytest.Pytester) -> Non
 FAILING = (
     PLAN
     + """
-    def test_count(plan, script):
+    def test_count(scripted_run, script):
         script.on("CloseGripper", fails=GraspMissed, times=1)
-        assert plan(serve).attempts("CloseGripper") == 3
+        assert scripted_run(serve).attempts("CloseGripper") == 3
 
-    def test_order(plan):
-        assert plan(serve).happened_before("look", "CloseGripper")
+    def test_order(scripted_run):
+        assert scripted_run(serve).happened_before("look", "CloseGripper")
 
-    def test_failure(plan, script):
+    def test_failure(scripted_run, script):
         script.on("CloseGripper", fails=GraspMissed)
-        assert plan(serve).value == "served"
+        assert scripted_run(serve).value == "served"
 """
 )
 
@@ -105,28 +105,70 @@ def test_plan_trace_shows_only_the_runs_of_the_failing_test(pytester: pytest.Pyt
     pytester.makepyfile(
         PLAN
         + """
-    def test_good(plan):
-        assert plan(serve).value == "served"
+    def test_good(scripted_run):
+        assert scripted_run(serve).value == "served"
 
-    def test_two_runs(plan, script):
-        plan(serve)
+    def test_two_runs(scripted_run, script):
+        scripted_run(serve)
         script.on("CloseGripper", fails=GraspMissed)
-        assert plan(serve).failure is None
+        assert scripted_run(serve).failure is None
 
     def test_without_a_plan():
         assert 1 == 2
 
-    def test_a_programming_error(plan):
+    def test_a_programming_error(scripted_run):
         async def wrong():
             await sleep(1)
             return 1 / 0
-        plan(wrong)
+        scripted_run(wrong)
 """
     )
     result = pytester.runpytest_inprocess("--plan-trace")
     result.assert_outcomes(passed=1, failed=3)
     result.stdout.fnmatch_lines(["*plan trace 1 of 2*", "*plan trace 2 of 2*", "<run of wrong: raised ZeroDivision*"])
     assert result.stdout.str().count("plan trace") == 3
+
+
+INSIDE = """
+    from planlang import *
+    from planlang.failures import GraspMissed
+    from planlang.testing import run_plan
+
+    async def grasp():
+        await sleep(1)
+        raise GraspMissed
+
+    async def broken():
+        return 1 / 0
+
+    def test_failure():
+        run_plan(lambda: par(lambda: timeout(5, grasp))).value
+
+    def test_error():
+        run_plan(lambda: par(lambda: timeout(5, broken)))
+
+    def test_misuse():
+        run_plan(lambda: par(grasp()))
+"""
+
+
+def test_tracebacks_show_the_lines_of_plan_and_test_only(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(INSIDE)
+    shown = pytester.runpytest_inprocess("--tb=short").stdout.str()
+    assert {"raise GraspMissed", "return 1 / 0"} <= {line.strip() for line in shown.splitlines()}
+    assert "has to be a branch" in shown or "you called grasp()" in shown
+    assert "planlang/kernel" not in shown
+    assert "planlang/language" not in shown
+    assert "planlang/kernel" in pytester.runpytest_inprocess("--tb=short", "--full-trace").stdout.str()
+
+
+def test_an_error_of_planlang_itself_is_shown_with_all_its_frames(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("planlang.language.budgets.name_of", None)
+    pytester.makepyfile(INSIDE)
+    shown = pytester.runpytest_inprocess("--tb=short", "-k", "test_failure").stdout.str()
+    assert "planlang/language/budgets.py" in shown
 
 
 def test_the_example_of_the_documentation_is_the_file_that_runs_and_short() -> None:

@@ -1,0 +1,297 @@
+"""Reads meshes from strangers: OBJ, STL and COLLADA files, bounded and checked, and writes them again plainly.
+
+PyBullet dies of a broken mesh (SIGSEGV at a face without its vertex, at numbers that are none, at an empty COLLADA
+document), so that it is handed only what :func:`read_mesh` has read. What shapes do not need is left out: normals,
+colours, textures.
+
+Formats: Wavefront OBJ (1995 specification, ``v``, ``f``, ``g``, ``o``), STL (binary and text), COLLADA 1.4.1 (polygons,
+the nodes of the scene, unit and upward axis).
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planlang.files import open_regular
+from planlang.geometry.matrices import Array, cross_matrix, moved, product
+from planlang.geometry.xml_tree import BadXml, tree_of
+
+SUFFIXES = (".obj", ".stl", ".dae")
+LARGEST = 100_000_000
+"""Bytes of a mesh that is read; the largest of the 776 meshes of example-robot-data has 15 MB."""
+MOST_VERTICES = 2_000_000
+"""Vertices, and triangles, of a mesh that is read: PyBullet needs about 100 bytes for each."""
+FARTHEST = 1e6
+"""Greatest coordinate: whole numbers of millimetres, in which some meshes are drawn, stay well below."""
+DEEPEST_NODES = 100
+"""Nodes of a COLLADA scene inside each other."""
+
+_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attribute", "<u2")])
+"""A triangle of a binary STL file; its normal may be zero."""
+Faces = NDArray[np.int64]
+
+
+class BadMesh(Exception):
+    """A mesh that is not read, and the reason."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """Triangles of points: ``vertices`` (n, 3), and per part the numbers of its triangles' corners (m, 3).
+
+    Parts are what an OBJ file keeps apart as objects or groups: each stands for a convex shape of its own.
+    """
+
+    vertices: Array
+    parts: tuple[Faces, ...]
+
+    def written(self) -> tuple[str, bytes]:
+        """Return a suffix and the content of a file with this mesh, in the single precision in which PyBullet computes.
+
+        One part becomes an STL file, of which PyBullet makes one convex shape; several become an OBJ file, of which it
+        makes a compound of convex shapes. (A compound of one would do as well, but its boxes are 1 mm wider.)
+        """
+        if len(self.parts) == 1:
+            rows = np.zeros(len(self.parts[0]), _STL)
+            rows["corners"] = self.vertices[self.parts[0]].reshape(-1, 9)
+            return ".stl", bytes(80) + len(rows).to_bytes(4, "little") + rows.tobytes()
+        lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in self.vertices.tolist()]
+        for number, faces in enumerate(self.parts):
+            lines.append(f"o part{number}")
+            lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+        return ".obj", "\n".join([*lines, ""]).encode()
+
+
+def mesh_places(urdf: Path, name: str) -> list[Path]:
+    """Return where the mesh that a URDF names may be, whether something is there or not.
+
+    ``package://p/rest`` is looked for as p/rest in the URDF's folder and those above it, and as rest in one of these
+    that is called p; any other name is relative to the URDF.
+    """
+    scheme = re.match(r"(package|model|file)://", name)
+    rest = name[scheme.end() :] if scheme else name
+    folder = urdf.resolve().parent
+    if scheme and scheme[1] != "file":
+        package, _, inner = rest.partition("/")
+        return [
+            place
+            for above in (folder, *folder.parents)
+            for place in (above / rest, *([above / inner] if above.name == package else []))
+        ]
+    return [folder / rest]
+
+
+def mesh_content(path: Path) -> bytes:
+    """Return the content of a mesh file; raises OSError if it cannot be read, :class:`BadMesh` if it is too large."""
+    with open_regular(path) as file:
+        content = file.read(LARGEST + 1)
+    if len(content) > LARGEST:
+        raise BadMesh(f"it is larger than {LARGEST // 1_000_000} MB")
+    return content
+
+
+def mesh_of(content: bytes, suffix: str) -> Mesh:
+    """Return the mesh that stands in a file with a suffix; raises :class:`BadMesh`."""
+    readers = {".obj": _read_obj, ".stl": _read_stl, ".dae": _read_collada}
+    if suffix.lower() not in readers:
+        raise BadMesh(f"its format is not one of {', '.join(SUFFIXES)}")
+    try:
+        mesh = readers[suffix.lower()](content)
+    except (ValueError, OverflowError):
+        raise BadMesh("it has a number that is none") from None
+    return _checked(mesh)
+
+
+def _checked(mesh: Mesh) -> Mesh:
+    """Raise BadMesh for what no shape can be made from."""
+    triangles = sum(map(len, mesh.parts))
+    if max(len(mesh.vertices), triangles) > MOST_VERTICES:
+        raise BadMesh(f"it has more than {MOST_VERTICES:,} vertices or triangles")
+    if not triangles:
+        raise BadMesh("it has no triangle")
+    if not np.isfinite(mesh.vertices).all() or np.abs(mesh.vertices).max() > FARTHEST:
+        raise BadMesh(f"it has a coordinate that is not finite, or beyond {FARTHEST:g}")
+    for faces in mesh.parts:
+        if faces.min() < 0 or faces.max() >= len(mesh.vertices):
+            wrong = faces[(faces < 0) | (faces >= len(mesh.vertices))][0]
+            raise BadMesh(f"a face names vertex {int(wrong) + 1}, there are {len(mesh.vertices)}")
+    return mesh
+
+
+def _fans(counts: Sequence[int], corners: Faces) -> Faces:
+    """Return the triangles (m, 3) of polygons of so many corners each, from the first corner of each."""
+    if len(counts) and min(counts) == max(counts) == 3:
+        return corners[: 3 * len(counts)].reshape(-1, 3)
+    found, first = [np.zeros((0, 3), np.int64)], 0
+    for count in counts:
+        ring = corners[first : first + count]
+        first += count
+        if len(ring) == count >= 3:
+            found.append(np.column_stack([np.full(count - 2, ring[0]), ring[1:-1], ring[2:]]))
+    return np.concatenate(found)
+
+
+def _read_obj(content: bytes) -> Mesh:
+    vertices: list[list[float]] = []
+    parts: list[tuple[list[int], list[int]]] = [([], [])]
+    for line in content.decode("utf-8", "replace").replace("\\\n", " ").splitlines():
+        words = line.split()
+        match words[:1]:
+            case ["v"]:
+                if len(words) < 4:
+                    raise BadMesh("a vertex has fewer than three numbers")
+                vertices.append([float(word) for word in words[1:4]])
+            case ["f"]:
+                numbers = [int(word.split("/")[0]) for word in words[1:]]
+                parts[-1][0].append(len(numbers))
+                parts[-1][1].extend(number - 1 if number > 0 else len(vertices) + number for number in numbers)
+            case ["o" | "g"] if parts[-1][0]:
+                parts.append(([], []))
+        if len(vertices) > MOST_VERTICES:
+            break
+    faces = [_fans(counts, np.array(corners, np.int64)) for counts, corners in parts if counts]
+    return Mesh(np.array(vertices, float).reshape(-1, 3), tuple(part for part in faces if len(part)))
+
+
+def _read_stl(content: bytes) -> Mesh:
+    count = int.from_bytes(content[80:84], "little")
+    if 0 < count <= (len(content) - 84) // 50:
+        rows = np.frombuffer(content, _STL, count, 84)
+        corners = rows["corners"].astype(float)
+    else:
+        found = re.findall(rb"^\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", content, re.MULTILINE | re.IGNORECASE)
+        if not content.lstrip().startswith(b"solid") or len(found) % 3:
+            raise BadMesh("it is no STL, or cut off")
+        corners = np.array(found).astype(float)
+    vertices = corners.reshape(-1, 3)
+    return Mesh(vertices, (np.arange(len(vertices)).reshape(-1, 3),) if len(vertices) else ())
+
+
+def _read_collada(content: bytes) -> Mesh:
+    try:
+        root = tree_of(content, texts=True)
+    except BadXml as problem:
+        raise BadMesh(str(problem)) from None
+    for element in root.iter():
+        element.tag = element.tag.rpartition(":")[2]
+    if root.tag != "COLLADA":
+        raise BadMesh(f"it is no COLLADA: its root element is <{root.tag}>")
+    shapes = {geometry.get("id", ""): _collada_shape(geometry) for geometry in root.iter("geometry")}
+    unit = root.find("asset/unit")
+    upright = np.diag([*[float(unit.get("meter", "1")) if unit is not None else 1.0] * 3, 1.0])
+    placed = [
+        (moved(matrix, shapes[name][0]), shapes[name][1])
+        for scene in root.iter("visual_scene")
+        for name, matrix in _instances(scene, upright, 0)
+        if name in shapes
+    ]
+    if not placed:  # some files describe shapes only
+        placed = [(moved(upright, vertices), faces) for vertices, faces in shapes.values()]
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in placed)]).tolist()
+    faces = [part + start for (_, part), start in zip(placed, first, strict=False) if len(part)]
+    vertices = np.concatenate([np.zeros((0, 3)), *(vertices for vertices, _ in placed)])
+    return Mesh(vertices, (np.concatenate(faces),) if faces else ())
+
+
+def _collada_shape(geometry: ElementTree.Element) -> tuple[Array, Faces]:
+    """Return the vertices (n, 3) and triangles (m, 3) of one geometry."""
+    mesh = geometry.find("mesh")
+    if mesh is None:
+        return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
+    sources = {source.get("id", ""): source for source in mesh.findall("source")}
+    aliases = {
+        vertices.get("id", ""): entry.get("source", "").lstrip("#")
+        for vertices in mesh.findall("vertices")
+        for entry in vertices.findall("input")
+        if entry.get("semantic") == "POSITION"
+    }
+    points: list[Array] = [np.zeros((0, 3))]
+    known: dict[str, int] = {}
+    faces = [np.zeros((0, 3), np.int64)]
+    for kind in ("triangles", "polylist", "polygons"):
+        for block in mesh.findall(kind):
+            entries = block.findall("input")
+            vertex = next((entry for entry in entries if entry.get("semantic") == "VERTEX"), None)
+            if vertex is None:
+                continue
+            source = aliases.get(vertex.get("source", "").lstrip("#"), "")
+            if source not in known:
+                known[source] = sum(map(len, points))
+                points.append(_collada_points(sources.get(source)))
+            stride = 1 + max(int(entry.get("offset", "0")) for entry in entries)
+            if stride > 100:
+                raise BadMesh("the corners of its polygons have too many numbers")
+            rows = [_whole_numbers(one.text) for one in block.findall("p")]
+            numbers = np.concatenate([np.zeros(0, np.int64), *(row[: len(row) // stride * stride] for row in rows)])
+            corners = numbers.reshape(-1, stride)[:, int(vertex.get("offset", "0"))]
+            stated = block.find("vcount")
+            if kind == "polygons":
+                counts = [len(row) // stride for row in rows]
+            elif kind == "polylist" and stated is not None:
+                counts = _whole_numbers(stated.text).tolist()
+            else:
+                counts = [3] * (len(corners) // 3)
+            found = _fans(counts, corners)
+            if len(found) and (found.min() < 0 or found.max() >= len(points[-1])):
+                raise BadMesh(f"a polygon names vertex {int(found.max())}, there are {len(points[-1])}")
+            faces.append(found + known[source])
+    return np.concatenate(points), np.concatenate(faces)
+
+
+def _collada_points(source: ElementTree.Element | None) -> Array:
+    values = None if source is None else source.find("float_array")
+    if source is None or values is None:
+        raise BadMesh("its polygons have no points")
+    accessor = source.find("technique_common/accessor")
+    stride = max(3, int("3" if accessor is None else accessor.get("stride", "3")))
+    numbers = np.array((values.text or "").split()).astype(float)
+    return numbers[: len(numbers) // stride * stride].reshape(-1, stride)[:, :3]
+
+
+def _whole_numbers(text: str | None) -> Faces:
+    return np.array((text or "").split()).astype(np.int64)
+
+
+def _instances(node: ElementTree.Element, above: Array, depth: int) -> Iterator[tuple[str, Array]]:
+    """Yield the names of the geometries of a scene's nodes and their transforms (4, 4)."""
+    if depth > DEEPEST_NODES:
+        raise BadMesh("the nodes of its scene are too deep inside each other")
+    here = above
+    for child in node:
+        match child.tag:
+            case "matrix":
+                here = product(here, _reals(child.text, 16).reshape(4, 4))
+            case "translate" | "scale" | "rotate":
+                here = product(here, _transform(child))
+    for instance in node.findall("instance_geometry"):
+        yield instance.get("url", "").lstrip("#"), here
+    for child in node.findall("node"):
+        yield from _instances(child, here, depth + 1)
+
+
+def _transform(child: ElementTree.Element) -> Array:
+    matrix = np.eye(4)
+    if child.tag == "rotate":  # an axis and degrees
+        x, y, z, angle = _reals(child.text, 4).tolist()
+        axis = np.array([x, y, z]) / max(float(np.linalg.norm([x, y, z])), 1e-12)
+        cross, turn = cross_matrix(axis), np.radians(angle)
+        matrix[:3, :3] += cross * np.sin(turn) + product(cross, cross) * (1 - np.cos(turn))
+    elif child.tag == "translate":
+        matrix[:3, 3] = _reals(child.text, 3)
+    else:
+        matrix[:3, :3] = np.diag(_reals(child.text, 3))
+    return matrix
+
+
+def _reals(text: str | None, count: int) -> Array:
+    numbers = np.array((text or "").split()).astype(float)
+    if len(numbers) != count:
+        raise BadMesh(f"a transform has {len(numbers)} numbers instead of {count}")
+    return numbers

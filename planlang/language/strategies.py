@@ -1,0 +1,166 @@
+"""Strategies of recovery: what is done between a failure and the next attempt, registered by name.
+
+A plan author passes a strategy as ``do`` of a :class:`Recovery`. The compiler does so where a recovery of an ontology
+names the strategy (``ontologies/recovery.omn``), which is why each is registered with its name there. A strategy is
+added in this file, or without a fork: in an installed package with an entry point of the group ``planlang.recoveries``,
+which names the function, or the Python module that it is in. Trying the next base pose is no strategy: ``at_location``
+does that by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache, partial
+from importlib.metadata import entry_points
+from typing import Any, TypeVar
+
+from planlang.designators import Object, a_location, action
+from planlang.failures import (
+    ObjectNotFound,
+    ObjectNowhereToBeFound,
+    ObjectUndeliverable,
+    ObjectUnreachable,
+    PlanFailure,
+)
+from planlang.language.location import at_location
+from planlang.language.performing import perform
+from planlang.language.recovery import RETRY, Decision, Do, Return, retry
+from planlang.misuse import Usage
+
+GROUP = "planlang.recoveries"
+"""Entry-point group of installed strategies."""
+
+F = TypeVar("F", bound=Callable[..., Any])
+_STRATEGY = Usage(
+    "@recovery_strategy", {"name": '"LookAgain"'}, {"about_object": "True", "moves_base": "True", "function": "look"}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Strategy:
+    """A registered strategy.
+
+    ``name`` is what ontologies call it. ``function`` is what plans write as ``do`` of a Recovery; with
+    ``about_object`` they write a call of it with the object that the step handles. ``moves_base`` says that it leaves
+    the base pose of a location scope, so that it has to surround the scope. Without a function the failure escalates
+    at once.
+    """
+
+    name: str
+    function: Callable[..., Any] | None
+    about_object: bool = False
+    moves_base: bool = False
+
+    @property
+    def origin(self) -> tuple[str, str] | None:
+        """The module that plans import the function from, and its name there; None if they need none.
+
+        A Recovery repeats by itself, and with no attempts it escalates.
+        """
+        if self.function is None or self.function is retry:
+            return None
+        module = self.function.__module__
+        return ("planlang" if module.startswith("planlang.") else module), self.function.__name__
+
+
+_registered: dict[str, Strategy] = {
+    "Escalate": Strategy("Escalate", None),
+    "Repeat": Strategy("Repeat", retry),
+}
+
+
+def recovery_strategy(name: str, *, about_object: bool = False, moves_base: bool = False) -> Callable[[F], F]:
+    """Register a function as the strategy that ontologies call ``name``.
+
+    Without ``about_object`` it is a ``do`` of :class:`Recovery` itself: an async function of the failure. With it, a
+    function of an object that returns one. ``moves_base`` says that it drives; such a strategy is about an object.
+    Raises ValueError if another function has the name, or if plans cannot import the function.
+    """
+    _STRATEGY.text("name", name)
+    if moves_base and not about_object:
+        raise _STRATEGY.refused("moves_base", f"{name} moves the base, so it has to be about an object", True)
+
+    def register(function: F) -> F:
+        if "<" in function.__qualname__ or "." in function.__qualname__:
+            raise _STRATEGY.refused(
+                "function", f"plans cannot import {function.__qualname__}; write it at the top of a module", function
+            )
+        strategy = Strategy(name, function, about_object, moves_base)
+        other = _registered.setdefault(name, strategy)
+        if other.origin != strategy.origin:
+            taken = ".".join(other.origin or ("planlang",))
+            raise _STRATEGY.refused("name", f"{taken} is registered as {name} already", name)
+        return function
+
+    return register
+
+
+def find_strategy(name: str) -> Strategy | None:
+    """Return the strategy that ontologies call ``name``, None if there is none; packages are asked if need be.
+
+    Raises what a package raises when it is imported, with a note that names its entry point.
+    """
+    if name not in _registered:
+        _load_installed()
+    return _registered.get(name)
+
+
+def registered_strategies() -> tuple[Strategy, ...]:
+    """Return the strategies that are registered so far, in the order of registration."""
+    return tuple(_registered.values())
+
+
+@cache
+def _load_installed() -> None:
+    for point in entry_points(group=GROUP):
+        try:
+            point.load()  # importing a module registers what it marks
+        except Exception as error:
+            error.add_note(f"while loading {point.value}, an entry point of the group {GROUP}")
+            raise
+
+
+@recovery_strategy("LookFromAnotherPlace", about_object=True, moves_base=True)
+def look_from_another_place(what: Object) -> Do:
+    """Go where the object should be visible from and look for it there, then run the body again.
+
+    Not finding it there either is no failure yet: the body will tell. Raises ObjectNowhereToBeFound when there is no
+    other place to look from.
+    """
+
+    Usage("look_from_another_place", {"what": "bottle"}).instance("what", what, Object, "an object")
+
+    async def look(failure: PlanFailure) -> Decision:
+        try:
+            with suppress(ObjectNotFound):
+                await at_location(a_location(visible_from=what), partial(_look_for, what))
+        except (ObjectUnreachable, ObjectUndeliverable) as nowhere:
+            raise ObjectNowhereToBeFound(what=str(what)) from nowhere
+        return RETRY
+
+    return look
+
+
+@recovery_strategy("LookAndRepeat", about_object=True)
+def look_and_repeat(what: Object) -> Do:
+    """Look for the object from here, which may correct where it is believed to be, then run the body again."""
+
+    Usage("look_and_repeat", {"what": "bottle"}).instance("what", what, Object, "an object")
+
+    async def look(failure: PlanFailure) -> Decision:
+        await _look_for(what)
+        return RETRY
+
+    return look
+
+
+@recovery_strategy("Ignore")
+async def ignore(failure: PlanFailure) -> Decision:
+    """Go on as if the body had succeeded, with None."""
+    return Return(None)
+
+
+async def _look_for(what: Object) -> None:
+    await perform(action("LookingForSomething", object_acted_on=what))
