@@ -12,31 +12,7 @@ from numbers import Real
 
 from planlang.lengths import metres
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
-
-RELATIONS: dict[str, str] = {
-    "in_reach_of": "inReachOf",
-    "visible_from": "visibleFrom",
-    "above": "aboveOf",
-    "on": "on-Physical",
-    "in_": "in-ContGeneric",
-    "in_center_of": "inCenterOf",
-    "in_front_of": "inFrontOf-Generally",
-    "behind": "behind-Generally",
-    "left_of": "toTheLeftOf",
-    "right_of": "toTheRightOf",
-    "next_to": "toTheSideOf",
-    "near": "near",
-    "far_from": "farFrom",
-    "facing": "facing",
-    "clear_of": "clearOf",
-}
-"""Relation of a location -> the local name of its OWL property."""
-
-SYNONYMS: dict[str, str] = {"visible": "visible_from"}
-"""Another word for a relation -> the one that is kept."""
-
-MEASURED: tuple[str, ...] = ("above", "in_front_of", "behind", "left_of", "right_of", "next_to", "near", "far_from")
-"""Relations that may be bounded: the distance [m] between the outlines seen from above; of ``above`` the height."""
+from planlang.relations import RELATIONS, measured, named
 
 GRASPS: tuple[str, ...] = ("side", "tilted", "top")
 """Classes of grasps, by where the hand comes from."""
@@ -98,10 +74,11 @@ class Device(Object):
 
 @dataclass(frozen=True, slots=True)
 class Relation:
-    """One conjunct of a location: ``name`` is a key of :data:`RELATIONS`.
+    """One conjunct of a location: ``name`` is a key of :data:`planlang.relations.RELATIONS`.
 
-    A relation of :data:`MEASURED` may be bounded: a distance of at most ``within`` and at least ``beyond`` [m]. A
-    ``negated`` relation holds where the relation, with its bounds, does not.
+    A relation that has a distance may be bounded: at most ``within`` and at least ``beyond`` [m], between the outlines
+    seen from above; for ``above`` the height. A ``negated`` relation holds where the relation, with its bounds, does
+    not.
     """
 
     name: str
@@ -119,7 +96,7 @@ class Relation:
         _RELATION.instance("reference", self.reference, (Object, Location), "an object or a location")
 
     def __invert__(self) -> Relation:
-        """The relation that holds where this one does not."""
+        """Return the relation that holds where this one does not."""
         return replace(self, negated=not self.negated)
 
     def __str__(self) -> str:
@@ -155,7 +132,7 @@ class Location:
             raise _LOCATION.wrong("grasp", self.grasp, f"one of {', '.join(GRASPS)}", WrongValue)
 
     def __and__(self, other: Location) -> Location:
-        """The poses in both; raises ValueError for two arms, two grasps, and for a posture."""
+        """Return the poses in both; raises ValueError for two arms, two grasps, and for a posture."""
         if not isinstance(other, Location):
             code = written(other)
             message = f"& joins two locations, not a location and {code}"
@@ -173,7 +150,7 @@ class Location:
         return Location(self.relations + more, self.name, self.device or other.device, self.grasp or other.grasp)
 
     def __invert__(self) -> Location:
-        """The poses that are not in it; ValueError unless it is one relation, with any arm and any grasp."""
+        """Return the poses that are not in it; ValueError unless it is one relation, with any arm and any grasp."""
         if len(self.relations) != 1 or self.device is not None or self.grasp is not None:
             raise ValueError(f"only a location of one relation, whatever reaches, can be negated; this is {self}")
         return Location((~self.relations[0],))
@@ -204,7 +181,7 @@ class Situation:
         _check_described(_SITUATION, self.type, self.properties)
 
     def get(self, property_name: str) -> Value | None:
-        """The filler of a property, or None."""
+        """Return the filler of a property, or None."""
         return dict(self.properties).get(property_name)
 
     def __str__(self) -> str:
@@ -233,7 +210,7 @@ class Action:
             _ACTION.text("name", self.name)
 
     def get(self, property_name: str) -> Value | None:
-        """The filler of a property, or None."""
+        """Return the filler of a property, or None."""
         return dict(self.properties).get(property_name)
 
     def __str__(self) -> str:
@@ -304,15 +281,15 @@ def a_location(
     ``a_location(in_reach_of=patient, not_=a_location(near=door))``. Raises ValueError for what is none of these.
     """
     conjuncts: list[Relation] = []
-    for said, references in relations.items():
-        key = SYNONYMS.get(said, said)
-        if key not in RELATIONS:
-            message = f"unknown relation {key!r}; valid relations: {', '.join(RELATIONS)}"
-            raise WrongValue(contrast(message, f"a_location({key}=bottle)", "a_location(in_reach_of=bottle)"))
+    for keyword, references in relations.items():
+        relation = named(keyword)
+        if relation is None:
+            message = f"unknown relation {keyword!r}; valid relations: {', '.join(RELATIONS)}"
+            raise WrongValue(contrast(message, f"a_location({keyword}=bottle)", "a_location(in_reach_of=bottle)"))
         if isinstance(references, (Object, Location)):
             references = (references,)
-        _LOCATION.iterable(said, references, "an object or a location, or a tuple of them")
-        conjuncts.extend(Relation(key, reference) for reference in references)
+        _LOCATION.iterable(keyword, references, "an object or a location, or a tuple of them")
+        conjuncts.extend(Relation(relation.name, reference) for reference in references)
     if within is not None or beyond is not None:
         conjuncts = _bounded(conjuncts, within, beyond)
     if not isinstance(not_, Location):
@@ -327,18 +304,18 @@ def a_location(
 
 
 def _bounded(relations: list[Relation], within: float | str | None, beyond: float | str | None) -> list[Relation]:
-    measured = [relation for relation in relations if relation.name in MEASURED]
-    if len(measured) != 1:
-        said = ", ".join(map(str, measured)) or "none"
+    bounded = [relation for relation in relations if RELATIONS[relation.name].measured]
+    if len(bounded) != 1:
+        here = ", ".join(map(str, bounded)) or "none"
         raise ValueError(
-            f"within and beyond bound one relation, of {', '.join(MEASURED)}; here there are: {said}. Join bounds of "
+            f"within and beyond bound one relation, of {', '.join(measured())}; here there are: {here}. Join bounds of "
             "several with &: a_location(near=bed, within=1.0) & a_location(near=door, within=2.0)"
         )
     at_most, at_least = _length("within", within), _length("beyond", beyond)
     if at_most is not None and at_least is not None and at_least > at_most:
         raise ValueError(f"nothing is beyond {at_least} m and within {at_most} m")
     return [
-        replace(relation, within=at_most, beyond=at_least) if relation in measured else relation
+        replace(relation, within=at_most, beyond=at_least) if relation in bounded else relation
         for relation in relations
     ]
 
@@ -383,11 +360,11 @@ def located(where: Location, what: Object | None = None) -> Condition:
 
 
 def local_name(iri: str) -> str:
-    """The part of an IRI after ``#`` or the last ``/``."""
+    """Return the part of an IRI after ``#`` or the last ``/``."""
     return iri.rsplit("#", 1)[-1].rsplit("/", 1)[-1]
 
 
 def told_apart(first: str, second: str) -> tuple[str, str]:
-    """What two things (IRIs) are called beside each other: local names, or the whole IRIs if these are equal."""
+    """Return what two things (IRIs) are called beside each other: local names, or the whole IRIs if these are equal."""
     short = local_name(first), local_name(second)
     return short if short[0] != short[1] else (f"<{first}>", f"<{second}>")

@@ -1,4 +1,4 @@
-"""What can go wrong in a plan: one root, two levels, typed fields.
+"""Failures of plans: one root, two levels, typed fields.
 
 Process modules raise low-level failures; plans handle them or raise high-level ones from them. Whatever is not a
 :class:`PlanFailure` is a programming error, which no construct and no recovery catches.
@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """Where in the plan a failure arose: path in the task tree, source line, revision of the belief if known."""
+    """The place in the plan where a failure arose: task path, source line, revision of the belief if known."""
 
     path: str
     file: str = ""
@@ -30,7 +30,7 @@ class PlanFailure(Exception):
 
     The message is ``message``, or else is built from the fields. ``where`` is filled in by the first construct that
     the failure passes; ``siblings`` are failures of other branches that died at the same decision, by branch name;
-    ``cleanup_failures`` are those of branches that were evaporated because of this one, each told in a note, too.
+    ``cleanup_failures`` are those of branches that were evaporated because of this one, each named in a note, too.
     """
 
     message: str = ""
@@ -47,18 +47,18 @@ class PlanFailure(Exception):
         return f"{type(self).__name__}({str(self)!r})"
 
     def describe(self) -> str:
-        """The message built from the fields."""
+        """Return the message that the fields make."""
         details = [f"{key.replace('_', ' ')} {_plain(value)}" for key, value in self.details().items()]
         return f"{self.text}: {', '.join(details)}" if details else self.text
 
     def details(self) -> dict[str, Any]:
-        """The typed fields that are known, by name, in order of definition."""
+        """Return the typed fields that are known, by name, in order of definition."""
         skipped = {"message", "where", "siblings", "cleanup_failures"}
         own = ((f.name, getattr(self, f.name)) for f in fields(self) if f.name not in skipped)
         return {name: value for name, value in own if value not in (None, (), "") and value != {}}
 
     def chain(self) -> Iterator[BaseException]:
-        """The failure itself, what it was raised from, and so on."""
+        """Yield the failure itself, then what it was raised from, and so on."""
         seen: set[int] = set()
         link: BaseException | None = self
         while link is not None and id(link) not in seen:
@@ -68,7 +68,7 @@ class PlanFailure(Exception):
 
     @classmethod
     def caused_by(cls, failure: PlanFailure) -> Self:
-        """A failure of this class that takes over the fields it shares with ``failure`` and names it as cause."""
+        """Return a failure of this class that has the fields it shares with ``failure``, and that as its cause."""
         shared = {
             f.name: getattr(failure, f.name)
             for f in fields(cls)
@@ -204,7 +204,7 @@ class GraspMissed(GripperFailure):
 
 
 class GraspSlipped(GripperFailure):
-    """What the gripper held slipped out."""
+    """The object slipped out of the gripper."""
 
     text: ClassVar[str] = "the object slipped out of the gripper"
 
@@ -409,7 +409,7 @@ class BudgetExceeded(PlanFailure):
     used: Mapping[str, int] = field(default_factory=dict, kw_only=True)
 
     def describe(self) -> str:
-        """``the budget of S s and N attempts is used up: ACTION S s, ..., CONSTRUCT N times, ...``."""
+        """Return ``the budget of S s and N attempts is used up: ACTION S s, ..., CONSTRUCT N times, ...``."""
         allowed = [] if self.seconds is None else [f"{self.seconds:g} s"]
         allowed += [] if self.attempts is None else [f"{self.attempts} attempts"]
         parts = [f"{part} {seconds:g} s" for part, seconds in self.spent.items()]
@@ -465,7 +465,7 @@ def attach_cleanup(error: BaseException, failures: Iterable[PlanFailure]) -> Non
 
 
 def matches(failure: BaseException, kinds: type[PlanFailure] | tuple[type[PlanFailure], ...]) -> bool:
-    """Whether a failure is of a kind; a composite one is if it has members and every leaf is."""
+    """Return True if a failure is of a kind; a composite one is if it has members and every leaf is."""
     if isinstance(failure, kinds):
         return True
     open_: list[BaseException] = [failure]

@@ -22,15 +22,15 @@ class PlanStructureError(Exception):
 
 
 class WrongType(PlanStructureError, TypeError):
-    """What was given is not the kind of thing that is meant."""
+    """An argument is not of the kind that is meant."""
 
 
 class WrongValue(PlanStructureError, ValueError):
-    """What was given is of the right kind, but makes no sense."""
+    """An argument is of the right kind, but makes no sense."""
 
 
 def contrast(message: str, wrong: str, right: str) -> str:
-    """A message that shows the wrong and the right code."""
+    """Return a message that shows the wrong and the right code."""
     return f"{message}\n  wrong: {wrong}\n  right: {right}"
 
 
@@ -47,7 +47,7 @@ class Usage:
         self._examples = {key.rstrip("="): code for key, code in required.items()} | dict(optional or {})
 
     def shown(self, parameter: str, code: str | None = None) -> str:
-        """The call with this code for one argument; without code, as it may be right."""
+        """Return the call with this code for one argument; without code, as it may be right."""
         example = self._examples.get(parameter) or next(iter(self._examples.values()))
         codes = {**self._examples, parameter: example if code is None else code}
         names = {key.rstrip("="): key if key.endswith("=") else "" for key in self._required}
@@ -59,7 +59,7 @@ class Usage:
     def wrong(
         self, parameter: str, value: object, meant: str, kind: type[WrongType] | type[WrongValue] = WrongType
     ) -> WrongType | WrongValue:
-        """The error of an argument that is not what is meant; a coroutine is closed."""
+        """Return the error of an argument that is not what is meant; a coroutine is closed."""
         code = written(value)
         message = f"{parameter} of {self.name} has to be {meant}, not {code}"
         return kind(contrast(message, self.shown(parameter, code), self.shown(parameter)))
@@ -76,11 +76,11 @@ class Usage:
             raise self.empty(parameter)
 
     def empty(self, parameter: str) -> WrongType | WrongValue:
-        """The error of an empty string."""
+        """Return the error of an empty string."""
         return self.wrong(parameter, "", "a string with something in it", WrongValue)
 
     def whole(self, parameter: str, value: object, least: int | None, what: str) -> int:
-        """A whole number, of whatever class; refuses what is none, or less than ``least``."""
+        """Return a number of whatever class as int; raises for what is not whole, or less than ``least``."""
         number = whole_number(value)
         if number is not None and (least is None or number >= least):
             return number
@@ -93,7 +93,7 @@ class Usage:
             raise self.not_seconds(parameter, value)
 
     def not_seconds(self, parameter: str, value: object) -> WrongType | WrongValue:
-        """The error of an argument that is no duration."""
+        """Return the error of an argument that is no duration."""
         kind = WrongValue if _is_number(value) and not isinstance(value, bool) else WrongType
         return self.wrong(parameter, value, "a duration, a finite number of seconds >= 0", kind)
 
@@ -117,7 +117,7 @@ class Usage:
                 raise self._no_branch(parameter, branch, f"{{{key!r}: %s}}")
 
     def refused(self, parameter: str, message: str, value: object) -> WrongValue:
-        """The error of an argument with something wrong in it, as the message says."""
+        """Return the error of an argument with something wrong in it, as the message says."""
         return WrongValue(contrast(message, self.shown(parameter, written(value)), self.shown(parameter)))
 
     def at_once(self, parameter: str, function: object, result: object) -> None:
@@ -147,7 +147,7 @@ class Usage:
                 raise self._no_branch(parameter, value)
 
     def branches(self, **values: object) -> None:
-        """As :meth:`branch`, for several parameters."""
+        """Refuse what is no branch, as :meth:`branch` does, for several parameters."""
         for parameter, value in values.items():
             if value.__class__ not in _USUAL and not _is_branch(value):
                 discard(values.values())
@@ -172,7 +172,7 @@ def _is_branch(value: object) -> bool:
 
 
 def amount(value: Any) -> float | None:
-    """A finite number, at least 0, of whatever class; None for what is none."""
+    """Return a number of whatever class as float, None unless it is finite and at least 0."""
     if not hasattr(type(value), "__float__") or type(value).__name__ in _TRUTHS:
         return None
     try:
@@ -183,7 +183,7 @@ def amount(value: Any) -> float | None:
 
 
 def whole_number(value: Any) -> int | None:
-    """A whole number of whatever class; None for what is none, and for True and False."""
+    """Return a whole number of whatever class as int; None for anything else, and for True and False."""
     if type(value).__name__ in _TRUTHS:
         return None
     try:
@@ -201,12 +201,12 @@ def _is_number(value: object) -> bool:
 
 
 def is_iterable(value: object) -> bool:
-    """Whether there is something in it to take, one after another."""
+    """Return True if the value can be iterated."""
     return isinstance(value, Iterable) or (hasattr(type(value), "__getitem__") and not isinstance(value, type))
 
 
 def written(value: object) -> str:
-    """A value as it may stand in the plan, the same in each run; a coroutine is closed, since nobody awaits it."""
+    """Return a value as it may stand in the plan, the same in each run; a coroutine is closed."""
     if inspect.iscoroutine(value):
         value.close()
         return f"{value.__name__}()"
@@ -220,7 +220,7 @@ def written(value: object) -> str:
 
 
 def _inside(value: object) -> str:
-    """What ``repr`` gives, but of what is in a container as it may stand in the plan; empty if that raises."""
+    """Return ``repr(value)``, with the items of containers as they may stand in the plan; empty if that raises."""
     try:
         if value.__class__ is dict:
             return f"{{{', '.join(f'{written(key)}: {written(item)}' for key, item in value.items())}}}"

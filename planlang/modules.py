@@ -22,6 +22,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
+from planlang.files import read_file
 from planlang.language.executive import ProcessModule
 
 GROUP = "planlang.modules"
@@ -29,6 +30,7 @@ GROUP = "planlang.modules"
 LARGEST = 10_000_000
 """Bytes of a file of process modules that are read at most."""
 _MARK = "__planlang_process_module__"
+_ADVICE = "mark the class with @process_module from planlang.modules"
 
 M = TypeVar("M")
 
@@ -86,8 +88,7 @@ class ModuleRegistry:
         """Register the process modules of a user's file; raises BadInput, with the line, if it cannot be used."""
         module = _imported(path)
         if not self.add(module, path.name, Rank.NAMED):
-            advice = "mark the class with @process_module from planlang"
-            raise BadInput([error("X011", "this file has no process module", Span(str(path)), advice)])
+            raise BadInput([error("X011", "this file has no process module", Span(str(path)), _ADVICE)])
         self.identity[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
 
     def add_installed(self) -> None:
@@ -98,7 +99,7 @@ class ModuleRegistry:
             classes: list[Any] = [found] if isinstance(found, type) else list(_marked(found))
             if not all(getattr(cls, _MARK, None) is cls for cls in classes) or not classes:
                 message = f"the entry point {entry.name} of {package} names no process module: {entry.value}"
-                raise BadInput([error("X011", message, help="mark the class with @process_module from planlang")])
+                raise BadInput([error("X011", message, help=_ADVICE)])
             for cls in classes:
                 self._registered.append(
                     Registered(cls, tuple(cls.actions), f"{cls.__name__} of {package}", Rank.INSTALLED)
@@ -146,9 +147,7 @@ def _imported(path: Path) -> ModuleType:
     """Import a file under a name of its own; it stays imported, as failures are found by their module's name."""
     name = f"planlang_modules_{path.stem}"
     try:
-        if path.stat().st_size > LARGEST or not path.is_file():
-            raise BadInput([error("X011", f"{path} is no Python file of at most {LARGEST // 1_000_000} MB")])
-        code = compile(path.read_bytes(), str(path), "exec")
+        code = compile(read_file(path, "X011", largest=LARGEST), str(path), "exec")
         spec = importlib.util.spec_from_loader(name, loader=None, origin=str(path))
         assert spec is not None
         module = importlib.util.module_from_spec(spec)

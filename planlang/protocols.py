@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from planlang.geometry import Array, Pose
 
@@ -60,7 +60,11 @@ class Detection:
 
 
 class World(Protocol):
-    """Bodies, one robot, contact, camera, attachment, time: ``sim.PyBulletWorld``; a real robot can be another."""
+    """What a robot commands and senses: motions, grippers, camera, time. A real robot can be one as well.
+
+    Nothing here asks about what is not: contacts elsewhere, lines of sight and room for the base are questions to the
+    world that planning has for itself (``sim.PlanningWorld``), which is another object.
+    """
 
     rate: int
     """World steps per second."""
@@ -92,9 +96,6 @@ class World(Protocol):
     def halt(self, group: str) -> None:
         """Stop the group where it is."""
 
-    def contacts(self, configuration: Configuration | None = None) -> tuple[Contact, ...]:
-        """Penetrations of the robot and what it holds, at its own or another configuration, allowed ones left out."""
-
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
         """What the camera sees, unoccluded and within its limits, in the order of the scene."""
 
@@ -115,6 +116,17 @@ class World(Protocol):
 
     def taken(self, name: str) -> str | None:
         """The person who pulls at a body or has it, None if nobody does."""
+
+
+@runtime_checkable
+class RestorableWorld(Protocol):
+    """A world whose state is JSON and can be brought back: a simulated one, unlike that of a real robot."""
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the state of the world."""
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from a :meth:`snapshot`; raises ValueError if it does not fit this world, or is damaged."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from sim.hulls import Hulled, hull_of
 from sim.outline import Solid
 from sim.person import Reach, reach_of
 from sim.perturb import perturb
+from sim.planning_world import PlanningWorld
 from sim.scene import Body, CameraModel, RobotBody, Scene
 from sim.world import PyBulletWorld
 
@@ -16,6 +17,7 @@ __all__ = [
     "Body",
     "CameraModel",
     "Hulled",
+    "PlanningWorld",
     "PyBulletWorld",
     "Reach",
     "RobotBody",

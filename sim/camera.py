@@ -18,7 +18,6 @@ from planlang.protocols import Detection
 from sim.bodies import Bodies
 from sim.engine import bullet
 from sim.scene import CameraModel
-from sim.view import FIELD
 
 LEAST_PIXELS = 4
 """An object with fewer pixels in the picture is not recognised."""
@@ -61,7 +60,7 @@ class Camera:
         eye, forward, up = _axes(model, pose)
         view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
         vertical = 2 * math.atan(math.tan(model.fov / 2) * model.height / model.width)
-        mask = self._picture(model.width, model.height, view, math.degrees(vertical))[4]
+        mask = raster(self.client, model.width, model.height, view, vertical)[4]
         counts: dict[str, int] = {}
         for uid, count in zip(*np.unique(np.asarray(mask), return_counts=True), strict=True):
             name = self.bodies.name_of(int(uid))
@@ -137,47 +136,34 @@ class Camera:
             return np.zeros((0, 3)), np.zeros(0)
         return np.vstack(points), np.concatenate(weights)
 
-    def render(self, width: int, height: int, eye: Sequence[float], target: Sequence[float]) -> Picture:
-        """(height, width, 3) picture; walls that stand between the eye and the room are left out."""
-        hidden = [index for index in range(len(self.bodies.pieces)) if self._in_the_way(index, eye)]
-        self.bodies.hide(hidden)
-        try:
-            view = bullet.computeViewMatrix(list(eye), list(target), [0.0, 0.0, 1.0])
-            image = self._picture(width, height, view, math.degrees(FIELD), shadow=1, light=(-2.0, -3.0, 6.0))
-        finally:
-            self.bodies.show(hidden)
-        pixels: Picture = np.asarray(image[2], dtype=np.uint8).reshape(height, width, 4)[:, :, :3].copy()
-        return pixels
 
-    def _in_the_way(self, index: int, eye: Sequence[float]) -> bool:
-        piece = self.bodies.pieces[index]
-        if piece.part.outward is None or piece.body in self.bodies.removed:
-            return False
-        wall = piece.pose
-        normal = rotated(wall.rotation, np.asarray(piece.part.outward))
-        return float((np.asarray(eye) - np.asarray(wall.position)) @ normal) > 0.0
+def raster(
+    client: int,
+    width: int,
+    height: int,
+    view: Any,
+    vertical: float,
+    *,
+    shadow: int = 0,
+    light: tuple[float, float, float] = (0.0, 0.0, 5.0),
+    links: bool = False,
+) -> Any:
+    """Return PyBullet's picture [2] and its mask of bodies [4], by its software renderer, the same on every machine.
 
-    def _picture(
-        self,
-        width: int,
-        height: int,
-        view: Any,
-        vertical: float,
-        *,
-        shadow: int = 0,
-        light: tuple[float, float, float] = (0.0, 0.0, 5.0),
-    ) -> Any:
-        lens = bullet.computeProjectionMatrixFOV(vertical, width / height, _CLIP, _FAR)
-        return bullet.getCameraImage(
-            width,
-            height,
-            view,
-            lens,
-            shadow=shadow,
-            lightDirection=light,
-            renderer=bullet.ER_TINY_RENDERER,
-            physicsClientId=self.client,
-        )
+    ``vertical``: opening angle [rad]. ``links``: the mask counts the links of a robot apart.
+    """
+    lens = bullet.computeProjectionMatrixFOV(math.degrees(vertical), width / height, _CLIP, _FAR)
+    return bullet.getCameraImage(
+        width,
+        height,
+        view,
+        lens,
+        shadow=shadow,
+        lightDirection=light,
+        flags=bullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX if links else 0,
+        renderer=bullet.ER_TINY_RENDERER,
+        physicsClientId=client,
+    )
 
 
 def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:

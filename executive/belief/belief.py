@@ -14,7 +14,7 @@ from planlang.geometry import Pose
 from planlang.ontology import expand
 from planlang.protocols import Configuration, Detection
 from planlang.runs.codec import dump, load
-from sim import PyBulletWorld
+from sim import PlanningWorld
 
 MOVED = 0.002
 """A thing seen within this distance of where it was believed to be has not moved [m]."""
@@ -43,7 +43,7 @@ def _ignore(event: str, details: Mapping[str, Any]) -> None:
 class Belief:
     """Poses of the things of a map as the robot knows them. Only sensing and acting change it."""
 
-    def __init__(self, semantic_map: SemanticMap, world: PyBulletWorld) -> None:
+    def __init__(self, semantic_map: SemanticMap, world: PlanningWorld) -> None:
         """``world`` is a planning world of the map's scene; its poses are the first ones believed."""
         self.map = semantic_map
         self.revision = 0
@@ -213,7 +213,7 @@ class Belief:
 
     # Imagining
 
-    def sync(self, world: PyBulletWorld, configuration: Configuration) -> None:
+    def sync(self, world: PlanningWorld, configuration: Configuration) -> None:
         """Make a planning world equal to the belief: the robot, what it holds, everything else."""
         for name in world.attached():
             if name not in self.held or world.attached()[name] != self.held[name].link:

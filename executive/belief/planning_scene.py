@@ -14,13 +14,13 @@ from executive.robots import Robot
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Device
 from planlang.geometry import Array
-from sim import PyBulletWorld
+from sim import PlanningWorld
 
 
 class RobotArms:
     """The robot's arms, with where they are and what they are believed to hold."""
 
-    def __init__(self, world: PyBulletWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
+    def __init__(self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
         self._world, self._robot, self._belief = world, robot, belief
         self.all: tuple[ArmModel, ...] = tuple(arms)
         """In the robot's order."""
@@ -42,7 +42,7 @@ class RobotArms:
         return None
 
     def is_held(self, body: str) -> bool:
-        """Whether one of the hands holds a body."""
+        """Return whether one of the hands holds a body."""
         return any((held := self.held(arm.name)) is not None and held.name == body for arm in self.all)
 
     def grasped_at(self, body: str) -> Array:
@@ -57,7 +57,7 @@ class PlanningScene:
     """
 
     def __init__(
-        self, world: PyBulletWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel], gaze: Gaze | None
+        self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel], gaze: Gaze | None
     ) -> None:
         self.world, self.robot, self.belief = world, robot, belief
         self.bodies = BelievedBodies(world, belief)
@@ -82,7 +82,3 @@ class PlanningScene:
         """Return the robot's configuration as a value that can be compared."""
         now = self.world.configuration()
         return now.base, tuple(now.joints.items())
-
-    def kinematics(self) -> str:
-        """Return how kinematics are computed, "compiled" or "interpreted": answers differ in their last digits."""
-        return " and ".join(sorted({arm.solver.chain.backend.kind for arm in self.arms.all})) or "none"

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
-import click
 import typer
 
 from executive.cli import check, compile, convert, inspect, locate, match, replay, run
@@ -68,11 +67,15 @@ for name, command, example in (
 _add(robot_app, "inspect", inspect.inspect_command, "robot inspect amigo --picture reach.png")
 
 
+# Some versions of typer bring a click of their own: its class of usage errors is found from one that typer exports.
+_UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "UsageError")
+
+
 def main() -> NoReturn:
     """Run the command; ends the process. Wrong usage is a JSON object, too, if ``--json`` is among the words."""
     try:
         code = app(prog_name="planlang", standalone_mode=False)
-    except click.UsageError as problem:
+    except _UsageError as problem:
         if "--json" in sys.argv:
             name = problem.ctx.command_path.removeprefix("planlang").strip() if problem.ctx is not None else ""
             message = problem.format_message()
@@ -80,9 +83,9 @@ def main() -> NoReturn:
         else:
             problem.show()
         code = ExitCode.BAD_INPUT
-    except click.exceptions.Exit as end:
+    except typer.Exit as end:
         code = end.exit_code
-    except click.Abort:
+    except typer.Abort:
         code = ExitCode.INTERRUPTED
     except BrokenPipeError:  # the reader of stdout has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

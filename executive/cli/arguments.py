@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, Field, dataclass, fields
 from pathlib import Path
@@ -41,8 +42,12 @@ class OntologyArguments(Arguments):
 
     @property
     def folders(self) -> tuple[Path, ...]:
-        """The folders in which imported files are looked for."""
-        return tuple(self.ontologies or ())
+        """The folders in which imported files are looked for; raises BadInput for one that is none."""
+        folders = tuple(self.ontologies or ())
+        wrong = [path for path in folders if not os.path.isdir(path)]
+        if wrong:
+            raise BadInput([error("C001", f"--ontologies {path} is no folder") for path in wrong])
+        return folders
 
 
 @dataclass(frozen=True, kw_only=True)

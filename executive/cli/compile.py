@@ -79,9 +79,8 @@ def _check_graph(path: Path | None) -> list[Diagnostic]:
 
     if path is None or path.suffix.lower() in FORMATS:
         return []
-    problem = f"unknown graph format {path.suffix}" if path.suffix else "a graph file needs a suffix"
-    known = ", ".join(str(path.with_suffix(suffix)) for suffix in FORMATS) if path.name else ", ".join(FORMATS)
-    return [error("C014", f"--graph {path}: {problem}", help=f"write one of {known}")]
+    message = f"unknown graph format {path.suffix or path.name}; known: {', '.join(FORMATS)}"
+    return [error("C014", message, help=f"name a file such as {path.stem or 'graph'}.svg")]
 
 
 def _write_graph(path: Path, plan: CompiledPlan) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Span, error
+from planlang.files import open_regular
 from planlang.plan_header import PlanHeader, header
 from planlang.resources import Bundled
 
@@ -44,7 +45,7 @@ def read(name: str) -> PlanFile | RecipeFile:
     """
     path = Bundled.RECIPE.find(name)
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             content = file.read(LARGEST_PLAN + 1)
     except OSError as problem:
         raise BadInput([error("C001", f"{name} cannot be read: {problem.strerror}")]) from None

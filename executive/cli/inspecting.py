@@ -16,7 +16,7 @@ from executive.robots.carrying import with_carrying
 from executive.runs.assembly import mapped
 from planlang.diagnostics import BadInput, error
 from planlang.outputs import replace
-from sim import PyBulletWorld, Scene
+from sim import PlanningWorld, Scene
 
 USEFUL = ("carrying", "prepare_grasp", "handover")
 """Postures that plans and the executive use."""
@@ -34,7 +34,7 @@ def inspect(
     """Bind a robot, map its arms, list and draw what was found; raises BadInput. ``record`` is for the rerun viewer."""
     bare = bind_robot(source, urdf=urdf)
     robot = with_carrying(bare)
-    world = PyBulletWorld(Scene(()), robot.body())
+    world = PlanningWorld(Scene(()), robot.body())
     try:
         return _inspected(bare, robot, world, picture, record, progress)
     finally:
@@ -44,7 +44,7 @@ def inspect(
 def _inspected(
     bare: Robot,
     robot: Robot,
-    world: PyBulletWorld,
+    world: PlanningWorld,
     picture: Path | None,
     record: Path | None,
     progress: Callable[[str], None],

@@ -12,10 +12,9 @@ from typing import Any
 from executive.belief import SemanticMap, read_map, scene_of
 from executive.belief.free_floor import BasePose
 from executive.cli.console import Answer, ExitCode, silent
-from executive.locations import TABLE, Rejections
-from executive.locations.idle import without_idle
-from executive.locations.meaningless import LocationMeaningless
-from executive.locations.relations import base_demand, sides, thing_demand
+from executive.locations import Rejections
+from executive.locations.consistency import LocationMeaningless
+from executive.locations.demands import base_demand, sides, thing_demand, without_unused
 from executive.modules.platform import Platform
 from executive.robots import bind_robot
 from executive.robots.carrying import with_carrying
@@ -25,8 +24,10 @@ from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.ontology import expand, load, shorten
 from planlang.outputs import replace as write_complete
-from planlang.phrases import FORMS, Lexicon, read_location, read_thing, write_location, write_relation, write_thing
+from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.words import GRASP_FORMS
+from planlang.relations import RELATIONS
+from sim import PyBulletWorld
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,9 @@ def locate(options: LocateOptions) -> Answer:
             asked = write_thing(location.device).removeprefix("the ")
             return _missing(f"{robot.name} has no {asked}; its arms: {arms}", found)
         world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
-        platform = platform_of(robot, semantic_map, world, world, 0)
+        truth = PyBulletWorld(world.scene, robot.body())  # which is as believed: nothing moves
+        stack.callback(truth.close)
+        platform = platform_of(robot, semantic_map, truth, world, 0)
         meant = _meant([*references(location), *([] if what is None else [what])], lexicon, platform)
         found.extend(_choices(meant, lexicon, platform))
         build_maps(platform, options.progress)  # last: for a new robot it takes minutes
@@ -137,16 +140,16 @@ def _of_no_place(
     def words(part: object) -> str:
         if isinstance(part, Relation):
             return repr(write_relation(part, lexicon))
-        return repr(write_location(part, lexicon)) if isinstance(part, Location) else FORMS[str(part)][0]
+        return repr(write_location(part, lexicon)) if isinstance(part, Location) else RELATIONS[str(part)].forms[0]
 
-    yield error("P010", problem.told(words), help=_other_subject(location, what, lexicon))
+    yield error("P010", problem.worded(words), help=_other_subject(location, what, lexicon))
 
 
 def _used(location: Location, what: Object | None, platform: Platform) -> Location:
     """Return the location without arms and grasps that nothing uses."""
     if what is not None:
         return replace(location, device=None, grasp=None)
-    return without_idle(location, platform.scene, platform.base()[:2])
+    return without_unused(location, platform.scene, platform.base()[:2])
 
 
 def _idle(said: Location, used: Location) -> Iterator[Diagnostic]:
@@ -167,7 +170,7 @@ def _idle(said: Location, used: Location) -> Iterator[Diagnostic]:
 def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) -> str | None:
     """Return how to ask for poses that a relation has a meaning for, if it has none for what was asked for."""
     for relation in location.relations:
-        meaning = TABLE[relation.name]
+        meaning = RELATIONS[relation.name]
         if what is None and meaning.base is None:
             hints = ["--of THING asks for poses of a thing"] if meaning.thing else []
             if meaning.hand:

@@ -1,18 +1,17 @@
-"""Locations: from relations such as "in reach of the patient" to places for the base and poses of the hand.
+"""Locations: from relations such as "in reach of the patient" to base poses and hand poses.
 
-General layout: ``relations`` is the table of what each relation means for base, hand and object, ``bounds`` its
-distances; ``meaningless`` is what means nothing, ``idle`` what nothing uses. ``areas``, ``doors`` and ``sight`` say
-where that is on the floor, ``ways`` and ``hand_ways`` what a hand does, ``hand_terms`` whether it is somewhere,
-``resting`` where objects can be. ``reachability`` maps what arms reach, ``candidates`` inverts the maps over the free
-``field``, ``between`` moves what has no room there, ``solving`` finds joint values and rules out collisions by
-``executive.motion.collision``, ``reach`` judges one base. ``reaching`` and ``standing``, at last ``anywhere``, search
-for places of the base, ``judging`` looks at each exactly; ``resolver`` puts it all together. ``rejections`` is what
-they tell when nothing is found. The believed world is asked through ``executive.belief.planning_scene``.
+General layout, in the order of a query: ``resolver`` takes a location; ``demands`` binds it to the planning scene, as
+``areas`` of the floor, things to see and reaches (``consistency``: what means nothing). ``grasp_candidates`` are tip
+poses for a reach, ``hands`` chooses them and tells whether a hand is somewhere; ``reachability`` maps what arms reach,
+``inverse_map`` and ``base_candidates`` turn that into base poses, ``search`` goes through them within a
+``search_budget``, ``floor_search`` through those that need no reach, ``hand_solutions`` finds joint values, and
+``validation`` checks each pose exactly. ``resting`` is where things can be; ``rejections`` count why there is nothing.
+The believed world is asked through ``executive.belief.planning_scene``.
 """
 
-from executive.locations.reach import Reach, ReachSolution
+from executive.locations.demands import Reach, ReachKind
+from executive.locations.hand_solutions import HandSolution
 from executive.locations.rejections import Rejections
-from executive.locations.relations import TABLE
 from executive.locations.resolver import Resolver
 
-__all__ = ["TABLE", "Reach", "ReachSolution", "Rejections", "Resolver"]
+__all__ = ["HandSolution", "Reach", "ReachKind", "Rejections", "Resolver"]

@@ -1,5 +1,6 @@
 """Areas of the floor (or of a surface) that relations to a body mean: scores of points, and whether they are inside.
 
+``Area`` is within bounds of a body, ``Facing`` a heading, ``Clear`` what a body and its doors leave.
 Directions are those of the body's own front if it has one; else of whoever looks: in front is towards the viewer, and
 left is the viewer's left. Distances are between outlines seen from above.
 """
@@ -7,37 +8,14 @@ left is the viewer's left. Distances are between outlines seen from above.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.believed_bodies import Block
+from executive.belief.believed_bodies import Block, Door
 from planlang.geometry import Array
 
-SIDES: Mapping[str, tuple[float, ...]] = {
-    "in_front_of": (0.0,),
-    "behind": (math.pi,),
-    "left_of": (math.pi / 2,),
-    "right_of": (-math.pi / 2,),
-    "next_to": (math.pi / 2, -math.pi / 2),
-}
-"""Relation -> directions relative to the front in which a place may be, within 45 degrees."""
-OF_A_BASE: Mapping[str, tuple[float, float]] = {
-    **dict.fromkeys(SIDES, (0.1, 1.1)),
-    "near": (0.0, 1.0),
-    "far_from": (2.0, math.inf),
-}
-"""Least and greatest distance [m] of a base, unless the designator says others."""
-OF_A_THING: Mapping[str, tuple[float, float]] = {
-    **dict.fromkeys(SIDES, (0.0, 0.3)),
-    "near": (0.0, 0.3),
-    "far_from": (0.6, math.inf),
-}
-"""The same of a hand or an object."""
-HEIGHTS = (0.02, 0.15)
-"""Least and greatest height of the lowest point over a top, for `above` [m]."""
 FACING = math.radians(30)
 """A base faces what is within this angle of its heading [rad]."""
 HAIR = 1e-3
@@ -65,17 +43,17 @@ class Area:
     negated: bool = False
 
     def score(self, points: Array) -> Array:
-        """How good points (n, 2) are, (n,) in [0, 1]; 0 exactly where they are not in the area."""
+        """Return how good points (n, 2) are, (n,) in [0, 1]; 0 exactly where they are not in the area."""
         if self.negated:
             return np.asarray(~self._inside(points), float)
         return np.where(self._inside(points), self._likeable(points), 0.0)
 
     def holds(self, point: tuple[float, float]) -> bool:
-        """Whether a point is in the area."""
+        """Return whether a point is in the area."""
         return bool(self.score(np.array([point]))[0] > 0)
 
     def anchor(self) -> tuple[float, float, float, float]:
-        """Middle (x, y), heading and radius of a circle around the area; only as far as 3 m around the block."""
+        """Return middle (x, y), heading and radius of a circle around the area; only as far as 3 m around the block."""
         return (
             self.block.x,
             self.block.y,
@@ -84,12 +62,12 @@ class Area:
         )
 
     def nearly(self, points: Array, within: float) -> NDArray[np.bool_]:
-        """Whether the area may have a point within so many metres of points (n, 2); if not, it surely has none (n,)."""
+        """Return whether the area may have a point ``within`` [m] of points (n, 2); if not, it has none (n,)."""
         border = STEEPEST * within
         return self._inside(points, HAIR + border) if not self.negated else ~self._inside(points, HAIR - border)
 
     def _inside(self, points: Array, border: float = HAIR) -> NDArray[np.bool_]:
-        """Whether points are in the area, without its negation, with its border so much farther out [m]."""
+        """Return whether points are in the area, without its negation, with its border so much farther out [m]."""
         if not self.directions:
             away = self._gap(points)
             return np.asarray((away >= self.least - border) & (away <= self.most + border))
@@ -102,7 +80,7 @@ class Area:
         return found
 
     def _gap(self, points: Array) -> Array:
-        """Distances (n,) between the outlines, 0 where they overlap [m]."""
+        """Return distances (n,) between the outlines, 0 where they overlap [m]."""
         return np.maximum(self.block.distance(points) - self.radius, 0.0)
 
     def _likeable(self, points: Array) -> Array:
@@ -122,7 +100,7 @@ class Area:
         return np.asarray(np.maximum(1.0 - 0.5 * share, POOREST))
 
     def _along(self, points: Array, direction: float) -> tuple[Array, Array]:
-        """How far points are before the side of the block in a direction, and how far aside of its middle (n,) [m]."""
+        """Return how far points are before the side of the block in a direction, and how far aside of it (n,) [m]."""
         c, s = math.cos(direction), math.sin(direction)
         dx, dy = points[:, 0] - self.block.x, points[:, 1] - self.block.y
         return c * dx + s * dy - self.block.support(direction), c * dy - s * dx
@@ -137,40 +115,79 @@ class Facing:
     negated: bool = False
 
     def bearing(self, points: Array) -> Array:
-        """Headings (n,) from points (n, 2 or more) to its middle [rad]."""
+        """Return headings (n,) from points (n, 2 or more) to its middle [rad]."""
         return np.arctan2(self.block.y - points[:, 1], self.block.x - points[:, 0])
 
     def score(self, bases: Array) -> Array:
-        """How well bases (n, 3) face it, (n,) in [0, 1]; 0 exactly where they do not."""
+        """Return how well bases (n, 3) face it, (n,) in [0, 1]; 0 exactly where they do not."""
         bearing = self.bearing(bases)
         miss = np.abs(np.arctan2(np.sin(bases[:, 2] - bearing), np.cos(bases[:, 2] - bearing)))
         inside = miss <= FACING + HAIR
         return np.where(inside != self.negated, 1.0 if self.negated else np.cos(miss), 0.0)
 
 
+@dataclass(frozen=True, slots=True)
+class Clear:
+    """Places from which a round outline neither touches a block nor the sweep of its doors."""
+
+    words: str
+    block: Block | None
+    """None: what it is about is a door itself, which its sweep surrounds."""
+    doors: tuple[Door, ...]
+    radius: float
+    """Of the outline [m]."""
+    negated: bool = False
+
+    def score(self, points: Array) -> Array:
+        """1 where points (n, 2) are clear, else 0; a little less where they nearly are not, (n,)."""
+        gap = self._gap(points)
+        if self.negated:
+            return np.asarray(gap <= 0, float)
+        return np.where(gap > 0, 0.7 + 0.3 * np.clip(gap / 0.3, 0.0, 1.0), 0.0)
+
+    def nearly(self, points: Array, within: float) -> NDArray[np.bool_]:
+        """Return whether a place within so many metres of points (n, 2) may do; if not, there surely is none (n,)."""
+        gap = self._gap(points)
+        return np.asarray(gap <= within if self.negated else gap > -within)
+
+    def _gap(self, points: Array) -> Array:
+        """Return distances (n,) of the outline from the block and the sweeps [m]."""
+        gaps = [_from_sweep(door, points) for door in self.doors]
+        if self.block is not None:
+            gaps.append(self.block.distance(points))
+        return np.min(gaps, axis=0) - self.radius if gaps else np.full(len(points), np.inf)
+
+
+def _from_sweep(door: Door, points: Array) -> Array:
+    """Return distances (n,) of points from the half disc that the leaf sweeps on both sides, 0 inside."""
+    c, s = math.cos(door.heading), math.sin(door.heading)
+    dx, dy = points[:, 0] - door.x, points[:, 1] - door.y
+    along, across = c * dx + s * dy, np.abs(c * dy - s * dx)
+    before = np.hypot(along, np.maximum(across - door.width, 0.0))
+    return np.asarray(np.where(along >= 0, np.maximum(np.hypot(along, across) - door.width, 0.0), before))
+
+
 def front_of(block: Block, front: float | None, viewer: tuple[float, float]) -> tuple[float, bool]:
-    """The heading [rad] that counts as a body's front, and whether it is the viewer's: then left is the other side."""
+    """Return the heading [rad] of a body's front, and whether it is the viewer's: then left is the other side."""
     if front is not None:
         return front, False
     return math.atan2(viewer[1] - block.y, viewer[0] - block.x), True
 
 
 def area_of(
-    relation: str,
     words: str,
     body: str,
     block: Block,
+    directions: tuple[float, ...],
+    *,
     front: float | None,
     viewer: tuple[float, float],
     radius: float,
     bounds: tuple[float, float],
-    *,
     negated: bool = False,
 ) -> Area:
-    """The area that a relation of SIDES, "near" or "far_from" means."""
-    directions: tuple[float, ...] = ()
-    if relation in SIDES:
-        ahead, seen = front_of(block, front, viewer)
-        # from the viewer's side, left and right are exchanged
-        directions = tuple(ahead + (-turn if seen else turn) for turn in SIDES[relation])
-    return Area(words, body, block, radius, bounds[0], bounds[1], directions, negated)
+    """Return the area within bounds of a body, on sides of it [rad from its front], or on any if there are none."""
+    ahead, seen = front_of(block, front, viewer)
+    # from the viewer's side, left and right are exchanged
+    headings = tuple(ahead + (-turn if seen else turn) for turn in directions)
+    return Area(words, body, block, radius, bounds[0], bounds[1], headings, negated)

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from itertools import product
 
@@ -25,7 +23,7 @@ from executive.robots.arms import ArmModel, HandFrame, Lift, lift_of
 from planlang.cache import Cache
 from planlang.geometry import Array
 
-VERSION = 2
+VERSION = 3
 """Raised whenever maps come out otherwise for the same arm."""
 SAMPLES = 20_000
 """Random postures that tell where the tip can be at all."""
@@ -53,7 +51,7 @@ def reachability_maps(
     classes: Iterable[GraspClass] = GraspClass,
     progress: Progress | None = None,
 ) -> Mapping[GraspClass, ReachabilityMap]:
-    """The maps of an arm, from the user's cache or built now (in parallel; ``progress`` is told of those built).
+    """The maps of an arm, from the user's cache or built now; ``progress`` is told of those built.
 
     ``torso``: the joint among the arm's that lifts it; one that does not slide straight up is a joint like others.
     """
@@ -69,7 +67,7 @@ def reachability_maps(
 def keep_maps(
     arms: Iterable[ArmModel], torso: str | None = None, progress: Progress | None = None
 ) -> dict[tuple[str, GraspClass], ReachabilityMap]:
-    """Build all maps of arms that are not in the user's cache yet, in parallel: these, by arm and class."""
+    """Build all maps of arms that are not in the user's cache yet: these, by arm and class."""
     every = [(arm, lift_of(arm.solver.chain, torso), grasp) for arm in arms for grasp in GraspClass]
     built = _built([job for job in every if _fetch(*job) is None], progress)
     return {(arm.name, grasp): _kept(arm, lift, grasp, rows) for arm, lift, grasp, rows in built}
@@ -80,23 +78,10 @@ _Job = tuple[ArmModel, Lift | None, GraspClass]
 
 def _built(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[tuple[ArmModel, Lift | None, GraspClass, Rows]]:
     """The rows of maps, as they get ready."""
-    if not jobs:
-        return
-    if len(jobs) == 1:  # in this thread: who waits for it is seen to compute
-        yield *jobs[0], _build_rows(*jobs[0])
+    for number, (arm, lift, grasp) in enumerate(jobs, 1):
+        yield arm, lift, grasp, _build_rows(arm, lift, grasp)
         if progress is not None:
-            progress(1, 1, f"{jobs[0][0].name}, {jobs[0][2].value}")
-        return
-    pool = ThreadPoolExecutor(max_workers=min(len(jobs), os.cpu_count() or 1))
-    try:
-        futures = {pool.submit(_build_rows, *job): job for job in jobs}
-        for number, future in enumerate(as_completed(futures), 1):
-            arm, lift, grasp = futures[future]
-            yield arm, lift, grasp, future.result()
-            if progress is not None:
-                progress(number, len(jobs), f"{arm.name}, {grasp.value}")
-    finally:
-        pool.shutdown(cancel_futures=True)
+            progress(number, len(jobs), f"{arm.name}, {grasp.value}")
 
 
 # Cache
@@ -104,12 +89,10 @@ def _built(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[tuple[Ar
 
 def _entry_name(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> str:
     chain = arm.solver.chain
-    computed_by = type(chain.backend).__name__
     way = "sampled" if is_bound(_carried(chain, lift)) else "lattice"
     facts = (
         VERSION if way == "lattice" else (VERSION, way),
         chain.digest,
-        computed_by,
         lift,
         grasp.value,
         arm.frame,

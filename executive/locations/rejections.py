@@ -28,7 +28,7 @@ OUT_OF_REACH = Reason("out of reach")
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class Validated:
     """One place that was looked at: what it was rejected for, "" if it was accepted."""
 
     base: BasePose
@@ -46,7 +46,7 @@ class Rejections:
     """Whether people will see them even if a place is found: then what takes the room of others is looked at, too."""
     counts: Counter[str] = field(default_factory=Counter)
     blocking: Counter[str] = field(default_factory=Counter)
-    places: list[Judged] = field(default_factory=list)
+    places: list[Validated] = field(default_factory=list)
     """Places that were looked at, in that order; the first thousands."""
     scored: list[tuple[Array, Array]] = field(default_factory=list)
     """Candidates (m, 3) before they were looked at, and their scores (m,)."""
@@ -85,7 +85,7 @@ class Rejections:
         self.refused.extend(other.refused)
 
     def copy(self) -> Rejections:
-        """The same, to go on from twice."""
+        """Return the same, to go on from twice."""
         fresh = Rejections(self.explained)
         fresh.include(self)
         return fresh
@@ -94,13 +94,13 @@ class Rejections:
         """Forget what was counted since a copy was made, as it is all looked at once more; places are remembered."""
         self.counts, self.blocking = Counter(before.counts), Counter(before.blocking)
 
-    def judge(self, base: BasePose, score: float, reason: str = "", body: str | None = None) -> None:
+    def remember(self, base: BasePose, score: float, reason: str = "", body: str | None = None) -> None:
         """Remember a place and what became of it."""
         if len(self.places) < MOST_PLACES:
-            self.places.append(Judged(base, score, reason, body))
+            self.places.append(Validated(base, score, reason, body))
 
     def failure(self, designator: object, after: int = 0) -> LocationUnresolvable:
-        """The failure that tells all this, most frequent first; ``after`` so many places that were found."""
+        """Return the failure that tells all this, most frequent first; ``after`` so many places that were found."""
         failure = LocationUnresolvable(
             designator=str(designator), counts=_ordered(self.counts), blocking=_ordered(self.blocking)
         )
@@ -110,7 +110,7 @@ class Rejections:
 
 
 def first_body(contacts: Iterable[Contact]) -> str:
-    """The body of the deepest contact; by name among equals."""
+    """Return the body of the deepest contact; by name among equals."""
     return min(contacts, key=lambda contact: (-contact.depth, contact.body)).body
 
 

@@ -1,38 +1,36 @@
-"""Resolves locations: places for the base, ways of a hand, poses of objects; lazily, best first, judged exactly.
+"""Resolves locations to base poses, hand solutions and poses of things; lazily, best first, validated exactly.
 
-A base that has to reach something is looked for by inverting reachability maps (``reaching``), any other on a grid
-around what it is about (``standing``). When a first, natural choice of hand poses leads to nothing, more and more of
-them are looked at (``effort``) before the resolution fails.
+A location is bound to the planning scene (``demands``). Base poses come from reachability maps if something has to be
+reached (``search``), else from the floor (``floor_search``), and are validated (``validation``). When a first, natural
+choice of hand poses leads to nothing, more and more of them are looked at (``search_budget``) before it fails.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from typing import Generic, TypeVar
 
 from executive.belief.free_floor import BasePose
 from executive.belief.planning_scene import PlanningScene
-from executive.locations.answers import Answers
-from executive.locations.areas import SIDES
-from executive.locations.effort import EFFORTS, Extent
-from executive.locations.hand_terms import hand_holds
-from executive.locations.hand_ways import ways_of
+from executive.locations.consistency import meaningless
+from executive.locations.demands import BaseDemand, Reach, ReachKind, base_demand, hand_demand, thing_demand
+from executive.locations.floor_search import search_floor
+from executive.locations.hand_predicates import candidates_of, hand_holds
+from executive.locations.hand_solutions import HandSolution, from_base, is_among, stopped_by, unblocked
 from executive.locations.inverse_map import InverseMaps
-from executive.locations.judging import BaseJudge
-from executive.locations.meaningless import meaningless
-from executive.locations.reach import Reach, ReachSolution, from_base, is_among, stopped_by
-from executive.locations.reaching import ReachingSearch
 from executive.locations.rejections import COLLISION, Rejections
-from executive.locations.relations import BaseDemand, base_demand, hand_demand, thing_demand
 from executive.locations.resting import thing_holds, thing_poses
-from executive.locations.solving import unblocked
-from executive.locations.standing import standing_places
+from executive.locations.search import ReachSearch
+from executive.locations.search_budget import BUDGETS, Stage
+from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Device, Location, Object
-from planlang.failures import DesignatorFailure, MissingCapability
+from planlang.failures import DesignatorFailure, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.protocols import Solution
+from planlang.relations import RELATIONS
 
 APART = 0.05
 """Solutions are farther apart than this [m]; to four decimals, as maps have places just so far apart."""
@@ -46,7 +44,7 @@ class Resolver:
     def __init__(self, scene: PlanningScene) -> None:
         self.scene = scene
         self.maps = InverseMaps(scene.robot.torso)
-        self._judge = BaseJudge(scene, self.maps)
+        self._validator = BaseValidator(scene, self.maps)
         self._answers: Answers[Solution] = Answers()
         self._viewers: dict[Location, tuple[float, float]] = {}
         self._here: dict[Location, tuple[object, bool]] = {}
@@ -54,7 +52,7 @@ class Resolver:
     # Places for the base
 
     def bases(self, location: Location, log: Rejections | None = None) -> Iterator[Solution]:
-        """Places that satisfy a location, lazily, best first; raises LocationUnresolvable when there are no more.
+        """Yield places that satisfy a location, lazily, best first; raises LocationUnresolvable when there are no more.
 
         Raises MissingCapability if the robot has no arm, or no camera, for what is asked. Answers are kept until the
         belief changes or the robot moves. ``log`` is told all that is looked at, anew.
@@ -66,38 +64,38 @@ class Resolver:
         return self._answers.of(location, state, lambda: self._bases(location, Rejections()))
 
     def satisfies(self, location: Location, base: BasePose) -> Solution | None:
-        """The solution at one given base, or None."""
+        """Return the solution at one given base, or None."""
         demand = base_demand(location, self.scene, self._viewer(location))
-        return self._judge.at(base, 1.0, demand, self._judge.arms(demand), Rejections())
+        return self._validator.at(base, 1.0, demand, self._validator.arms(demand), Rejections())
 
     def _bases(self, location: Location, log: Rejections) -> Iterator[Solution]:
-        scene, judge = self.scene, self._judge
+        scene, validator = self.scene, self._validator
         demand = base_demand(location, scene, self._viewer(location))
-        wanted = judge.wanted(demand)
-        arms = judge.arms(demand)
+        wanted = validator.wanted(demand)
+        arms = validator.arms(demand)
         self._check_parts(location, demand)
         for reach in wanted:
-            judge.check_hands(reach, location)
+            validator.check_hands(reach, location)
         found: list[BasePose] = []
         x, y, yaw = scene.base()
         here = (x, y, math.remainder(yaw, 2 * math.pi))
-        if (solution := judge.at(here, 1.0, demand, arms, log)) is not None:
+        if (solution := validator.at(here, 1.0, demand, arms, log)) is not None:
             found.append(here)
             yield solution
 
         def is_taken(base: BasePose) -> bool:
-            """Whether a place near to that was found."""
+            """Return whether a place near to that was found."""
             return any(round(math.dist(base[:2], other[:2]), 4) <= APART for other in found)
 
         before, again = log.copy(), False
-        for effort in EFFORTS if wanted else EFFORTS[:1]:
+        for budget in BUDGETS if wanted else BUDGETS[:1]:
             if not log.counts[COLLISION]:  # nothing that a few degrees would help with
-                effort = replace(effort, extent=min(effort.extent, Extent.ALL))
+                budget = replace(budget, stage=min(budget.stage, Stage.ALL))
             log.begin_again(before)
             places = (
-                ReachingSearch(judge, wanted, demand, arms, effort, log, is_taken if again else None).places()
+                ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None).places()
                 if wanted
-                else standing_places(judge, demand, log)
+                else search_floor(validator, demand, log)
             )
             for solution in places:
                 if is_taken(solution.base):
@@ -109,7 +107,7 @@ class Resolver:
 
     def _check_parts(self, location: Location, demand: BaseDemand) -> None:
         """Raises MissingCapability if the robot has no part that could do what is asked, wherever it stands."""
-        scene, wanted = self.scene, self._judge.wanted(demand)
+        scene, wanted = self.scene, self._validator.wanted(demand)
         said, part = "", "ArmComponent"
         if demand.seen and not scene.visibility.sighted():
             said, part = "the robot has no camera", "Camera"
@@ -120,45 +118,45 @@ class Resolver:
         if said:
             raise MissingCapability(said, designator=str(location), missing=(part,))
 
-    def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, ReachSolution]]:
-        """How arms can reach from a place what was asked for when it was found, if that is the last that was found."""
-        return self._judge.reached_from(base)
+    def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
+        """Return how arms reach from the last base pose that was found what it was found for."""
+        return self._validator.reached_from(base)
 
-    def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[ReachSolution]]) -> None:
+    def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[HandSolution]]) -> None:
         """The inverse of :meth:`reached_from`."""
-        self._judge.remember(reached)
+        self._validator.remember(reached)
 
     def viewers(self) -> list[tuple[Location, tuple[float, float]]]:
-        """From where locations that name a side were looked for last, in that order."""
+        """Return from where locations that name a side were looked for last, in that order."""
         return [(location, place) for location, place in self._viewers.items() if _names_a_side(location)]
 
     def remember_viewers(self, viewers: Iterable[tuple[Location, tuple[float, float]]]) -> None:
         """The inverse of :meth:`viewers`; nothing else is remembered then."""
         self._viewers = dict(viewers)
 
-    # Ways of a hand
+    # GraspCandidates of a hand
 
     def is_grasp(self, location: Location) -> bool:
-        """Whether a location is where a hand takes hold of something; False for a posture and what means nothing."""
+        """Return whether a hand takes hold of something there; False for a posture and what means nothing."""
         try:
-            return hand_demand(location, self.scene, self._viewer(location)).kind == "grasp"
+            return hand_demand(location, self.scene, self._viewer(location)).kind is ReachKind.GRASP
         except DesignatorFailure:
             return False
 
-    def hands(self, location: Location, arm: ArmModel, seed: Array) -> Iterator[ReachSolution]:
-        """Ways of a hand to a location from where the base stands; raises LocationUnresolvable when there are no more.
+    def hands(self, location: Location, arm: ArmModel, seed: Array) -> Iterator[HandSolution]:
+        """Yield hand solutions for a location from where the base stands; raises LocationUnresolvable at the end.
 
         Near ``seed`` (d,), the arm's joint values, where several are as good; a way by which the place was found first.
         """
         scene = self.scene
         reach = replace(hand_demand(location, scene, self._viewer(location)), arms=None)
-        self._judge.check_hands(replace(reach, arms=(arm.name,)), location)
+        self._validator.check_hands(replace(reach, arms=(arm.name,)), location)
         base = scene.base()
-        known = {replace(other, arms=None): way for other, way in self._judge.reached(arm.name, base).items()}.get(
-            reach
-        )
+        known = {
+            replace(other, arms=None): candidate for other, candidate in self._validator.reached(arm.name, base).items()
+        }.get(reach)
         log = Rejections()
-        stated = None if known is None else ways_of(reach, arm, scene, Rejections(), Extent.CLOSEST)
+        stated = None if known is None else candidates_of(reach, arm, scene, Rejections(), Stage.CLOSEST)
         if (
             known is not None
             and stated is not None
@@ -167,15 +165,19 @@ class Resolver:
         ):
             yield known  # still a way: what it is about has not moved since
         begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
-        for extent in Extent if reach.kind == "grasp" else (Extent.NATURAL, Extent.ALL):
-            counted = Rejections() if extent else log
-            ways = ways_of(reach, arm, scene, counted, extent)
+        for stage in Stage if reach.kind is ReachKind.GRASP else (Stage.NATURAL, Stage.ALL):
+            counted = Rejections() if stage else log
+            candidates = candidates_of(reach, arm, scene, counted, stage)
             found = False
-            if ways is not None:
-                ways = unblocked(ways, scene.collisions.arm_check(arm, ways.touches, opened=ways.opened), counted)
-                for way in from_base(reach, base, arm, ways, scene, self.maps, counted, seed=begun, generous=True):
+            if candidates is not None:
+                candidates = unblocked(
+                    candidates, scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened), counted
+                )
+                for candidate in from_base(
+                    reach, base, arm, candidates, scene, self.maps, counted, seed=begun, generous=True
+                ):
                     found = True
-                    yield way
+                    yield candidate
             if found:
                 break
         raise log.failure(location, after=int(found))
@@ -183,7 +185,7 @@ class Resolver:
     # Poses of objects
 
     def things(self, location: Location, what: Object, log: Rejections | None = None) -> Iterator[Pose]:
-        """Poses of an object's box centre at a location, best first; raises LocationUnresolvable at the end."""
+        """Yield poses of an object's box centre at a location, best first; raises LocationUnresolvable at the end."""
         scene, log = self.scene, log or Rejections()
         name = scene.bodies.bind(what)
         size = scene.bodies.size(name)
@@ -202,7 +204,7 @@ class Resolver:
     # What holds now
 
     def holds(self, location: Location, what: Object | None = None) -> bool:
-        """Whether the base, the hand of a device, or an object is at a location, judged as candidates are."""
+        """Return whether the base, the hand of a device, or an object is at a location, judged as candidates are."""
         scene = self.scene
         if what is None:
             state = (scene.revision(), scene.posture(), self._viewer(location))
@@ -229,12 +231,76 @@ class Resolver:
             del self._viewers[next(iter(self._viewers))]
 
     def _viewer(self, location: Location) -> tuple[float, float]:
-        """From where a location was looked for last; places there, and at them, are judged as seen from there."""
+        """Return from where a location was looked for last: its left and right are seen from there."""
         x, y, _ = self.scene.base()
         return self._viewers.get(location, (x, y))
 
 
 def _names_a_side(location: Location) -> bool:
-    """Whether it may matter from where a location is seen."""
+    """Return whether it may matter from where a location is seen."""
     inner = (relation.reference for relation in location.relations if isinstance(relation.reference, Location))
-    return any(relation.name in SIDES for relation in location.relations) or any(map(_names_a_side, inner))
+    return any(RELATIONS[relation.name].directions for relation in location.relations) or any(map(_names_a_side, inner))
+
+
+T = TypeVar("T")
+
+MOST = 32
+"""Questions whose answers are kept."""
+
+
+class _Kept(Generic[T]):
+    """A lazy series of answers that can be read again from its beginning, with the failure that ended it.
+
+    Interrupted while it is being found, it is found anew: the same answers come out.
+    """
+
+    def __init__(self, ask: Callable[[], Iterator[T]]) -> None:
+        self._ask = ask
+        self._source: Iterator[T] | None = None
+        self._found: list[T] = []
+        self._end: PlanFailure | None = None
+
+    def __iter__(self) -> Iterator[T]:
+        number = 0
+        while True:
+            while number >= len(self._found) and self._end is None:
+                if not self._more():
+                    return
+            if number >= len(self._found):
+                assert self._end is not None
+                raise self._end.with_traceback(None)
+            yield self._found[number]
+            number += 1
+
+    def _more(self) -> bool:
+        """Find one more; False if there are no more."""
+        if self._source is None:
+            self._found, self._source = [], self._ask()
+        try:
+            self._found.append(next(self._source))
+        except StopIteration:
+            return False
+        except PlanFailure as problem:
+            self._end = problem
+        except BaseException:
+            self._source = None
+            raise
+        return True
+
+
+class Answers(Generic[T]):
+    """Question -> answers, forgotten when the state in which they were found is no longer the present one."""
+
+    def __init__(self) -> None:
+        self._state: object = None
+        self._kept: dict[Hashable, _Kept[T]] = {}
+
+    def of(self, question: Hashable, state: object, ask: Callable[[], Iterator[T]]) -> Iterator[T]:
+        """Yield the answers to a question in a state, found by ``ask`` if they are not known."""
+        if state != self._state:
+            self._state, self._kept = state, {}
+        if question not in self._kept:
+            while len(self._kept) >= MOST:
+                del self._kept[next(iter(self._kept))]
+            self._kept[question] = _Kept(ask)
+        return iter(self._kept[question])

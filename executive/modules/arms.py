@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from executive.belief.free_floor import BasePose
-from executive.locations import ReachSolution, Resolver
+from executive.locations import HandSolution, ReachKind, Resolver
+from executive.locations.demands import asks_for
 from executive.modules.arm_choice import ArmChoices
 from executive.modules.control import Control
 from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
@@ -17,6 +18,7 @@ from planlang.designators import Location, Object
 from planlang.failures import ActionUnresolvable
 from planlang.geometry import Array, Pose, matrices
 from planlang.protocols import Trajectory
+from planlang.relations import Sense
 
 
 class Arms:
@@ -26,7 +28,7 @@ class Arms:
         self._control, self._resolver, self._rng = control, resolver, rng
         self.choices = ArmChoices()
         """Arms that were chosen where the plan left the choice."""
-        self.begun: dict[str, tuple[int, BasePose, ReachSolution]] = {}
+        self.begun: dict[str, tuple[int, BasePose, HandSolution]] = {}
         """Arm -> belief revision, base pose and the grasp whose pre-grasp it has taken."""
 
     # Which arm
@@ -47,15 +49,15 @@ class Arms:
         """Return the arms that hold nothing, in the order of :meth:`in_order`."""
         return [arm for arm in self.in_order(arms) if self._control.scene.arms.held(arm.name) is None]
 
-    def use(self, arm: ArmModel, solution: ReachSolution) -> None:
+    def use(self, arm: ArmModel, solution: HandSolution) -> None:
         """Remember which arm was chosen, and the grasp that it has begun."""
         self.choices.choose(arm.name)
-        if solution.reach.kind == "grasp":
+        if solution.reach.kind is ReachKind.GRASP:
             self.begun[arm.name] = (self._control.belief.revision, self._control.base(), solution)
 
-    def begun_grasp(self, arm: ArmModel, location: Location) -> ReachSolution | None:
+    def begun_grasp(self, arm: ArmModel, location: Location) -> HandSolution | None:
         """Return the grasp whose pre-grasp the arm has taken, if the location asks for it and nothing has changed."""
-        if arm.name not in self.begun or not any(one.name == "in_center_of" for one in location.relations):
+        if arm.name not in self.begun or not asks_for(location, "hand", Sense.GRASP_POINT):
             return None
         revision, base, solution = self.begun[arm.name]
         meant = [
@@ -105,7 +107,7 @@ class Arms:
 
         def touching(q: Array) -> list[tuple[str, str]]:
             # At the start the whole robot is checked; later what stands still cannot touch anything new.
-            among = None if np.array_equal(q, start) else quick.doubtful(q)
+            among = None if np.array_equal(q, start) else quick.doubtful(q[None])[0]
             contacts = control.scene.collisions.contacts(base, arm, q, touches, among=among)
             return [(contact.part, contact.body) for contact in contacts]
 
@@ -126,7 +128,15 @@ class Arms:
         quick = control.scene.collisions.quick_check(arm, touches)
 
         def is_free(row: Array) -> bool:
-            return not control.scene.collisions.contacts(base, arm, row, touches, among=quick.doubtful(row))
+            return all_free(row[None])
+
+        def all_free(rows: Array) -> bool:
+            contacts = control.scene.collisions.contacts
+            return not any(
+                contacts(base, arm, row, touches, among=pairs)
+                for row, pairs in zip(rows, quick.doubtful(rows), strict=True)
+                if pairs is None or pairs
+            )
 
         chain = arm.solver.chain
         beginning, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
@@ -137,6 +147,6 @@ class Arms:
             trajectory = control.timed(arm.joints, line.waypoints, timing)
             rows = trajectory.positions[1:]
             straight = keeps_line(chain.fk(trajectory.positions), beginning, end)
-            if straight and chain.within(rows, 1e-6).all() and all(map(is_free, rows)):
+            if straight and chain.within(rows, 1e-6).all() and all_free(rows):
                 return trajectory
         raise MotionError("in collision or off the line between two steps")

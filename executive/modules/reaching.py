@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 
-from executive.locations import ReachSolution
+from executive.locations import HandSolution, ReachKind
+from executive.locations.demands import asks_for
 from executive.modules.platform import Platform
 from executive.motion import MotionError
 from executive.robots.arms import ArmModel
@@ -24,6 +25,7 @@ from planlang.failures import (
 from planlang.geometry import Array
 from planlang.modules import process_module
 from planlang.protocols import Trajectory
+from planlang.relations import Sense
 
 MOST_SOLUTIONS = 6
 """Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
@@ -117,18 +119,18 @@ class Reaching:
             return
         raise problem or ManipulationPoseUnreachable(arm=arm.name, what=str(location))
 
-    def _solutions(self, arm: ArmModel, location: Location) -> Iterator[ReachSolution]:
+    def _solutions(self, arm: ArmModel, location: Location) -> Iterator[HandSolution]:
         """Yield the grasp that was begun, so that it goes on from its pre-grasp; then all others."""
         begun = self.platform.arms.begun_grasp(arm, location)
         if begun is not None:
             yield begun
         yield from self.platform.resolver.hands(location, arm, self.platform.arm_joints(arm))
 
-    async def _go(self, solution: ReachSolution, location: Location) -> None:
+    async def _go(self, solution: HandSolution, location: Location) -> None:
         match solution.reach.kind:
-            case "retreat":
+            case ReachKind.RETREAT:
                 await self._straight(solution, solution.joints)
-            case "grasp" if any(relation.name == "in_center_of" for relation in location.relations):
+            case ReachKind.GRASP if asks_for(location, "hand", Sense.GRASP_POINT):
                 if not self.platform.arms.is_at(solution.arm, solution.joints[0]):
                     await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
                 await self._straight(solution, solution.joints[1:2])
@@ -142,11 +144,11 @@ class Reaching:
             raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
         await self._follow(arm, trajectory, label)
 
-    async def _straight(self, solution: ReachSolution, joints: Array) -> None:
+    async def _straight(self, solution: HandSolution, joints: Array) -> None:
         """Move along straight lines of the tip to the last poses of a solution."""
         poses = (
             solution.plan.poses[-len(joints) :]
-            if solution.reach.kind == "retreat"
+            if solution.reach.kind is ReachKind.RETREAT
             else solution.plan.poses[1 : 1 + len(joints)]
         )
         for pose, q in zip(poses, joints, strict=True):

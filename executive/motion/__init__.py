@@ -1,12 +1,10 @@
 """How the robot moves: kinematics, paths of the arm and of the base, timing.
 
-General layout: ``urdf`` reads joints, ``symbolic`` and ``levenberg_marquardt`` are the mathematics behind
-``kinematics`` (of ``targets``), ``native`` and ``compiled`` make C of it, ``virtual_machine`` does without.
-``hulls``, ``spheres``, ``facets`` and ``solids`` are shapes, ``link_shapes`` those of a robot, ``arm_bodies`` puts
-them into a room as ``bodies``; ``collision`` judges configurations and bases by them (``body_arrays``), here and for
-``executive.locations``. ``arm_path`` searches a ``joint_space`` with it, ``tip_line`` goes straight; ``base_path``
-(on ``clearance``) drives. ``timing`` turns waypoints into trajectories. Random generators are passed in; ``errors``
-lists what is raised.
+General layout: ``symbolic`` is the mathematics behind ``kinematics``, ``row_function`` computes it for many rows.
+``hulls``, ``spheres`` and ``solids`` are shapes, ``link_shapes`` those of a robot, ``arm_bodies`` puts them into a room
+as ``bodies``; ``collision`` checks configurations and base poses by them, here and for ``executive.locations``.
+``arm_path`` searches a ``joint_space`` with it, ``tip_line`` goes straight; ``base_path`` (on ``clearance``) drives.
+``timing`` turns waypoints into trajectories. Random generators are passed in; ``errors`` lists what is raised.
 """
 
 from executive.motion.arm_path import plan_path

@@ -13,16 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.backends import BASE, FIRST_JOINT, MAP
-from executive.motion.bodies import Movers, Obstacles, Watched
+from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Movers, Obstacles, Watched, counts
 from executive.motion.collision import QuickCheck
-from executive.motion.facets import Facets, sizes_of
 from executive.motion.kinematics import Chain
 from executive.motion.link_shapes import Shaped, thing_in
 from executive.motion.solids import Solids
 from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration
-from sim import PyBulletWorld, Solid
+from sim import PlanningWorld, Solid
 from sim.contact import SUPPORT_DEPTH
 
 GROUND_SIZE = (60.0, 60.0, 0.1)
@@ -106,11 +104,10 @@ class Room:
         count = len(keys) + 1
         bodies = Obstacles(
             (*(body for body, _ in keys), floor),
-            np.full(count, MAP, np.int32),
-            np.cumsum([0, *sizes.tolist(), 1]).astype(np.int32),
+            np.full(count, MAP, np.intp),
+            np.cumsum([0, *sizes.tolist(), 1]).astype(np.intp),
             Solids.joined([solids.only(np.argsort(of_piece, kind="stable")), Solids.of([ground])]),
             np.zeros(count),
-            Facets.unknown(count),
         )
         return Room(bodies, np.array([*(limb for _, limb in keys), False], bool))
 
@@ -127,7 +124,7 @@ class ArmShapes:
     """One chain of a world's robot: with which of its moving joints each solid link goes, and what must not touch."""
 
     def __init__(
-        self, world: PyBulletWorld, links: Sequence[Shaped], chain: Chain, base_link: str, tip_link: str
+        self, world: PlanningWorld, links: Sequence[Shaped], chain: Chain, base_link: str, tip_link: str
     ) -> None:
         """``links``: all solid links, in their order."""
         robot = world.robot
@@ -138,13 +135,11 @@ class ArmShapes:
         # a link that is moved by a joint that follows one of the chain is not known to go with any
         numbers = [k for k, frame in enumerate(every) if (k in moved) == (frame >= FIRST_JOINT)]
         self._whole = len(numbers) == len(every)
-        self._frames = np.array(every, np.int32)
+        self._frames = np.array(every, np.intp)
         moving = [number for number in numbers if every[number] >= FIRST_JOINT]
         self._movers, self._of_mover = _movers(links, moving, every)
         pieces = [(number, *links[number].pieces) for number in numbers]
-        self._own = Obstacles.of(
-            [(links[k].name, every[k], solids, slack, links[k].faces) for k, solids, slack in pieces]
-        )
+        self._own = Obstacles.of([(links[k].name, every[k], solids, slack) for k, solids, slack in pieces])
         self._of_piece = np.repeat(numbers, [len(solids) for _, solids, _ in pieces]).astype(np.intp)
         self._obstacle_of = {number: k for k, number in enumerate(numbers)}
         hands = frozenset[int]().union(*(robot.hand_of(link) for link in robot.body.hands))
@@ -165,13 +160,13 @@ class ArmShapes:
         self.tip: tuple[Array, int] = np.linalg.inv(frames[last - FIRST_JOINT]) @ poses, last
         """Where the tip is in the frame with which it goes (4, 4), and which that is."""
 
-    def frame_of(self, world: PyBulletWorld, link: str) -> int:
+    def frame_of(self, world: PlanningWorld, link: str) -> int:
         """The number of the frame with which a link goes."""
         robot = world.robot
         above = (robot.link_names[index] for index in robot.ancestors(robot.links[link]))
         return next((self._carriers[name] for name in above if name in self._carriers), BASE)
 
-    def now(self, world: PyBulletWorld, joints: Mapping[str, float] | None = None) -> ArmBodies:
+    def now(self, world: PlanningWorld, joints: Mapping[str, float] | None = None) -> ArmBodies:
         """The robot, and what it holds, as it is now but for some joints; those of the chain may be anywhere."""
         robot = world.robot
         there, from_base, placed = self._placed(world, joints)
@@ -181,8 +176,8 @@ class ArmShapes:
         back = np.linalg.inv(whole)
         local = back[self._frames] @ placed
         movers, own = _moved(self._movers, local[self._of_mover]), self._own
-        solids, faces = own.solids.moved(local[self._of_piece]), own.faces.moved(local[list(self._obstacle_of)])
-        own = Obstacles(own.names, own.frames, own.first, solids, own.slack, faces)
+        solids = own.solids.moved(local[self._of_piece])
+        own = Obstacles(own.names, own.frames, own.first, solids, own.slack)
         hands, grounded, watched, held = self._hands, self._grounded, self._watched, {}
         before: list[_Part] = []
         for name, (link, offset) in _held(world).items():
@@ -198,7 +193,7 @@ class ArmShapes:
             watched = watched.followed_by(Watched.of(pairs))
             movers = Movers.joined([movers, _moved(more, np.tile(at, (len(more), 1, 1)))])
             piece = solids.moved(np.tile(at, (len(solids), 1, 1)))
-            own = own.followed_by(Obstacles.of([(name, frame, piece, slack, None)]))
+            own = own.followed_by(Obstacles.of([(name, frame, piece, slack)]))
             hands, grounded = (np.append(mask, np.zeros(len(more), bool)) for mask in (hands, grounded))
             held[name] = world.touched_since_grasp(name)
             before.append(part)
@@ -209,7 +204,7 @@ class ArmShapes:
 
     @staticmethod
     def still(
-        world: PyBulletWorld, several: Sequence[ArmShapes], joints: Mapping[str, float] | None = None
+        world: PlanningWorld, several: Sequence[ArmShapes], joints: Mapping[str, float] | None = None
     ) -> ArmBodies:
         """All that moves with one or more chains of one robot, as it is now but for some joints.
 
@@ -223,12 +218,12 @@ class ArmShapes:
             known.update(shapes._of_mover.tolist())
             hands.append(shapes._hands[fresh])
             grounded.append(shapes._grounded[fresh])
-            movers.append(_moved(shapes._movers.faceless().only(fresh), placed[shapes._of_mover[fresh]]))
+            movers.append(_moved(shapes._movers.only(fresh), placed[shapes._of_mover[fresh]]))
         for name, (link, offset) in _held(world).items():
             if all(shapes.frame_of(world, link) == BASE for shapes in several):
                 continue
             at = from_base @ world.link_pose(link, there).matrix() @ offset
-            more = Movers.of([(name, BASE, *shape) for shape in thing_in(world, name).spheres]).faceless()
+            more = Movers.of([(name, BASE, *shape) for shape in thing_in(world, name).spheres])
             movers.append(_moved(more, np.tile(at, (len(more), 1, 1))))
             for mask in (hands, grounded):
                 mask.append(np.zeros(len(more), bool))
@@ -247,7 +242,7 @@ class ArmShapes:
             whole=False,
         )
 
-    def _placed(self, world: PyBulletWorld, joints: Mapping[str, float] | None) -> tuple[Configuration, Array, Array]:
+    def _placed(self, world: PlanningWorld, joints: Mapping[str, float] | None) -> tuple[Configuration, Array, Array]:
         """The robot as it is but for some joints, the map (4, 4) and the solid links (n, 4, 4) in the base frame."""
         there = Configuration(AT_ORIGIN, {**world.configuration().joints, **(joints or {})})
         from_base = np.asarray(np.linalg.inv(world.link_pose(self._base_link, there).matrix()), np.float64)
@@ -280,7 +275,7 @@ class _Part:
     exact: bool
 
 
-def _held(world: PyBulletWorld) -> dict[str, tuple[str, Array]]:
+def _held(world: PlanningWorld) -> dict[str, tuple[str, Array]]:
     """Held objects: the link that holds each, and its pose (4, 4) there."""
     return {
         name: (link, (world.link_pose(link).inverse() @ world.pose(name)).matrix())
@@ -297,10 +292,10 @@ def _movers(links: Sequence[Shaped], numbers: Sequence[int], frames: Sequence[in
 
 def _moved(movers: Movers, places: Array) -> Movers:
     """Each at a place (m, 4, 4)."""
-    of_sphere = np.repeat(np.arange(len(movers)), sizes_of(movers.first))
+    of_sphere = np.repeat(np.arange(len(movers)), counts(movers.first))
     turned = np.einsum("sij,sj->si", places[of_sphere, :3, :3], movers.spheres[:, :3]) + places[of_sphere, :3, 3]
     spheres = np.column_stack([turned, movers.spheres[:, 3]])
-    return Movers(movers.names, movers.frames, movers.first, spheres, movers.slack, movers.faces.moved(places))
+    return Movers(movers.names, movers.frames, movers.first, spheres, movers.slack)
 
 
 def _extent(chain: Chain) -> tuple[Array, Array]:
@@ -318,5 +313,5 @@ def _reach(movers: Movers, along: Array) -> float:
     if not len(movers.spheres):
         return 0.0
     far = np.linalg.norm(movers.spheres[:, :3], axis=1) + movers.spheres[:, 3]
-    of_sphere = np.repeat(along[movers.frames - FIRST_JOINT] + movers.slack, sizes_of(movers.first))
+    of_sphere = np.repeat(along[movers.frames - FIRST_JOINT] + movers.slack, counts(movers.first))
     return float((far + of_sphere).max())

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.collision import bisection
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from executive.motion.joint_space import JointSpace
 from planlang.geometry import Array
@@ -38,11 +38,8 @@ FORBIDDEN = 0.5
 class Quick(Protocol):
     """What tells at once, if not exactly, what is free: :class:`executive.motion.collision.QuickCheck`."""
 
-    def free(self, q: Array) -> bool:
-        """Whether a configuration (d,) is free as far as is known."""
-
-    def edge_free(self, start: Array, end: Array, pieces: int) -> bool:
-        """Whether the inner points of a way in so many pieces are free as far as is known."""
+    def free(self, q: Array) -> NDArray[np.bool_]:
+        """Return which configurations (n, d) are free as far as is known."""
 
     def sure(self, q: Array) -> NDArray[np.bool_]:
         """Which configurations (n, d) are free for sure: the exact check is spared there."""
@@ -52,6 +49,21 @@ class Quick(Protocol):
 
     def learn(self, q: Array, pairs: Sequence[tuple[str, str]]) -> None:
         """The exact check says that at a configuration (d,) these touch."""
+
+
+@cache
+def bisection(pieces: int) -> NDArray[np.int32]:
+    """Return the inner points 1 .. pieces - 1 of a way in so many pieces, middle first, then the rest's middles."""
+    order: list[int] = []
+    spans = [(0, pieces)]
+    for low, high in spans:
+        if high - low > 1:
+            middle = (low + high) // 2
+            order.append(middle)
+            spans += [(low, middle), (middle, high)]
+    found = np.array(order, np.int32)
+    found.flags.writeable = False
+    return found
 
 
 class _Rows:
@@ -137,18 +149,15 @@ class _Search:
             found = self.known[key] = tuple(self.touching(q.copy()))
         return found
 
-    def free(self, q: Array) -> bool:
-        return not self.pairs(q) if self.exactly else self.quick.free(q)
-
-    def edge_free(self, a: Array, b: Array) -> bool:
-        """Whether the straight way between two free configurations is free, as far as is known."""
-        pieces = self.space.pieces(a, b)
+    def edge_free(self, a: Array, b: Array, *ends: Array) -> bool:
+        """Return whether the straight way between two configurations is free, as far as is known; ``ends``, too."""
         if not self._allowed(a, b):
             return False
+        pieces = self.space.pieces(a, b)
+        rows = np.vstack([*ends, a + (b - a) * (bisection(pieces) / pieces)[:, None]])
         if self.exactly:
-            inner = a + (b - a) * (bisection(pieces) / pieces)[:, None]
-            return not any(self.pairs(q) for q in inner[~self.quick.sure(inner)])
-        return self.quick.edge_free(a, b, pieces)
+            return not any(self.pairs(q) for q in rows[~self.quick.sure(rows)])
+        return bool(self.quick.free(rows).all())
 
     def _allowed(self, a: Array, b: Array) -> bool:
         """Whether a way passes no place where the exact check has found a hit."""
@@ -262,7 +271,7 @@ def _grow(search: _Search, tree: _Tree, node: int, target: Array, reach: Array) 
     begin = tree.nodes[node]
     move = search.space.move(begin, target)
     end = begin + move / max(1.0, float((np.abs(move) / reach).max()))
-    if not (search.free(end) and search.edge_free(begin, end)):
+    if not search.edge_free(begin, end, end):
         return None
     search.counts["branches"] += 1
     tree.add(end, node)
@@ -282,7 +291,7 @@ def _shortened(search: _Search, path: list[Array]) -> list[Array]:
         a, b = path[i] + u * (path[i + 1] - path[i]), path[k] + w * (path[k + 1] - path[k])
         b_near = a + search.space.move(a, b)
         shorter = search.space.length([a, b_near]) < 0.98 * search.space.length([a, *path[i + 1 : k + 1], b])
-        if shorter and search.free(a) and search.free(b) and search.edge_free(a, b_near):
+        if shorter and search.edge_free(a, b_near, a, b):
             path = search.space.unwound([*path[: i + 1], a, b, *path[k + 1 :]])
     return _skipped(search, path)
 

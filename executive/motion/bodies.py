@@ -9,10 +9,16 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.facets import Facets, sizes_of
 from executive.motion.solids import Solids
-from executive.motion.spheres import Faceted
 from planlang.geometry import Array
+
+MAP, BASE, FIRST_JOINT = 0, 1, 2
+"""Numbers of frames: those of the children of moving joints follow in their order."""
+
+
+def counts(first: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Return how many members each group has (m,), of which the i-th has those from [i] to [i + 1] - 1 (m + 1,)."""
+    return first[1:] - first[:-1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,27 +26,24 @@ class Movers:
     """m links or held objects, or convex shapes of them, as spheres in the frames that they move with."""
 
     names: tuple[str, ...]
-    frames: NDArray[np.int32]
+    frames: NDArray[np.intp]
     """(m,)."""
-    first: NDArray[np.int32]
+    first: NDArray[np.intp]
     """Whose the spheres are: mover i has those from [i] to [i + 1] - 1, (m + 1,)."""
     spheres: Array
     """Centres and radii (s, 4) [m]."""
     slack: Array
     """How far each sticks out of its spheres (m,) [m]."""
-    faces: Facets
-    """The polyhedron of each (m)."""
 
     @staticmethod
-    def of(rows: Sequence[tuple[str, int, Array, float, Faceted | None]]) -> Movers:
-        """From name, frame, spheres (k, 4), slack and faces of each."""
+    def of(rows: Sequence[tuple[str, int, Array, float]]) -> Movers:
+        """Return movers from name, frame, spheres (k, 4) and slack of each."""
         return Movers(
             tuple(name for name, *_ in rows),
-            np.array([frame for _, frame, *_ in rows], np.int32),
-            np.cumsum([0, *(len(spheres) for _, _, spheres, *_ in rows)]).astype(np.int32),
+            np.array([frame for _, frame, *_ in rows], np.intp),
+            np.cumsum([0, *(len(spheres) for _, _, spheres, *_ in rows)]).astype(np.intp),
             np.concatenate([np.zeros((0, 4)), *(spheres for _, _, spheres, *_ in rows)]),
-            np.array([slack for *_, slack, _ in rows], float),
-            Facets.of([faces for *_, faces in rows]),
+            np.array([slack for *_, slack in rows], float),
         )
 
     def __len__(self) -> int:
@@ -48,35 +51,29 @@ class Movers:
 
     def only(self, kept: NDArray[np.bool_]) -> Movers:
         """Those of a mask (m,)."""
-        sizes = sizes_of(self.first)
+        sizes = counts(self.first)
         return Movers(
             tuple(compress(self.names, kept.tolist())),
             self.frames[kept],
-            np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
+            np.append(0, np.cumsum(sizes[kept])).astype(np.intp),
             self.spheres[np.repeat(kept, sizes)],
             self.slack[kept],
-            self.faces.only(kept),
         )
-
-    def faceless(self) -> Movers:
-        """The same with polyhedra that are not known: for checks that are never asked what is sure."""
-        return replace(self, faces=Facets.unknown(len(self)))
 
     def going_with(self, frame: int) -> Movers:
         """The same spheres in another frame than was said."""
-        return replace(self, frames=np.full(len(self), frame, np.int32))
+        return replace(self, frames=np.full(len(self), frame, np.intp))
 
     @staticmethod
     def joined(several: Sequence[Movers]) -> Movers:
         """All of several, one after another."""
-        sizes = np.concatenate([sizes_of(movers.first) for movers in several])
+        sizes = np.concatenate([counts(movers.first) for movers in several])
         return Movers(
             tuple(name for movers in several for name in movers.names),
             np.concatenate([movers.frames for movers in several]),
-            np.append(0, np.cumsum(sizes)).astype(np.int32),
+            np.append(0, np.cumsum(sizes)).astype(np.intp),
             np.concatenate([movers.spheres for movers in several]),
             np.concatenate([movers.slack for movers in several]),
-            Facets.joined([movers.faces for movers in several]),
         )
 
 
@@ -85,26 +82,23 @@ class Obstacles:
     """o bodies as convex pieces in the frames that they move with."""
 
     names: tuple[str, ...]
-    frames: NDArray[np.int32]
+    frames: NDArray[np.intp]
     """(o,)."""
-    first: NDArray[np.int32]
+    first: NDArray[np.intp]
     """Whose the pieces are: obstacle i has those from [i] to [i + 1] - 1, (o + 1,)."""
     solids: Solids
     slack: Array
     """How much larger than its pieces what is meant is (o,) [m]."""
-    faces: Facets
-    """The polyhedron that is meant, if pieces are not all of it (o)."""
 
     @staticmethod
-    def of(rows: Sequence[tuple[str, int, Solids, float, Faceted | None]]) -> Obstacles:
-        """From name, frame, pieces, slack and faces of each."""
+    def of(rows: Sequence[tuple[str, int, Solids, float]]) -> Obstacles:
+        """Return obstacles from name, frame, pieces and slack of each."""
         return Obstacles(
             tuple(name for name, *_ in rows),
-            np.array([frame for _, frame, *_ in rows], np.int32),
-            np.cumsum([0, *(len(solids) for _, _, solids, *_ in rows)]).astype(np.int32),
+            np.array([frame for _, frame, *_ in rows], np.intp),
+            np.cumsum([0, *(len(solids) for _, _, solids, *_ in rows)]).astype(np.intp),
             Solids.joined([solids for _, _, solids, *_ in rows]),
-            np.array([slack for *_, slack, _ in rows], float),
-            Facets.of([faces for *_, faces in rows]),
+            np.array([slack for *_, slack in rows], float),
         )
 
     def __len__(self) -> int:
@@ -112,14 +106,13 @@ class Obstacles:
 
     def only(self, kept: NDArray[np.bool_]) -> Obstacles:
         """Those of a mask (o,)."""
-        sizes = sizes_of(self.first)
+        sizes = counts(self.first)
         return Obstacles(
             tuple(compress(self.names, kept.tolist())),
             self.frames[kept],
-            np.append(0, np.cumsum(sizes[kept])).astype(np.int32),
+            np.append(0, np.cumsum(sizes[kept])).astype(np.intp),
             self.solids.only(np.repeat(kept, sizes)),
             self.slack[kept],
-            self.faces.only(kept),
         )
 
     def followed_by(self, other: Obstacles) -> Obstacles:
@@ -132,7 +125,6 @@ class Obstacles:
             np.concatenate([self.first, self.first[-1] + other.first[1:]]),
             Solids.joined([self.solids, other.solids]),
             np.concatenate([self.slack, other.slack]),
-            Facets.joined([self.faces, other.faces]),
         )
 
 

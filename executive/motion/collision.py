@@ -1,39 +1,46 @@
-"""Whether a chain, with all that moves with it, hits something: spheres against convex pieces, without PyBullet.
+"""A quick check whether a chain, with all that moves with it, hits something: spheres against convex pieces.
 
 Frames are numbered: 0 is the map, 1 the base of the chain, then come the children of its moving joints. A sphere that
-is inside a piece means a hit. Where all gaps are wider than what shapes stick out of their spheres, or the plane of a
-face is between them, nothing is hit for sure. What is left an exact query has to decide; where it finds a hit,
-:meth:`QuickCheck.learn` keeps the two bodies farther apart from then on.
+is inside a piece means a hit. Where all gaps are wider than shapes stick out of their spheres, nothing is hit for sure.
+What is left an exact query of PyBullet has to decide; where it finds a hit, :meth:`QuickCheck.learn` keeps the two
+bodies farther apart from then on.
 
-Searches for places of the base ask about many bases at once by :meth:`QuickCheck.hit`, searches for ways of an arm
-about edges from one base.
+Many configurations are checked in one call, in three stages whose costs grow and whose numbers shrink: balls around
+mover and obstacle, the ball around the mover against each piece, each sphere against the pieces that are left.
+Searches for base poses ask about many bases at once by :meth:`QuickCheck.hit`, planners of arm motions about edges
+from one base.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import cache, cached_property
-from itertools import pairwise
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.backends import ALSO_SURE, SURE, UNSURE
-from executive.motion.bodies import Movers, Obstacles, Watched
-from executive.motion.body_arrays import TOUCHING, arrays_of
-from executive.motion.facets import sizes_of
+from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Movers, Obstacles, Watched, counts
 from executive.motion.kinematics import Chain
+from executive.motion.solids import Solids, distances
 from planlang.geometry import Array
+from planlang.geometry.matrices import inverse, product
 
-SPHERES = 64
-"""Most spheres of a mover; ``SPHERES`` of collision.c."""
+TOUCHING = 0.001
+"""How deep spheres are inside of what counts as hit [m]: what exact queries take for touching, and rounding."""
+BEYOND = 0.002
+"""How much farther apart than the slack bodies are that do not touch for sure [m]: collision margins of meshes."""
 APART = 0.001
 """How much farther than at a hit bodies are kept apart after it [m]."""
+AT_ONCE = 300_000
+"""Pairs of balls that are looked at in one go: their arrays (8 MB) stay near the processor."""
+
+Index = NDArray[np.intp]
+Found = tuple[Index, Index, Array]
+"""Pairs, rows and gaps [m] of what is near, ordered by pair, then by row."""
 
 
 class QuickCheck:
-    """Judges configurations of a chain; pairs are numbered by obstacle, then by the frame of the mover."""
+    """Checks configurations of a chain; pairs of a mover and an obstacle are numbered by obstacle, then by mover."""
 
     def __init__(
         self,
@@ -48,104 +55,93 @@ class QuickCheck:
     ) -> None:
         """``base`` (4, 4) in the map; ``tip`` (4, 4) in the frame of that number, with which the hand goes.
 
-        Not ``whole``: there is more than is told here, and nothing is ever sure.
+        Not ``whole``: pieces were left out, and no answer is ever that nothing is hit for sure.
         """
-        too_many = [movers.names[k] for k in np.flatnonzero(sizes_of(movers.first) > SPHERES).tolist()]
-        if too_many:
-            raise ValueError(f"at most {SPHERES} spheres for one mover, more have {', '.join(too_many)}")
-        sizes = sizes_of(obstacles.first)[watched.obstacles]
-        order = np.lexsort((watched.movers, movers.frames[watched.movers], watched.obstacles))
-        order = order[sizes[order] > 0]
-        groups = Watched(watched.movers[order], watched.obstacles[order], watched.allowed[order])
-        self._movers, self._obstacles, self._groups = movers, obstacles, groups
-        self._bodies = arrays_of(chain, base, movers, obstacles, groups)
-        self._least = self._bodies.limit.copy()
-        self._most = np.full(len(self._least), np.inf)
-        self._to_hand, self._hand = np.linalg.inv(tip[0]), tip[1]
+        moving = obstacles.frames[watched.obstacles] != MAP
+        order = np.lexsort((watched.movers, movers.frames[watched.movers], watched.obstacles, moving))
+        order = order[(counts(obstacles.first)[watched.obstacles] > 0)[order]]
+        self._mover, self._obstacle = watched.movers[order], watched.obstacles[order]
+        self._movers, self._obstacles, self._chain, self._base = movers, obstacles, chain, base
+        self._balls = _around(movers.spheres, movers.first)
+        pieces = np.column_stack([obstacles.solids.centres, obstacles.solids.reach])
+        self._obstacle_balls = _around(pieces, obstacles.first)
+        self._boxes = _boxes(obstacles)
+        self._least = -watched.allowed[order] - TOUCHING
+        self._limit = self._least
+        """A gap below it is a hit (w,)."""
+        self._most = np.full(len(self._limit), np.inf)
+        self._sure = movers.slack[self._mover] + obstacles.slack[self._obstacle] + BEYOND
+        """A gap above it is none for sure (w,)."""
+        self._to_hand, self._hand = inverse(tip[0]), tip[1]
         self.whole = whole
-        self._dof = chain.dof
-        self._checker = chain.backend.checker(self._bodies)
 
     @property
     def names(self) -> tuple[tuple[str, str], ...]:
-        """Who the two of each pair are (p,)."""
-        groups = self._groups_of(np.arange(len(self._bodies.pair_piece)))
-        return tuple(map(self._pair, groups.tolist()))
+        """The mover and the obstacle of each pair (w,)."""
+        return tuple(map(self._pair, range(len(self._mover))))
 
-    def _groups_of(self, pairs: NDArray[np.integer[Any]]) -> NDArray[np.intp]:
-        return np.searchsorted(self._bodies.group_pair, pairs, side="right") - 1
-
-    def _pair(self, group: int) -> tuple[str, str]:
-        return self._movers.names[self._groups.movers[group]], self._obstacles.names[self._groups.obstacles[group]]
-
-    @cached_property
-    def _pairs_of(self) -> dict[frozenset[str], list[int]]:
-        """The numbers of the pairs of two bodies."""
-        found: dict[frozenset[str], list[int]] = {}
-        for group, span in enumerate(pairwise(self._bodies.group_pair.tolist())):
-            found.setdefault(frozenset(self._pair(group)), []).extend(range(*span))
-        return found
+    def _pair(self, number: int) -> tuple[str, str]:
+        return self._movers.names[self._mover[number]], self._obstacles.names[self._obstacle[number]]
 
     def hit(self, bases: Array, q: Array | None = None, *, deeper: float = 0.0) -> list[str | None]:
-        """The first obstacle that is hit from each base pose (n, 4, 4) in the map at configurations (n, d); None: none.
+        """Return the first obstacle hit from each base pose (n, 4, 4) at configurations (n, d), or None.
 
         ``deeper``: how much deeper in something than elsewhere spheres have to be [m]. Without configurations only
         what moves with the base may be among the movers.
         """
-        count = len(bases)
-        if not count or not len(self._bodies.pair_piece):
-            return [None] * count
-        return self._met(self._checker.hits(np.zeros((count, self._dof)) if q is None else q, _rows(bases), deeper))
+        return self._first(self._within(self._limit - deeper, bases, q), len(bases))
 
     def hand_hit(self, tips: Array) -> list[str | None]:
-        """The first obstacle in the map that the hand alone hits with the tip at each pose (n, 4, 4) there.
+        """Return the first obstacle in the map that the hand alone hits with the tip at each pose (n, 4, 4), or None.
 
         What moves as the hand does counts, wherever the rest of the chain is.
         """
-        # all rows in one product: many small ones take as long as the rest of this
-        places = (tips[:, :3].reshape(-1, 4) @ self._to_hand).reshape(-1, 3, 4)
-        return self._met(self._checker.frame_hits(self._hand, _rows(places)))
+        frames = np.zeros((FIRST_JOINT + len(self._chain.carriers), 3, 4, len(tips)))
+        frames[MAP] = np.eye(3, 4)[..., None]
+        frames[self._hand] = np.moveaxis(product(tips[:, :3], self._to_hand), 0, -1)
+        return self._first(self._near(self._limit, frames, self._hand_pairs), len(tips))
 
-    def _met(self, found: NDArray[np.int32]) -> list[str | None]:
-        """The obstacles of pairs, None for what is none."""
-        groups = self._groups_of(found)
-        names, of_group = self._obstacles.names, self._groups.obstacles
-        return [None if pair < 0 else names[of_group[g]] for pair, g in zip(found.tolist(), groups, strict=True)]
+    @cached_property
+    def _hand_pairs(self) -> Index:
+        with_hand = self._movers.frames[self._mover] == self._hand
+        return np.flatnonzero(with_hand & (self._obstacles.frames[self._obstacle] == MAP))
+
+    def _first(self, found: Found, count: int) -> list[str | None]:
+        """Return the obstacle of the first pair of each row, None for a row without."""
+        names: list[str | None] = [None] * count
+        for pair, row in zip(found[0][::-1].tolist(), found[1][::-1].tolist(), strict=True):
+            names[row] = self._obstacles.names[self._obstacle[pair]]
+        return names
 
     def clear(self, bases: Array, q: Array) -> NDArray[np.bool_]:
-        """From which base poses (n, 4, 4) configurations (n, d) hit nothing for sure, as far as that is told."""
-        return self._sure(self._checker.hits(q, _rows(bases), ALSO_SURE))
-
-    def judge(self, q: Array) -> NDArray[np.int32]:
-        """For each configuration (n, d) SURE, UNSURE, or the number of a pair that is hit."""
-        found = self._checker.judge(q)
-        return found if self.whole else np.where(found == SURE, np.int32(UNSURE), found)
+        """Return from which base poses (n, 4, 4) configurations (n, d) hit nothing for sure (n,)."""
+        clear = np.full(len(q), self.whole)
+        clear[self._within(np.maximum(self._limit, self._sure), bases, q)[1]] = False
+        return clear
 
     def sure(self, q: Array) -> NDArray[np.bool_]:
-        """Which configurations (n, d) hit nothing for sure."""
-        return self._sure(self._checker.judge(q))
+        """Return which configurations (n, d) hit nothing for sure (n,)."""
+        return self.clear(self._here(len(q)), q)
 
-    def _sure(self, found: NDArray[np.int32]) -> NDArray[np.bool_]:
-        return np.asarray((found == SURE) & self.whole)
-
-    def doubtful(self, q: Array) -> list[tuple[str, str]] | None:
-        """Mover and obstacle that may touch at a configuration (d,), no others do; None if that is not known."""
+    def doubtful(self, q: Array) -> list[list[tuple[str, str]] | None]:
+        """Return for configurations (n, d) the movers and obstacles that may touch, no others do; None if not known."""
         if not self.whole:
-            return None
-        groups = self._groups_of(self._checker.doubtful(q))
-        return list(dict.fromkeys(map(self._pair, np.unique(groups).tolist())))
+            return [None] * len(q)
+        pairs, rows, _ = self._within(np.maximum(self._limit, self._sure), self._here(len(q)), q)
+        found: list[dict[tuple[str, str], None]] = [{} for _ in q]
+        for pair, row in zip(pairs.tolist(), rows.tolist(), strict=True):
+            found[row][self._pair(pair)] = None
+        return [list(one) for one in found]
 
-    def free(self, q: Array) -> bool:
-        """Whether no sphere is inside something at a configuration (d,)."""
-        return int(self._checker.hits(q[None], self._bodies.base[None], 0.0)[0]) < 0
-
-    def edge_free(self, start: Array, end: Array, pieces: int) -> bool:
-        """The same for all points between two configurations (d,) that divide the way into so many pieces."""
-        return self._checker.edge_hit(start, end, pieces, bisection(pieces)) < 0
+    def free(self, q: Array) -> NDArray[np.bool_]:
+        """Return at which configurations (n, d) no sphere is inside something (n,)."""
+        free = np.ones(len(q), bool)
+        free[self._within(self._limit, self._here(len(q)), q)[1]] = False
+        return free
 
     def gaps(self, q: Array) -> Array:
-        """The smallest gap of each pair (p,) at a configuration (d,) [m]."""
-        return self._checker.gaps(q)
+        """Return the smallest gap of each pair (w,) at a configuration (d,) [m], negative inside."""
+        return self._within(np.full(len(self._mover), np.inf), self._here(1), q[None])[2]
 
     def keep(self, distance: float, ends: Iterable[Array]) -> None:
         """Keep everything so far apart [m], or, where that is less, as far as it is at the nearer of ``ends`` (d,).
@@ -153,34 +149,168 @@ class QuickCheck:
         The ends are taken to be free. Forgets what was learnt.
         """
         self._most = np.min([self.gaps(q) for q in ends], axis=0, initial=np.inf) - TOUCHING
-        self._bodies.limit[:] = np.minimum(self._least + TOUCHING + distance, self._most)
-        self._bodies.widen()
+        self._limit = np.minimum(self._least + TOUCHING + distance, self._most)
 
     def learn(self, q: Array, pairs: Iterable[tuple[str, str]]) -> None:
         """At a configuration (d,) bodies were found to touch: keep them farther apart, as far as the ends allow."""
-        rows = [row for pair in {frozenset(pair): None for pair in pairs} for row in self._pairs_of.get(pair, ())]
-        raised = np.minimum(self.gaps(q)[rows] + APART, self._most[rows])
-        nearest = raised <= raised.min(initial=np.inf) + 0.01  # of a body's pieces those that may have been hit
-        rows_hit = np.array(rows, np.intp)[nearest]
-        self._bodies.limit[rows_hit] = np.maximum(self._bodies.limit[rows_hit], raised[nearest])
-        self._bodies.widen()
+        touching = {frozenset(pair) for pair in pairs}
+        hit = np.array([frozenset(pair) in touching for pair in self.names], bool)
+        raised = np.minimum(self.gaps(q) + APART, self._most)
+        # of the shapes of a link only those that may have touched
+        hit &= raised <= raised[hit].min(initial=np.inf) + NEAREST
+        self._limit = np.where(hit, np.maximum(self._limit, raised), self._limit)
+
+    def _here(self, count: int) -> Array:
+        return np.broadcast_to(self._base, (count, 4, 4))
+
+    def _within(self, width: Array, bases: Array, q: Array | None) -> Found:
+        """Return what is nearer than the width (w,) of its pair, from base poses (n, 4, 4) at configurations (n, d)."""
+        moving = np.zeros((0, 3, 4, len(bases))) if q is None else self._chain.frame_rows(q)
+        base = np.moveaxis(bases[:, :3], 0, -1)
+        frames = np.empty((FIRST_JOINT + len(moving), 3, 4, len(bases)))
+        frames[MAP], frames[BASE] = np.eye(3, 4)[..., None], base
+        np.einsum("ijn,fjkn->fikn", base[:, :3], moving, out=frames[FIRST_JOINT:])
+        frames[FIRST_JOINT:, :, 3] += base[:, 3]
+        return self._near(width, frames, np.arange(len(self._mover)))
+
+    def _near(self, width: Array, frames: Array, pairs: Index) -> Found:
+        """Return which of some pairs are nearer than their width (w,) in frames (f, 3, 4, n)."""
+        count = frames.shape[3]
+        if not count or not len(pairs):
+            return np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
+        size = max(1, AT_ONCE // max(len(pairs), 1))
+        parts = [self._near_in(width, frames[..., k : k + size], pairs) for k in range(0, count, size)]
+        if len(parts) == 1:
+            return parts[0]
+        starts = np.repeat(np.arange(len(parts)) * size, [len(part[0]) for part in parts])
+        pair, row, gap = (np.concatenate([np.zeros(0, np.intp), *column]) for column in zip(*parts, strict=True))
+        order = np.lexsort((row + starts, pair))
+        return pair[order], (row + starts)[order], gap[order]
+
+    def _near_in(self, width: Array, frames: Array, pairs: Index) -> Found:
+        movers, obstacles = self._movers, self._obstacles
+        pair, row, middle = self._with_balls_near(width, frames, pairs)
+        # the ball of the mover and each piece, in the frame of the obstacle
+        which, piece = _members(obstacles.first, self._obstacle[pair])
+        middle, radius, far = middle[which], self._balls[self._mover[pair], 3][which], width[pair][which]
+        solids = obstacles.solids
+        left = np.flatnonzero(_squares(middle - solids.centres[piece]) < (solids.reach[piece] + radius + far) ** 2)
+        left = left[_gaps(middle[left], radius[left], solids, piece[left]) < far[left]]
+        which, piece, pair, row = which[left], piece[left], pair[which[left]], row[which[left]]
+        # each sphere of the mover and each piece that is left
+        mover = self._mover[pair]
+        mine = frames[movers.frames[mover], :, :, row]
+        theirs = frames[obstacles.frames[self._obstacle[pair]], :, :, row]
+        turn = np.einsum("kji,kjl->kil", theirs[..., :3], mine[..., :3])
+        shift = _back(theirs, mine[..., 3])
+        each, sphere = _members(movers.first, mover)
+        points = np.einsum("kij,kj->ki", turn[each], movers.spheres[sphere, :3]) + shift[each]
+        gap = _gaps(points, movers.spheres[sphere, 3], solids, piece[each])
+        # the least of all pieces and spheres of a pair
+        begins = np.flatnonzero(np.diff(which[each], prepend=-1))
+        gap, at = (np.minimum.reduceat(gap, begins), each[begins]) if len(begins) else (gap, each)
+        close = gap < width[pair[at]]
+        return pair[at[close]], row[at[close]], gap[close]
+
+    def _with_balls_near(self, width: Array, frames: Array, pairs: Index) -> Found:
+        """Return pairs and rows whose mover's ball is near the box, or ball, of the obstacle, and its middle (k, 3).
+
+        The middle is in the frame of the obstacle.
+        """
+        movers, obstacles = self._movers, self._obstacles
+        middles = _placed(self._balls, movers.frames, frames)
+        mover, obstacle = self._mover[pairs], self._obstacle[pairs]
+        far = self._balls[mover, 3] + width[pairs]
+        standing = obstacles.frames[obstacle] == MAP
+        # what stands in the map, by its box there, which fits walls and tables much better than their balls do
+        low, high = self._boxes
+        below, above = middles.min(axis=2) - 1e-9, middles.max(axis=2) + 1e-9  # where each mover is in any row
+        reach = np.maximum(far, 0.0)[:, None]
+        met = (below[mover] - reach < high[obstacle]) & (above[mover] + reach > low[obstacle])
+        number = np.flatnonzero(standing & met.all(axis=1))
+        centre, half = ((high + low) / 2)[obstacle[number], :, None], ((high - low) / 2)[obstacle[number], :, None]
+        away = np.maximum(np.abs(middles[mover[number]] - centre) - half, 0.0)
+        near, row = _nearer(away, far[number])
+        first = number[near], row, middles[mover[number[near]], :, row]
+        # what moves with the robot, by its ball
+        number = np.flatnonzero(~standing)
+        others = _placed(self._obstacle_balls, obstacles.frames, frames)
+        near, row = _nearer(
+            middles[mover[number]] - others[obstacle[number]], far[number] + self._obstacle_balls[obstacle[number], 3]
+        )
+        number = number[near]
+        theirs = frames[obstacles.frames[obstacle[number]], :, :, row]
+        second = number, row, _back(theirs, middles[mover[number], :, row])
+        number, row, middle = (np.concatenate(several) for several in zip(first, second, strict=True))
+        return pairs[number], row, middle
 
 
-def _rows(bases: Array) -> Array:
-    """Poses (n, 4, 4), or without their last rows, as checkers take them (n, 12)."""
-    return np.concatenate([bases[:, :3, :3].reshape(-1, 9), bases[:, :3, 3]], axis=1)
+NEAREST = 0.01
+"""Shapes of a body whose gaps differ by less than this may all have been the one that touches [m]: spheres' slack."""
 
 
-@cache
-def bisection(pieces: int) -> NDArray[np.int32]:
-    """The inner points 1 .. pieces - 1 of a way in so many pieces, middle first, then the middles of what is left."""
-    order: list[int] = []
-    spans = [(0, pieces)]
-    for low, high in spans:
-        if high - low > 1:
-            middle = (low + high) // 2
-            order.append(middle)
-            spans += [(low, middle), (middle, high)]
-    found = np.array(order, np.int32)
-    found.flags.writeable = False
-    return found
+def _around(spheres: Array, first: Index) -> Array:
+    """Return balls (m, 4) around groups of spheres (s, 4), given where each group begins and the last ends (m + 1,)."""
+    sizes = counts(first)
+    full = np.flatnonzero(sizes)
+    balls = np.zeros((len(first) - 1, 4))
+    if len(full):
+        begins, group = first[full], np.repeat(np.arange(len(full)), sizes[full])
+        low = np.minimum.reduceat(spheres[:, :3] - spheres[:, 3:], begins)
+        high = np.maximum.reduceat(spheres[:, :3] + spheres[:, 3:], begins)
+        centres = (low + high) / 2
+        away = np.sqrt(((spheres[:, :3] - centres[group]) ** 2).sum(axis=1)) + spheres[:, 3]
+        balls[full, :3], balls[full, 3] = centres, np.maximum.reduceat(away, begins)
+    return balls
+
+
+def _boxes(obstacles: Obstacles) -> tuple[Array, Array]:
+    """Return lower and upper corners (o, 3) of boxes around obstacles, in their frames."""
+    solids, full = obstacles.solids, np.flatnonzero(counts(obstacles.first))
+    half = np.einsum("kij,kj->ki", np.abs(solids.axes), solids.extents)
+    half = np.minimum(half, solids.reach[:, None])
+    low, high = np.zeros((len(obstacles), 3)), np.zeros((len(obstacles), 3))
+    if len(full):
+        begins = obstacles.first[full]
+        low[full] = np.minimum.reduceat(solids.centres - half, begins)
+        high[full] = np.maximum.reduceat(solids.centres + half, begins)
+    return low, high
+
+
+def _placed(balls: Array, numbers: NDArray[np.intp], frames: Array) -> Array:
+    """Return the centres (m, 3, n) in the map of balls (m, 4) in frames of these numbers (m,)."""
+    centres = np.repeat(balls[:, :3, None], frames.shape[3], axis=2)
+    moving = np.flatnonzero(numbers != MAP)
+    of = frames[numbers[moving]]
+    centres[moving] = np.einsum("mijn,mj->min", of[:, :, :3], balls[moving, :3]) + of[:, :, 3]
+    return centres
+
+
+def _nearer(away: Array, far: Array) -> tuple[Index, Index]:
+    """Return which vectors (k, 3, n) are shorter than some lengths (k,): numbers in k, then in n."""
+    near = np.einsum("kin,kin->kn", away, away) < (np.maximum(far, 0.0) ** 2)[:, None]
+    numbers, rows = np.nonzero(near)
+    return numbers, rows
+
+
+def _squares(vectors: Array) -> Array:
+    """Return the squared lengths (k,) of vectors (k, 3)."""
+    return np.asarray(np.einsum("ki,ki->k", vectors, vectors))
+
+
+def _back(frames: Array, points: Array) -> Array:
+    """Return points (k, 3) of the map as they are in frames (k, 3, 4)."""
+    return np.asarray(np.einsum("kji,kj->ki", frames[..., :3], points - frames[..., 3]))
+
+
+def _members(first: Index, groups: Index) -> tuple[Index, Index]:
+    """Return for groups (k,) of which each member is, by position, and the number of the member."""
+    sizes = counts(first)[groups]
+    which = np.repeat(np.arange(len(groups)), sizes)
+    return which, np.arange(len(which)) - np.repeat(np.cumsum(sizes) - sizes, sizes) + first[groups][which]
+
+
+def _gaps(points: Array, radii: Array, solids: Solids, pieces: Index) -> Array:
+    """Return the gaps (k,) between spheres and pieces, each pair in one frame."""
+    local = np.einsum("kij,ki->kj", solids.axes[pieces], points - solids.centres[pieces])
+    return distances(local, solids.half[pieces], solids.kinds[pieces]) - radii

@@ -44,7 +44,7 @@ class Hull:
         """How deep places (m, 3) are inside (m,) [m]; negative outside, and there no more than a bound."""
         if self.faces is None:
             return np.asarray(self.radius - np.linalg.norm(places - self.points[0], axis=1))
-        return np.asarray((self.faces.offsets - places @ self.faces.normals.T).min(axis=1))
+        return np.asarray((self.faces.offsets - np.einsum("mk,fk->mf", places, self.faces.normals)).min(axis=1))
 
     def surface(self, spacing: float) -> Array:
         """Points (m, 3) on the surface, such that no point of it is farther from one than ``spacing`` [m]."""

@@ -10,9 +10,10 @@ import numpy as np
 
 from executive.motion.hulls import Hull
 from executive.motion.solids import Solids
-from executive.motion.spheres import Faceted, Spheres, kept_spheres
+from executive.motion.spheres import Spheres, kept_spheres
 from planlang.geometry import Array, Pose
-from sim import Hulled, PyBulletWorld, Solid, hull_of
+from planlang.geometry.matrices import moved
+from sim import Hulled, PlanningWorld, Solid, hull_of
 
 _PLAIN = ("box", "cylinder", "sphere")
 """Kinds that pieces can be."""
@@ -26,11 +27,9 @@ class Shaped:
     shapes: Sequence[Hulled]
 
     @cached_property
-    def spheres(self) -> tuple[tuple[Array, float, Faceted | None], ...]:
-        """Of each shape the spheres in it, centres and radii (k, 4), how far it sticks out of them [m], its faces."""
-        return tuple(
-            (np.column_stack([found.centres, found.radii]), found.slack, found.faces) for found in self._filled
-        )
+    def spheres(self) -> tuple[tuple[Array, float], ...]:
+        """Of each shape the spheres in it, centres and radii (k, 4), and how far it sticks out of them [m]."""
+        return tuple((np.column_stack([found.centres, found.radii]), found.slack) for found in self._filled)
 
     @cached_property
     def _filled(self) -> tuple[Spheres, ...]:
@@ -52,24 +51,19 @@ class Shaped:
                 pieces.append(Solid(self.name, "sphere", size, Pose(tuple(centre)), limb=False))
         return Solids.of(pieces), slack
 
-    @cached_property
-    def faces(self) -> Faceted | None:
-        """Those of the only shape if the pieces are not all of it; None if there are several, which may be hollow."""
-        return None if self.exact or len(self.shapes) != 1 else self._filled[0].faces
-
     @property
     def exact(self) -> bool:
         """Whether the pieces are all of it."""
         return all(shape.kind in _PLAIN for shape in self.shapes)
 
 
-def links_of(world: PyBulletWorld) -> tuple[Shaped, ...]:
+def links_of(world: PlanningWorld) -> tuple[Shaped, ...]:
     """The solid links of a world's robot, in their order."""
     robot = world.robot
     return tuple(Shaped(name, robot.hulls(number)) for number, name in enumerate(robot.solid_names))
 
 
-def thing_in(world: PyBulletWorld, name: str) -> Shaped:
+def thing_in(world: PlanningWorld, name: str) -> Shaped:
     """A body of a world."""
     return Shaped(name, [hull_of(part.kind, _even(part.kind, part.size), at) for part, at in world.pieces(name)])
 
@@ -78,8 +72,7 @@ def _filled(shape: Hulled) -> Spheres:
     """The spheres in a shape, in the frame in which its pose is given."""
     spheres = kept_spheres(Hull(shape.points, shape.radius, shape.beyond))
     pose = shape.pose.matrix()
-    faces = None if spheres.faces is None else spheres.faces.moved(pose)
-    return Spheres(spheres.centres @ pose[:3, :3].T + pose[:3, 3], spheres.radii, spheres.slack, faces)
+    return Spheres(moved(pose, spheres.centres), spheres.radii, spheres.slack)
 
 
 def _even(kind: str, size: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -50,14 +50,19 @@ class Solids:
     ) -> Solids:
         """Pieces by their poses (k, 4, 4), kinds and extents [m]."""
         half = np.array([size for _, size in shapes]).reshape(-1, 3) / 2
-        reach = np.linalg.norm(half, axis=1)
         kinds = np.array([{"box": 1, "cylinder": 2}.get(kind, 3) for kind, _ in shapes], np.intp)
+        reach = np.sqrt((half**2 * (np.arange(3) >= kinds[:, None] - 1)).sum(axis=1))
         half[kinds >= 2, 1] = ANY
         half[kinds == 3, 2] = ANY
         return Solids(bodies, matrices[:, :3, 3], matrices[:, :3, :3], half, kinds, reach, limbs)
 
     def __len__(self) -> int:
         return len(self.bodies)
+
+    @property
+    def extents(self) -> Array:
+        """Half extents (k, 3) of the boxes along the axes of pieces [m]."""
+        return np.where(self.half < ANY, self.half, self.half[:, :1])
 
     @staticmethod
     def joined(several: Sequence[Solids]) -> Solids:
@@ -104,11 +109,11 @@ class Solids:
         turned = self.axes.transpose(1, 0, 2).reshape(3, 3 * count)
         local = points @ turned - np.einsum("ki,kij->kj", self.centres, self.axes).reshape(3 * count)
         local = local.reshape(*points.shape[:-1], count, 3)
-        return _outside(local, self.half, self.kinds)
+        return distances(local, self.half, self.kinds)
 
 
-def _outside(local: Array, half: Array, kinds: NDArray[np.intp]) -> Array:
-    """Distances (...) of points (..., 3), in the frames of pieces, from their surfaces, negative inside [m]."""
+def distances(local: Array, half: Array, kinds: NDArray[np.intp]) -> Array:
+    """Return distances (...) of points (..., 3), in the frames of pieces, from their surfaces, negative inside [m]."""
     x, y, z = (np.abs(local[..., axis]) for axis in range(3))
     if (kinds >= 2).any():
         x = np.where(kinds >= 2, np.hypot(x, np.where(kinds == 3, np.hypot(y, z), y)), x)

@@ -1,7 +1,7 @@
-"""Spheres inside a convex shape, and how far the shape sticks out of them; its corners and the planes of its faces.
+"""Spheres inside a convex shape, and how far the shape sticks out of them.
 
 What one of the spheres is inside of, the shape is inside of too. What is farther from all of them than ``slack``, the
-shape does not touch; nor does what is beyond one of the planes. In between only an exact query can tell.
+shape does not touch. In between only an exact query can tell.
 """
 
 from __future__ import annotations
@@ -35,27 +35,6 @@ class Spheres:
     centres: Array
     radii: Array
     slack: float
-    faces: Faceted | None = None
-    """None of a ball."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Faceted:
-    """A convex polyhedron: corners (c, 3), and faces (f, 4), outward normals n and offsets d: n x <= d inside [m].
-
-    What is meant goes ``beyond`` it [m].
-    """
-
-    corners: Array
-    planes: Array
-    beyond: float
-
-    def moved(self, place: Array) -> Faceted:
-        """From the frame in which it is told to one that sees that frame at a place (4, 4)."""
-        turn, shift = place[:3, :3], place[:3, 3]
-        normals = self.planes[:, :3] @ turn.T
-        planes = np.column_stack([normals, self.planes[:, 3] + normals @ shift])
-        return Faceted(self.corners @ turn.T + shift, planes, self.beyond)
 
 
 def kept_spheres(hull: Hull) -> Spheres:
@@ -79,22 +58,14 @@ def spheres_in(hull: Hull) -> Spheres:
     chosen: list[int] = []
     while len(chosen) < MOST:
         gain = np.maximum(nearest[:, None] - away, 0.0).sum(axis=0)
-        best = int(np.argmax(gain))
+        best = int(np.argmax(gain.round(9)))  # of equal ones the first, whatever the last digits are
         if gain[best] <= 1e-9 and chosen:  # even the smallest shape has one
             break
         chosen.append(best)
         nearest = np.minimum(nearest, away[:, best])
         points, away, nearest = (array[nearest > OUT] for array in (points, away, nearest))
     slack = _slack(hull, centres[chosen], radii[chosen]) + hull.beyond
-    return Spheres(centres[chosen], radii[chosen], slack, _faceted(hull))
-
-
-def _faceted(hull: Hull) -> Faceted:
-    assert hull.faces is not None
-    rows = np.column_stack([hull.faces.normals, hull.faces.offsets])
-    _, first = np.unique(rows.round(6), axis=0, return_index=True)  # faces of many triangles
-    corners = np.unique(hull.faces.triangles.reshape(-1, 3), axis=0)
-    return Faceted(corners, rows[np.sort(first)], hull.beyond)
+    return Spheres(centres[chosen], radii[chosen], slack)
 
 
 def _slack(hull: Hull, centres: Array, radii: Array) -> float:
@@ -128,7 +99,9 @@ def _spacing(hull: Hull) -> float:
 
 def _distances(points: Array, centres: Array) -> Array:
     """(p, c)."""
-    squares = (points**2).sum(axis=1)[:, None] + (centres**2).sum(axis=1) - 2.0 * points @ centres.T
+    squares = (
+        (points**2).sum(axis=1)[:, None] + (centres**2).sum(axis=1) - 2.0 * np.einsum("pk,ck->pc", points, centres)
+    )
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
@@ -141,21 +114,9 @@ def _kept(points: bytes, radius: float, beyond: float) -> Spheres:
     content = _CACHE.load(key)
     if content is not None:
         rows = np.frombuffer(content).reshape(-1, 4)
-        balls, corners = int(rows[0, 1]), int(rows[0, 2])
-        spheres, ends, planes = np.split(rows[1:], [balls, balls + corners])
-        return Spheres(spheres[:, :3], spheres[:, 3], float(rows[0, 0]), Faceted(ends[:, :3], planes, beyond))
+        return Spheres(rows[1:, :3], rows[1:, 3], float(rows[0, 0]))
     found = spheres_in(hull)
-    polyhedron = found.faces
-    assert polyhedron is not None
-    table = np.vstack(
-        [
-            [found.slack, len(found.radii), len(polyhedron.corners), 0.0],
-            np.column_stack([found.centres, found.radii]),
-            np.column_stack([polyhedron.corners, np.zeros(len(polyhedron.corners))]),
-            polyhedron.planes,
-        ]
-    )
-    _CACHE.keep(key, table.tobytes())
+    _CACHE.keep(key, np.vstack([[found.slack, 0, 0, 0], np.column_stack([found.centres, found.radii])]).tobytes())
     return found
 
 

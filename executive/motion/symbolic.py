@@ -1,4 +1,10 @@
-"""A chain of joints as symbolic expressions of casadi."""
+"""A chain of joints as symbolic expressions of casadi: forward kinematics, Jacobian, one step of inverse kinematics.
+
+The step is one of Levenberg and Marquardt with joint limits. With e = (p* - p, w log(R* R^T)) and J weighted alike, it
+is dq = J^T (J J^T + l I)^-1 e with the damping l = |e|^2 / 2 + bias of Sugihara (Solvability-unconcerned inverse
+kinematics by the Levenberg-Marquardt method, IEEE T-RO 2011). Columns of joints that stand at a limit and would leave
+it are taken out of J; the step is clipped, then the joints.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +16,17 @@ import casadi
 import numpy as np
 
 from planlang.geometry import Array
-from planlang.geometry.matrices import cross_matrix
+from planlang.geometry.matrices import cross_matrix, product
 from planlang.geometry.urdf import Joint, displacement
+
+ROTATION_WEIGHT = 0.5
+"""Metres per radian in the error: about the length of a forearm, so that both parts change alike."""
+BIAS = 1e-6
+"""Smallest damping: keeps steps finite where the Jacobian loses rank, and leaves convergence quadratic elsewhere."""
+LARGEST_STEP = 0.8
+"""Largest move of a joint in one step [rad, m]: beyond it the linearised rotation means nothing."""
+HALF_TURN = 1e-6
+"""Nearer to half a turn than this the part of a rotation that tells the axis of other turns all but vanishes [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,63 +49,128 @@ class SymbolicChain:
     frames: tuple[tuple[Any, Any], ...]
     """Rotation and position of the child of each moving joint, base first."""
 
-
-def symbolic_chain(joints: Sequence[Joint], variables: Sequence[Variable], size: int) -> SymbolicChain:
-    """Forward kinematics and geometric Jacobian of joints from base to tip as functions of q (size,)."""
-    q = casadi.SX.sym("q", size)
-    rotation, position = casadi.SX.eye(3), casadi.SX.zeros(3)
-    moving: list[tuple[Joint, Variable, Any, Any]] = []
-    frames: list[tuple[Any, Any]] = []
-    fixed = np.eye(4)
-    for joint, variable in zip(joints, variables, strict=True):
-        fixed = fixed @ joint.origin
-        if variable.index is None:
-            fixed = fixed @ displacement(joint, variable.offset)
-            continue
+    @staticmethod
+    def of(joints: Sequence[Joint], variables: Sequence[Variable], size: int) -> SymbolicChain:
+        """Return forward kinematics and geometric Jacobian of joints from base to tip as functions of q (size,)."""
+        q = casadi.SX.sym("q", size)
+        rotation, position = casadi.SX.eye(3), casadi.SX.zeros(3)
+        moving: list[tuple[Joint, Variable, Any, Any]] = []
+        frames: list[tuple[Any, Any]] = []
+        fixed = np.eye(4)
+        for joint, variable in zip(joints, variables, strict=True):
+            fixed = product(fixed, joint.origin)
+            if variable.index is None:
+                fixed = product(fixed, displacement(joint, variable.offset))
+                continue
+            position = position + rotation @ _constant(fixed[:3, 3])
+            rotation = rotation @ _constant(fixed[:3, :3])
+            fixed = np.eye(4)
+            axis = rotation @ _constant(joint.axis)
+            value = variable.multiplier * q[variable.index] + variable.offset
+            if joint.kind == "prismatic":
+                position = position + axis * value
+            else:  # Rodrigues' formula
+                cross = cross_matrix(joint.axis)
+                turn = _constant(cross) * casadi.sin(value) + _constant(product(cross, cross)) * (1 - casadi.cos(value))
+                rotation = rotation @ (casadi.SX.eye(3) + turn)
+            moving.append((joint, variable, axis, position))
+            frames.append((rotation, position))
         position = position + rotation @ _constant(fixed[:3, 3])
         rotation = rotation @ _constant(fixed[:3, :3])
-        fixed = np.eye(4)
-        axis = rotation @ _constant(joint.axis)
-        value = variable.multiplier * q[variable.index] + variable.offset
-        if joint.kind == "prismatic":
-            position = position + axis * value
+        columns = [casadi.SX.zeros(6) for _ in range(size)]
+        for joint, variable, axis, point in moving:
+            linear = axis if joint.kind == "prismatic" else casadi.cross(axis, position - point)
+            angular = casadi.SX.zeros(3) if joint.kind == "prismatic" else axis
+            assert variable.index is not None
+            columns[variable.index] = columns[variable.index] + variable.multiplier * casadi.vertcat(linear, angular)
+        return SymbolicChain(q, rotation, position, casadi.horzcat(*columns), tuple(frames))
+
+    def tip_function(self) -> Any:
+        """Return q -> the tip's rotation and, as a fourth column, its position, row by row (12)."""
+        return self._function("tip", _row_major(casadi.horzcat(self.rotation, self.position)))
+
+    def jacobian_function(self) -> Any:
+        """Return q -> the Jacobian row by row (6 d)."""
+        return self._function("jacobian", _row_major(self.jacobian))
+
+    def frames_function(self) -> Any:
+        """Return q -> the same for the child of each of j moving joints (12 j)."""
+        return self._function("frames", casadi.vertcat(*(_row_major(casadi.horzcat(*frame)) for frame in self.frames)))
+
+    def _function(self, name: str, output: Any) -> Any:
+        return casadi.Function(name, [self.q], [output], {"cse": True})
+
+    def step_function(self, lower: Array, upper: Array, free_axis: Array | None) -> Any:
+        """Return (q, target) -> (q after one step, squared errors [m^2, rad^2] at q), within limits (d,), or infinite.
+
+        A target is a row of 12: the rotation row by row, the position. ``free_axis`` (3,) is one of the tip about
+        which it may turn freely.
+        """
+        q, target = self.q, casadi.SX.sym("target", 12)
+        wanted, place = casadi.reshape(target[:9], 3, 3).T, target[9:]
+        linear = place - self.position
+        if free_axis is None:
+            angular = _log(wanted @ self.rotation.T)
+            turning = self.jacobian[3:, :]
         else:
-            cross = cross_matrix(joint.axis)
-            turn = _constant(cross) * casadi.sin(value) + _constant(cross @ cross) * (1 - casadi.cos(value))
-            rotation = rotation @ (casadi.SX.eye(3) + turn)
-        moving.append((joint, variable, axis, position))
-        frames.append((rotation, position))
-    position = position + rotation @ _constant(fixed[:3, 3])
-    rotation = rotation @ _constant(fixed[:3, :3])
-    columns = [casadi.SX.zeros(6) for _ in range(size)]
-    for joint, variable, axis, point in moving:
-        linear = axis if joint.kind == "prismatic" else casadi.cross(axis, position - point)
-        angular = casadi.SX.zeros(3) if joint.kind == "prismatic" else axis
-        assert variable.index is not None
-        columns[variable.index] = columns[variable.index] + variable.multiplier * casadi.vertcat(linear, angular)
-    return SymbolicChain(q, rotation, position, casadi.horzcat(*columns), tuple(frames))
+            axis = self.rotation @ casadi.SX(casadi.DM(free_axis))
+            angular = _turn_between(axis, wanted @ casadi.SX(casadi.DM(free_axis)))
+            turning = self.jacobian[3:, :] - axis @ (axis.T @ self.jacobian[3:, :])
+        squares = casadi.vertcat(casadi.dot(linear, linear), casadi.dot(angular, angular))
+
+        error = casadi.vertcat(linear, ROTATION_WEIGHT * angular)
+        jacobian = casadi.vertcat(self.jacobian[:3, :], ROTATION_WEIGHT * turning)
+        low, high = casadi.DM(lower), casadi.DM(upper)
+        slope = jacobian.T @ error
+        leaving = casadi.logic_or(
+            casadi.logic_and(q <= low + 1e-9, slope < 0), casadi.logic_and(q >= high - 1e-9, slope > 0)
+        )
+        jacobian = jacobian @ casadi.diag(1 - leaving)
+        damped = jacobian @ jacobian.T + (0.5 * casadi.dot(error, error) + BIAS) * casadi.SX.eye(6)
+        move = jacobian.T @ casadi.ldl_solve(error, *casadi.ldl(damped))
+        move = move * casadi.fmin(1, LARGEST_STEP / casadi.fmax(casadi.mmax(casadi.fabs(move)), 1e-12))
+        moved = casadi.fmin(casadi.fmax(q + move, low), high)
+        outputs = [casadi.densify(moved), casadi.densify(squares)]
+        return casadi.Function("ik_step", [q, target], outputs, {"cse": True})
 
 
-def position_function(chain: SymbolicChain) -> Any:
-    """q -> (rotation row by row (9), position (3))."""
-    outputs = [_row_major(chain.rotation), casadi.densify(chain.position)]
-    return casadi.Function("chain_position", [chain.q], outputs, {"cse": True})
+def _log(rotation: Any) -> Any:
+    """Return the rotation vector of a rotation matrix (3, 3); of half a turn one of the two."""
+    twice = casadi.vertcat(
+        rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]
+    )
+    sine = casadi.sqrt(casadi.dot(twice, twice) / 4 + 1e-20)
+    cosine = (casadi.trace(rotation) - 1) / 2
+    angle = casadi.atan2(sine, cosine)
+    column = _longest(rotation + casadi.SX.eye(3))  # of half a turn about n: 2 n n^T
+    return casadi.if_else(
+        casadi.logic_and(sine < HALF_TURN, cosine < 0),
+        column * (angle / casadi.norm_2(column)),
+        twice / 2 * (angle / sine),
+    )
 
 
-def pose_function(chain: SymbolicChain) -> Any:
-    """q -> (rotation row by row (9), position (3), Jacobian row by row (6 d))."""
-    outputs = [_row_major(chain.rotation), casadi.densify(chain.position), _row_major(chain.jacobian)]
-    return casadi.Function("chain_pose", [chain.q], outputs, {"cse": True})
+def _turn_between(axis: Any, wanted: Any) -> Any:
+    """Return the shortest rotation vector that turns one unit vector onto another; of opposite ones one of many."""
+    cross = casadi.cross(axis, wanted)
+    sine = casadi.sqrt(casadi.dot(cross, cross) + 1e-20)
+    cosine = casadi.dot(axis, wanted)
+    angle = casadi.atan2(sine, cosine)
+    across = _longest(casadi.SX.eye(3) - axis @ axis.T)
+    return casadi.if_else(
+        casadi.logic_and(sine < HALF_TURN, cosine < 0), across * (angle / casadi.norm_2(across)), cross * (angle / sine)
+    )
 
 
-def frames_function(chain: SymbolicChain) -> Any:
-    """q -> for each moving joint the rotation of its child row by row (9), then its position (3), in one row."""
-    rows = [part for rotation, position in chain.frames for part in (_row_major(rotation), casadi.densify(position))]
-    return casadi.Function("chain_frames", [chain.q], [casadi.vertcat(*rows)], {"cse": True})
+def _longest(matrix: Any) -> Any:
+    """Return the column of the greatest diagonal element of a matrix (3, 3)."""
+    first, second, third = (matrix[i, i] for i in range(3))
+    rest = casadi.if_else(second >= third, matrix[:, 1], matrix[:, 2])
+    return casadi.if_else(casadi.logic_and(first >= second, first >= third), matrix[:, 0], rest)
 
 
 def _constant(matrix: Array) -> Any:
-    """As a sparse constant: what is within rounding of 0 or 1 is it, so that the expressions stay small."""
+    """Return a sparse constant: what is within rounding of 0 or 1 is it, so that the expressions stay small."""
     whole = np.round(matrix)
     return casadi.SX(casadi.sparsify(casadi.DM(np.where(np.abs(matrix - whole) < 1e-12, whole, matrix))))
 

@@ -18,6 +18,8 @@ HALF_TURN = 1e-3
 """Nearer to half a turn than half of this the antisymmetric part of a rotation is too small to tell its axis [rad]."""
 
 
+AHEAD = 9
+"""Poses whose inverse kinematics starts from the same configuration: at 0.1 m in all it converges in 3 to 5 steps."""
 UNMOVED = 1e-18
 """Squared lengths up to this are no way [m^2]."""
 LARGEST_STRAY = 1e-3
@@ -48,7 +50,7 @@ def cartesian_path(
 ) -> TipLine:
     """Move the tip straight from one pose (4, 4) to another in the chain's base frame, turning it evenly.
 
-    Each step's solution starts from the last one and may move no joint by more than ``largest_step`` [rad, m]; every
+    No step may move a joint by more than ``largest_step`` [rad, m]; every
     configuration but ``start_q`` (d,) is checked. The line between two waypoints is straight in joint space; where the
     tip would leave its own line by more than :func:`keeps_line` allows, steps are halved.
     """
@@ -85,20 +87,22 @@ def keeps_line(poses: Array, start: Array, goal: Array) -> bool:
 def _in_steps(
     ik: InverseKinematics, q: Array, poses: Array, is_free: Callable[[Array], bool], largest_step: float
 ) -> TipLine:
-    """From a configuration (d,) through poses (n, 4, 4), one after the other."""
+    """Go from a configuration (d,) through poses (n, 4, 4)."""
     waypoints, steps = [q], len(poses)
-    for i, pose in enumerate(poses, start=1):
-        found = ik.solve_one(pose, q)
-        if found is None:
-            return TipLine(None, f"the tip does not reach step {i} of {steps}")
-        jump = np.abs(found - q)
+    for i in range(steps):
+        if i % AHEAD == 0:  # the next few start from here: near enough, and one call for all
+            ahead = poses[i : i + AHEAD]
+            found, reached = ik.solve(ahead, np.broadcast_to(q, (len(ahead), 1, len(q))))
+        if not reached[i % AHEAD]:
+            return TipLine(None, f"the tip does not reach step {i + 1} of {steps}")
+        jump = np.abs(found[i % AHEAD] - q)
         if jump.max() > largest_step:
             name = ik.chain.names[int(np.argmax(jump))]
-            return TipLine(None, f"{name} would jump by {jump.max():.2f} at step {i} of {steps}")
-        if not is_free(found.copy()):
-            return TipLine(None, f"in collision at step {i} of {steps}")
-        waypoints.append(found)
-        q = found
+            return TipLine(None, f"{name} would jump by {jump.max():.2f} at step {i + 1} of {steps}")
+        q = found[i % AHEAD]
+        if not is_free(q.copy()):
+            return TipLine(None, f"in collision at step {i + 1} of {steps}")
+        waypoints.append(q)
     return TipLine(np.array(waypoints))
 
 

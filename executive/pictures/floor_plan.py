@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from executive.belief.free_floor import BasePose
-from executive.locations.rejections import Judged
+from executive.locations.rejections import Validated
 from executive.pictures.drawing import FAINT, FINE, INK, PAPER, Colour, Sheet, blended, font
 from planlang.geometry import Array
 
@@ -75,7 +75,7 @@ class Resolution:
 
     title: str
     places: Sequence[BasePose]
-    judged: Sequence[Judged]
+    judged: Sequence[Validated]
     scored: Sequence[tuple[Array, Array]] = ()
     """Candidates (m, 3) before they were judged, and their scores (m,)."""
     refused: Sequence[tuple[str, Array]] = ()

@@ -9,7 +9,7 @@ import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.areas import Facing
-from executive.locations.relations import base_demand, thing_demand
+from executive.locations.demands import base_demand, thing_demand
 from executive.pictures.floor_plan import Outline, Region, Scenery
 from planlang.designators import Location
 from planlang.failures import LocationUnresolvable

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from planlang.geometry import Pose
 
 if TYPE_CHECKING:
-    from sim import PyBulletWorld
     from sim.bodies import Part
+    from sim.kinematic import KinematicScene
 
 HERE = Pose((0.0, 0.0, 0.0))
 GREY = (150, 150, 155, 255)
@@ -43,7 +43,7 @@ class Drawn:
     """Where they are now, in the map or in the frame of what they are a part of."""
 
 
-def drawn_in(world: PyBulletWorld, urdf: Path | None = None) -> tuple[Drawn, ...]:
+def drawn_in(world: KinematicScene, urdf: Path | None = None) -> tuple[Drawn, ...]:
     """All bodies of a world, limbs of people one by one, and the links of its robot. Walls are left out."""
     drawn: list[Drawn] = []
     for name in world.names():
@@ -62,7 +62,7 @@ def drawn_in(world: PyBulletWorld, urdf: Path | None = None) -> tuple[Drawn, ...
     return tuple(drawn)
 
 
-def _limb(world: PyBulletWorld, name: str, k: int) -> Pose:
+def _limb(world: KinematicScene, name: str, k: int) -> Pose:
     return world.pieces(name)[k][1]
 
 

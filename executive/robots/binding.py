@@ -17,6 +17,7 @@ from executive.robots.robot_file import (
     DEFAULT_LIMITS,
     RobotFile,
     looks_like_toml,
+    looks_like_urdf,
     read_robot_file,
 )
 from executive.robots.self_model import SelfModel, read_self_model
@@ -50,6 +51,12 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
                 read_self_model(load(numbers.self_model, folders=tuple(folders))), numbers, urdf or numbers.urdf
             )
         return _bind(None, numbers, urdf or numbers.urdf)
+    if looks_like_urdf(path):
+        advice = (
+            f"write a robot file (TOML) with urdf = {path.name!r}, or name a self-model: --robot MODEL --urdf {path}"
+        )
+        message = "this is a URDF: it has the robot's shape, but not its speeds, postures and capabilities"
+        raise BadInput([error("B016", message, Span(str(path), 1), advice)])
     ontology = load(path, folders=tuple(folders))
     problems = [d for d in ontology.diagnostics if has_errors([d])]
     if problems:

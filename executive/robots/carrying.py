@@ -13,7 +13,7 @@ from planlang.diagnostics import note
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
 from planlang.protocols import Configuration
-from sim import PyBulletWorld, Scene
+from sim import PlanningWorld, Scene
 
 AHEAD = np.arange(0.25, 0.75, 0.1)
 """How far ahead of the base's axis the hand may be [m]."""
@@ -41,7 +41,7 @@ def with_carrying(robot: Robot) -> Robot:
     """The robot, with a carrying posture if it has none: no contact with itself, hands level, as narrow as possible."""
     if CARRYING in robot.postures or not robot.arms:
         return robot
-    world = PyBulletWorld(Scene(()), robot.body())
+    world = PlanningWorld(Scene(()), robot.body())
     try:
         joints: dict[str, float] = {}
         if robot.torso is not None:
@@ -59,7 +59,7 @@ def with_carrying(robot: Robot) -> Robot:
     return replace(robot, postures={**robot.postures, CARRYING: joints}, diagnostics=(*robot.diagnostics, said))
 
 
-def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PyBulletWorld) -> dict[str, float]:
+def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWorld) -> dict[str, float]:
     """The joints of an arm, others fixed: least penetration first, then the narrowest, then of a good height."""
     chain = Chain.from_urdf(robot.urdf, robot.base_link, arm.tip, locked=fixed)
     rng = np.random.default_rng(0)
@@ -83,7 +83,7 @@ def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PyBulletWor
     return best[1]
 
 
-def _level(arm: Arm, chain: Chain, world: PyBulletWorld, fixed: Mapping[str, float], rng: np.random.Generator) -> Array:
+def _level(arm: Arm, chain: Chain, world: PlanningWorld, fixed: Mapping[str, float], rng: np.random.Generator) -> Array:
     """Joint values (n, d) with the hand level, so that what it holds stays upright."""
     shoulder = world.link_pose(arm.base_link, Configuration(HERE, fixed)).position[2]
     side = {"left": 1.0, "right": -1.0}.get(arm.side or "", 1.0)

@@ -33,6 +33,7 @@ from typing import Any
 from executive.robots.robot import Axis, BaseDrive, JointLimits
 from executive.robots.urdf_source import Mount, NotInstalled, composed, packaged
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.files import open_regular, read_file
 from sim import CameraModel
 
 _KEYS: dict[str, tuple[str, ...]] = {
@@ -109,22 +110,33 @@ DEFAULT_LIMITS = JointLimits(0.5, 1.0, 10.0)
 
 
 def looks_like_toml(path: Path) -> bool:
-    """Whether a file is a robot's TOML file: by its content, never by its suffix."""
-    try:
-        head = path.read_text(encoding="utf-8", errors="replace")[:4000]
-    except OSError:
-        return False
+    """Return whether a file is a robot's TOML file: by its content, never by its suffix."""
+    head = beginning(path)
     lines = [line.strip() for line in head.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     return bool(lines) and re.match(r"\[[\w.\"-]+\]|[\w\"-]+\s*=", lines[0]) is not None
 
 
+def looks_like_urdf(path: Path) -> bool:
+    """Return whether the root element of a file is that of a URDF."""
+    text = re.sub(r"<!--.*?-->|<\?.*?\?>", "", beginning(path), flags=re.DOTALL)
+    return text.lstrip("\ufeff \t\r\n").startswith("<robot")
+
+
+def beginning(path: Path) -> str:
+    """Return the first 4000 bytes of a file as text; nothing of one that cannot be read."""
+    try:
+        with open_regular(path) as file:
+            return file.read(4000).decode("utf-8", errors="replace")
+    except OSError:
+        return ""
+
+
 def read_robot_file(path: Path) -> RobotFile:
     """Read and check a robot's TOML file; raises BadInput with everything wrong in it."""
+    content = read_file(path, "B001")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = content.decode("utf-8")
         table = tomllib.loads(text)
-    except OSError as problem:
-        raise BadInput([error("B001", f"{path} cannot be read: {problem.strerror}")]) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
         where = re.search(r"line (\d+), column (\d+)", str(problem))
         span = Span(str(path), *map(int, where.groups())) if where else Span(str(path))

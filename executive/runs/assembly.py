@@ -19,20 +19,21 @@ from executive.robots import Robot
 from executive.robots.arms import arm_models, gaze_of
 from planlang.diagnostics import BadInput, Span, error
 from planlang.ontology import Ontology, expand, shorten
-from sim import PyBulletWorld, Scene, perturb
+from planlang.protocols import World
+from sim import PlanningWorld, Scene, perturb
 
 MOST_STARTS = 5000
 """Free base poses that are tried for one where the arms have room, too; 5,000 are a disc of 2 m in the fine grid."""
 
 
-def real_scene(scene: Scene, seed: int, robot_in: PyBulletWorld) -> Scene:
+def real_scene(scene: Scene, seed: int, robot_in: PlanningWorld) -> Scene:
     """Return the scene as it might really be, by a seed; ``robot_in`` is a world with the robot at its start."""
     bands = robot_in.silhouette()
     radius, height = max(radius for _, _, radius in bands), max(high for _, high, _ in bands)
     return perturb(scene, seed, radius=radius, height=height)
 
 
-def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack) -> PyBulletWorld:
+def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack) -> PlanningWorld:
     """Return a world with the robot at its start: where the user says, else at a free pose near the middle.
 
     ``stack`` closes the world. Raises BadInput when there is no free pose, or the user's is not free.
@@ -41,7 +42,7 @@ def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: Ex
     first = next(places, None)
     if first is None:
         raise _nowhere()
-    world = PyBulletWorld(replace(scene, start=first), robot.body())
+    world = PlanningWorld(replace(scene, start=first), robot.body())
     stack.callback(world.close)
     if not world.robot.solid:
         message = "no link has a shape (<collision> or <visual>): there is nothing to find room for"
@@ -57,7 +58,7 @@ def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: Ex
         raise _nowhere()
     if place == first:
         return world
-    world = PyBulletWorld(replace(scene, start=place), robot.body())
+    world = PlanningWorld(replace(scene, start=place), robot.body())
     stack.callback(world.close)
     return world
 
@@ -67,7 +68,7 @@ def _nowhere() -> BadInput:
     return BadInput([error("X003", "there is no free pose for the robot to start at", help=advice)])
 
 
-def _check_start(world: PyBulletWorld) -> None:
+def _check_start(world: PlanningWorld) -> None:
     """Raise BadInput when the robot would stand in something, or off the map."""
     x, y, yaw = world.scene.start
     x_min, y_min, x_max, y_max = world.scene.bounds
@@ -83,8 +84,8 @@ def _check_start(world: PyBulletWorld) -> None:
 def platform_of(
     robot: Robot,
     semantic_map: SemanticMap,
-    truth: PyBulletWorld,
-    believed: PyBulletWorld,
+    truth: World,
+    believed: PlanningWorld,
     seed: int,
 ) -> Platform:
     """Return a robot in a true and a believed world; its reachability maps are built by :func:`build_maps`."""

@@ -223,7 +223,7 @@ class Run:
             "urdf_sha256": sha256(robot.urdf),
             "map": semantic_map.iri,
             "map_sha256": [document.sha256 for document in semantic_map.ontology.documents],
-            "versions": {**_versions(), "kinematics": platform.scene.kinematics()},
+            "versions": _versions(),
         }
         if self.registry.identity:
             header["modules"] = self.registry.identity
@@ -317,7 +317,8 @@ class Run:
         finally:
             trace.close()
             if options.picture is not None:
-                write_complete(options.picture, truth.save_picture)
+                meant = tuple(_bodies_of(bound, executive.platform.belief, truth))
+                write_complete(options.picture, partial(truth.save_picture, of=meant))
             if recording is not None and options.record is not None:
                 write_complete(options.record, recording.save)
         state = tuple(_state_lines(truth, bound, executive.platform.belief))
@@ -374,18 +375,25 @@ def _is_own(file: Path) -> bool:
 
 def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Object], belief: Belief) -> Iterator[str]:
     """Yield where the truth has each graspable object of the plan."""
-    for what in bound.values():
-        try:
-            name = belief.bind(what, truth.configuration().base)
-        except PlanFailure:
-            continue
-        if name not in truth.names() or not truth.scene.body(name).graspable:
+    for name in _bodies_of(bound, belief, truth):
+        if not truth.scene.body(name).graspable:
             continue
         holder, support = held_by(truth, name), at_rest_on(truth, name)
         if holder is not None:
             yield f"{name}: held by {holder}"
         else:
             yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
+
+
+def _bodies_of(bound: Mapping[str, Object], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:
+    """Yield the bodies that the plan's parameters mean, as far as there are any."""
+    for what in bound.values():
+        try:
+            name = belief.bind(what, truth.configuration().base)
+        except PlanFailure:
+            continue
+        if name in truth.names():
+            yield name
 
 
 def _versions() -> dict[str, str]:

@@ -8,14 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 
 from executive.belief.free_floor import BasePose
-from executive.locations import Reach, ReachSolution
-from executive.locations.reach import HandTerm
-from executive.locations.ways import HandPlan
+from executive.locations import HandSolution, Reach, ReachKind
+from executive.locations.demands import HandTerm
+from executive.locations.grasp_candidates import HandPoses
 from executive.modules.arm_choice import ArmChoices
 from executive.modules.platform import Platform
 from executive.modules.registry import bundled_modules
@@ -24,19 +24,8 @@ from executive.robots.arms import ArmModel
 from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
 from planlang.geometry import Array
 from planlang.language.executive import ProcessModule
-from planlang.protocols import Solution
+from planlang.protocols import RestorableWorld, Solution
 from planlang.runs.codec import dump, load
-
-
-@runtime_checkable
-class RestorableWorld(Protocol):
-    """A world whose state can be restored: a simulator."""
-
-    def snapshot(self) -> dict[str, Any]:
-        """Return the state as JSON."""
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Continue from a snapshot; raises ValueError for one that does not fit."""
 
 
 class RobotExecutive:
@@ -176,7 +165,7 @@ class RobotExecutive:
         self.platform.belief.tell = write
 
 
-def _solution_json(solution: ReachSolution) -> list[Any]:
+def _solution_json(solution: HandSolution) -> list[Any]:
     plan = solution.plan
     hand = [plan.label, plan.poses.tolist(), plan.touches, plan.opened]
     return [_listed(astuple(solution.reach)), solution.arm.name, hand, solution.joints.tolist()]
@@ -184,13 +173,15 @@ def _solution_json(solution: ReachSolution) -> list[Any]:
 
 def _listed(value: Any) -> Any:
     """Return a value with lists for tuples, as JSON gives them back: a state is compared with one that was read."""
+    if isinstance(value, ReachKind):
+        return value.value
     return [_listed(one) for one in value] if isinstance(value, tuple) else value
 
 
-def _solution(state: Any, arms: Mapping[str, ArmModel]) -> ReachSolution:
+def _solution(state: Any, arms: Mapping[str, ArmModel]) -> HandSolution:
     reach, arm, (label, poses, touches, opened), joints = state
-    plan = HandPlan(str(label), _array(poses, (-1, 4, 4)), touches, bool(opened))
-    return ReachSolution(_reach(*reach), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
+    plan = HandPoses(str(label), _array(poses, (-1, 4, 4)), touches, bool(opened))
+    return HandSolution(_reach(*reach), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
 
 
 def _reach(
@@ -199,7 +190,7 @@ def _reach(
     low, high = heights
     named = None if some is None else tuple(map(str, some))
     terms = tuple(_term(*term) for term in also)
-    return Reach(kind, body, grasp, named, (float(low), float(high)), inside, terms, before)
+    return Reach(ReachKind(kind), body, grasp, named, (float(low), float(high)), inside, terms, before)
 
 
 def _term(name: str, body: str, within: float | None, beyond: float | None, negated: bool, viewer: Any) -> HandTerm:

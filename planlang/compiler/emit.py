@@ -12,28 +12,10 @@ from planlang.compiler.tree import Function, PlanTree
 from planlang.designators import local_name
 from planlang.plan_header import PlanHeader, digest
 from planlang.recipe.model import Kind, Place, RecipeSet, Thing
+from planlang.relations import RELATIONS
 
 TYPES = {Kind.OBJECT: "Object", Kind.PERSON: "Person", Kind.DEVICE: "Device"}
 MAKERS = {Kind.OBJECT: "an_object", Kind.PERSON: "a_person", Kind.DEVICE: "a_device"}
-
-PHRASES = {
-    "in_reach_of": "in reach of {}",
-    "visible_from": "where {} can be seen",
-    "above": "above {}",
-    "on": "on {}",
-    "in_": "in {}",
-    "in_center_of": "at the centre of {}",
-    "in_front_of": "in front of {}",
-    "behind": "behind {}",
-    "left_of": "to the left of {}",
-    "right_of": "to the right of {}",
-    "next_to": "beside {}",
-    "near": "near {}",
-    "far_from": "far from {}",
-    "facing": "facing {}",
-    "clear_of": "clear of {}",
-}
-"""Relations of places in words, for docstrings."""
 
 
 def emit(
@@ -124,7 +106,8 @@ def _place(symbols: Symbols, place: Place) -> list[str]:
     for relation, reference in place.relations:
         expression, words = _reference(symbols, reference)
         relations.setdefault(relation, []).append(expression)
-        phrases.append(PHRASES.get(relation, relation.replace("_", " ") + " {}").format(words))
+        form = RELATIONS[relation].prose or f"{RELATIONS[relation].forms[0]} {{}}"
+        phrases.append(form.format(words))
     keywords: dict[str, Expression | str] = {
         relation: references[0] if len(references) == 1 else sequence(references)
         for relation, references in relations.items()

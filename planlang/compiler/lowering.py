@@ -145,8 +145,8 @@ def added_orders(recipe: Recipe, added: Iterable[tuple[str, str]]) -> Iterator[D
     """Report the orders of steps (IRIs) that location scopes add to a recipe."""
     for before, after in added:
         first, second = recipe.step(before), recipe.step(after)
-        message = f"`{first.name}` now comes before `{second.name}`: what is done from one place is done together"
-        advice = f"write the order if that is meant: {ordering_to_write(recipe, before, after)}"
+        message = f"`{first.name}` now comes before `{second.name}`: steps at one place are performed together"
+        advice = f"state the order if it is intended: {ordering_to_write(recipe, before, after)}"
         yield note("R041", message, first.span, advice)
 
 

@@ -59,7 +59,7 @@ def _unregistered(rule: RecoveryRule) -> Iterator[Diagnostic]:
         yield error("R043", message, rule.span, "; ".join([f"{type(failed).__name__}: {failed}", *failed.__notes__]))
         return
     if not known and rule.strategy in LATER:
-        message = f"the recovery `{rule.name}` is left out: no function is registered for {rule.strategy}"
+        message = f"the recovery `{rule.name}` is ignored: no function is registered for {rule.strategy}"
         yield warning("R043", message, rule.span)
     elif not known:
         names = {one.name for one in registered_strategies()}
@@ -69,18 +69,18 @@ def _unregistered(rule: RecoveryRule) -> Iterator[Diagnostic]:
 def _other_than_a_scope(rule: RecoveryRule) -> Iterator[Diagnostic]:
     """What a rule for the next place says that a location scope does not do."""
     if set(rule.failures) != CURED:
-        message = f"the recovery `{rule.name}` does not change for which failures the next place is tried"
-        yield warning("R044", message, rule.span, f"name all of {', '.join(sorted(CURED))}, and no other")
+        message = f"the recovery `{rule.name}` cannot change the failures for which the next place is tried"
+        yield warning("R044", message, rule.span, f"name exactly {', '.join(sorted(CURED))}")
     if rule.escalates_to is not None and rule.escalates_to not in RAISED:
-        message = f"the recovery `{rule.name}` does not escalate to {rule.escalates_to}"
+        message = f"the recovery `{rule.name}` cannot escalate to {rule.escalates_to}"
         advice = f"leave it out: without a further place {RAISED[0]} is raised, {RAISED[1]} if something is held"
         yield warning("R044", message, rule.span, advice)
 
 
 def _unknown(rule: RecoveryRule, what: str, name: str, known: AbstractSet[str]) -> Diagnostic:
     similar = get_close_matches(name, sorted(known), n=1)
-    advice = f"did you mean {similar[0]}?" if similar else f"known are {', '.join(sorted(known))}"
-    return error("R043", f"the recovery `{rule.name}` names a {what} {name}, which does not exist", rule.span, advice)
+    advice = f"did you mean {similar[0]}?" if similar else f"known: {', '.join(sorted(known))}"
+    return error("R043", f"the recovery `{rule.name}` names an unknown {what} {name}", rule.span, advice)
 
 
 class Recoveries:

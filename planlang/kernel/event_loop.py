@@ -11,7 +11,7 @@ from typing import Any
 
 from planlang.failures import PlanFailure
 from planlang.kernel.cancel import MAX_DELIVERIES, STUCK, evaporate
-from planlang.kernel.core import PARKED, Scheduler, Task
+from planlang.kernel.core import PARKED, BaseScope, Scheduler, Task
 from planlang.kernel.errors import (
     DeadlockError,
     Evaporated,
@@ -53,11 +53,13 @@ def loop(scheduler: Scheduler, root: Task) -> None:
 
 def rest(scheduler: Scheduler, root: Task) -> None:
     """Rounds, decisions and deadlines until nothing more can happen in this step."""
+    queue, pool, dirty = scheduler.queue, scheduler.pool, scheduler.dirty
     while True:
-        _round(scheduler, root)
-        if _decide(scheduler):
-            continue
-        if scheduler.awaits_threads and scheduler.service(Calls).collect(scheduler):
+        if queue or pool:
+            _round(scheduler, root)
+        if dirty:
+            _decide(dirty)
+        elif scheduler.awaits_threads and scheduler.service(Calls).collect(scheduler):
             _heed_interrupts(scheduler, root)
         elif scheduler.draining or not scheduler.timers.expire():
             return
@@ -88,22 +90,18 @@ def _round(scheduler: Scheduler, root: Task) -> None:
             raise fatal
 
 
-def _decide(scheduler: Scheduler) -> bool:
-    """Let the most deeply nested scopes with newly dead branches decide; False if there are none.
+def _decide(dirty: list[tuple[int, int, BaseScope]]) -> None:
+    """Let the most deeply nested scopes with newly dead branches decide, in order of creation.
 
     Only one depth at a time: what a decision wakes runs first, and may end a branch of a scope that is less deep in
     the same step. That scope then sees both ends at once.
     """
-    dirty = scheduler.dirty
-    if not dirty:
-        return False
     depth = dirty[0][0]
     while dirty and dirty[0][0] == depth:
         scope = heapq.heappop(dirty)[2]
         scope.dirty = False
-        scheduler.resumptions += 1
+        scope.scheduler.resumptions += 1
         scope.settle()
-    return True
 
 
 def _advance(scheduler: Scheduler, root: Task) -> None:
@@ -114,10 +112,17 @@ def _advance(scheduler: Scheduler, root: Task) -> None:
         return
     target = _target(scheduler, root, repeats)
     if not repeats:
-        passed = _let_pass(scheduler, target - timers.now)
-        if not passed:  # a live host came back early: something has happened in this step
+        scheduler.idle = True
+        try:
+            passed = scheduler.host.advance(target - timers.now)
+        except Exception as error:
+            error.add_note(f"raised by {type(scheduler.host).__name__} after {timers.now} world steps")
+            raise
+        scheduler.idle = False
+        if passed == 0:  # a live host came back early: something has happened in this step
             return
-        target = timers.now + passed
+        if passed is not None:
+            target = timers.now + passed
     timers.now = target
     scheduler.resumptions = 0
     if scheduler.world_waits:
@@ -163,18 +168,6 @@ def _deadlock(root: Task) -> str:
     if any(isinstance(task.wait, FluentWait) for task in blocked(root)):
         message += f"\n{THREADS_HINT}"
     return message
-
-
-def _let_pass(scheduler: Scheduler, steps: int) -> int:
-    """Have the host let time pass; returns how many steps have passed."""
-    scheduler.idle = True
-    try:
-        passed = scheduler.host.advance(steps)
-    except Exception as error:
-        error.add_note(f"raised by {type(scheduler.host).__name__} after {scheduler.now} world steps")
-        raise
-    scheduler.idle = False
-    return steps if passed is None else passed
 
 
 def _attend(scheduler: Scheduler) -> bool:

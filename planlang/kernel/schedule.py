@@ -27,29 +27,33 @@ class CountedRandom(Random):
 
     def __init__(self, seed: str) -> None:
         super().__init__(seed)
-        self._words: int | None = 0
+        self.moved = 0
+        """Another number after whatever has changed the state: words drawn, and seedings by the plan."""
+        self._is_counted = True
 
     def random(self) -> float:
         """Return the next number from [0, 1)."""
-        if self._words is not None:
-            self._words += 2
+        self.moved += 2
         return super().random()
 
     def getrandbits(self, k: int, /) -> int:
         """Return an integer of ``k`` random bits."""
-        if self._words is not None:
-            self._words += (k + 31) // 32
+        self.moved += (k + 31) // 32
         return super().getrandbits(k)
 
     def seed(self, *arguments: Any, **named: Any) -> None:
-        """Begin anew, as a plan may ask for: from then on the draws are not counted."""
+        """Begin anew, as a plan may ask for: from then on the count of draws does not tell the state."""
         super().seed(*arguments, **named)
-        self._words = None
+        self._lose_count()
 
     def setstate(self, state: Any) -> None:
-        """Go to a state, from which draws are not counted."""
+        """Go to a state: from then on the count of draws does not tell it."""
         super().setstate(state)
-        self._words = None
+        self._lose_count()
+
+    def _lose_count(self) -> None:
+        self.moved = getattr(self, "moved", 0) + 1
+        self._is_counted = False
 
     @property
     def draws(self) -> Any:
@@ -57,18 +61,18 @@ class CountedRandom(Random):
 
         ValueError if that is not known, since the plan has seeded the stream itself.
         """
-        if self._words is None:
+        if not self._is_counted:
             raise ValueError("a stream of random numbers that was seeded by the plan")
         ready = getattr(self, "gauss_next", None)
-        return self._words if ready is None else [self._words, ready]
+        return self.moved if ready is None else [self.moved, ready]
 
     def go_to(self, draws: Any) -> None:
         """Draw as often as it was drawn before; raises ValueError for what is no such number."""
         words, ready = checked_draws(draws)
-        if self._words is None or self._words > words:
+        if not self._is_counted or self.moved > words:
             raise ValueError(f"a stream of random numbers cannot go back to {words} draws")
-        while self._words < words:
-            self.getrandbits(32 * min(_AT_ONCE, words - self._words))
+        while self.moved < words:
+            self.getrandbits(32 * min(_AT_ONCE, words - self.moved))
         self.gauss_next = ready
 
 

@@ -145,7 +145,8 @@ class Scope(BaseScope):
         if len(dead) > 1:
             dead.sort(key=_index)
         for task in dead:
-            self._collect_errors(task)
+            if task.crash is not None or task.cleanup_failures:
+                self._collect_errors(task)
         if self.crash is not None:
             self.close()
         elif not self.over:

@@ -17,6 +17,23 @@ MISSED = ("never", "once", "always")
 _PULSED = Usage("fluent.pulsed", {"missed": '"once"'})
 
 
+Operator = Callable[["Signal[Any]", object], "Signal[Any]"]
+
+
+def _left(operation: Callable[..., Any], symbol: str) -> Operator:
+    def method(self: Signal[Any], other: object) -> Signal[Any]:
+        return Expression(operation, symbol, self, other)
+
+    return method
+
+
+def _right(operation: Callable[..., Any], symbol: str) -> Operator:
+    def method(self: Signal[Any], other: object) -> Signal[Any]:
+        return Expression(operation, symbol, other, self)
+
+    return method
+
+
 class Signal(Generic[T]):
     """Something with a value that can be waited for: a fluent or an expression over fluents."""
 
@@ -59,59 +76,17 @@ class Signal(Generic[T]):
     def __ne__(self, other: object) -> Signal[bool]:  # type: ignore[override]
         return Expression(operator.ne, "!=", self, other)
 
-    def __lt__(self, other: object) -> Signal[bool]:
-        return Expression(operator.lt, "<", self, other)
-
-    def __le__(self, other: object) -> Signal[bool]:
-        return Expression(operator.le, "<=", self, other)
-
-    def __gt__(self, other: object) -> Signal[bool]:
-        return Expression(operator.gt, ">", self, other)
-
-    def __ge__(self, other: object) -> Signal[bool]:
-        return Expression(operator.ge, ">=", self, other)
-
-    def __add__(self, other: object) -> Signal[Any]:
-        return Expression(operator.add, "+", self, other)
-
-    def __radd__(self, other: object) -> Signal[Any]:
-        return Expression(operator.add, "+", other, self)
-
-    def __sub__(self, other: object) -> Signal[Any]:
-        return Expression(operator.sub, "-", self, other)
-
-    def __rsub__(self, other: object) -> Signal[Any]:
-        return Expression(operator.sub, "-", other, self)
-
-    def __mul__(self, other: object) -> Signal[Any]:
-        return Expression(operator.mul, "*", self, other)
-
-    def __rmul__(self, other: object) -> Signal[Any]:
-        return Expression(operator.mul, "*", other, self)
-
-    def __truediv__(self, other: object) -> Signal[Any]:
-        return Expression(operator.truediv, "/", self, other)
-
-    def __rtruediv__(self, other: object) -> Signal[Any]:
-        return Expression(operator.truediv, "/", other, self)
-
-    def __floordiv__(self, other: object) -> Signal[Any]:
-        return Expression(operator.floordiv, "//", self, other)
-
-    def __rfloordiv__(self, other: object) -> Signal[Any]:
-        return Expression(operator.floordiv, "//", other, self)
-
-    def __mod__(self, other: object) -> Signal[Any]:
-        return Expression(operator.mod, "%", self, other)
-
-    def __rmod__(self, other: object) -> Signal[Any]:
-        return Expression(operator.mod, "%", other, self)
-
-    def __pow__(self, other: object) -> Signal[Any]:
-        return Expression(operator.pow, "**", self, other)
-
-    def __rpow__(self, other: object) -> Signal[Any]:
-        return Expression(operator.pow, "**", other, self)
+    __lt__ = _left(operator.lt, "<")
+    __le__ = _left(operator.le, "<=")
+    __gt__ = _left(operator.gt, ">")
+    __ge__ = _left(operator.ge, ">=")
+    __add__, __radd__ = _left(operator.add, "+"), _right(operator.add, "+")
+    __sub__, __rsub__ = _left(operator.sub, "-"), _right(operator.sub, "-")
+    __mul__, __rmul__ = _left(operator.mul, "*"), _right(operator.mul, "*")
+    __truediv__, __rtruediv__ = _left(operator.truediv, "/"), _right(operator.truediv, "/")
+    __floordiv__, __rfloordiv__ = _left(operator.floordiv, "//"), _right(operator.floordiv, "//")
+    __mod__, __rmod__ = _left(operator.mod, "%"), _right(operator.mod, "%")
+    __pow__, __rpow__ = _left(operator.pow, "**"), _right(operator.pow, "**")
 
     def __neg__(self) -> Signal[Any]:
         return Expression(operator.neg, "-", self)

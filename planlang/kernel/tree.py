@@ -88,12 +88,6 @@ class Node:
         return self._counts is None
 
 
-def path_of_next(parent: Node, name: str) -> str:
-    """The path that the next node of this name under ``parent`` will have."""
-    number = 0 if parent._counts is None else parent._counts.get(name, 0)
-    return f"{parent.path}/{name}" if not number else f"{parent.path}/{name}#{number + 1}"
-
-
 def name_of(branch: Callable[..., Any]) -> str:
     """Return the path element of a branch: its function's name, ``lambda`` for a lambda, else the class's name.
 

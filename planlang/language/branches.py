@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from functools import cache, partial
 from typing import Any, TypeVar
@@ -11,7 +12,7 @@ from planlang.kernel import checkpoint, shield
 from planlang.kernel.core import here
 from planlang.kernel.primitives import called, in_node, node
 from planlang.kernel.tree import Node, name_of
-from planlang.misuse import Usage, WrongType, contrast, discard
+from planlang.misuse import Usage, WrongType, contrast, discard, written
 
 A = TypeVar("A")
 V = TypeVar("V")
@@ -37,6 +38,9 @@ def named_branches(
     if name == "":
         discard((*branches, *named.values()))
         raise Usage(f"await {construct}", {"branch": "reach"}, {"name": '"both"'}).empty("name")
+    for value in branches:
+        if isinstance(value, (list, tuple, set, Mapping)):
+            raise _refused_collection(construct, value)
     _usage(construct).branch("branch", *branches, *named.values())
     return [(name_of(branch), branch) for branch in branches] + list(named.items())
 
@@ -49,6 +53,19 @@ def evaporating() -> bool:
     this is False, so that cleanups may use all constructs.
     """
     return here()[1].doomed
+
+
+def _refused_collection(construct: str, value: Any) -> WrongType:
+    """Return the error of ``par([reach, look])``; the right form is that of the user, unpacked."""
+    items = value.values() if isinstance(value, Mapping) else value
+    calls = [item.__name__ for item in items if inspect.iscoroutine(item)]
+    code = written(value)
+    right = code
+    for name in calls:
+        right = right.replace(f"{name}()", name)
+    stars = "**" if isinstance(value, Mapping) else "*"
+    message = f"{construct} takes branches one by one, not in a {type(value).__name__}"
+    return WrongType(contrast(message, f"await {construct}({code})", f"await {construct}({stars}{right})"))
 
 
 @cache

@@ -41,7 +41,7 @@ class Limited(All):
             self.timer = self.scheduler.deadline(self.owner, self.steps, self.expire)
 
     def expire(self) -> None:
-        """The allowance is used up."""
+        """End the body: the allowance is used up."""
         if not self.over:
             self.expired = True
             self.close()
@@ -58,7 +58,7 @@ class Limited(All):
                 self.timer.drop()
 
     def failure(self) -> PlanFailure:
-        """What is raised when the time is over."""
+        """Return the failure of a body whose allowance is used up."""
         raise NotImplementedError
 
     def finish(self) -> Any:
@@ -100,7 +100,7 @@ class _Budget(Limited):
         self.spent: dict[str, int] = {}
         self.used: dict[str, int] = {}
         self.used_up = False
-        """Somebody has asked for an attempt when none was left."""
+        """True once a task has asked for an attempt when none was left."""
         self.waiting: list[Task] = []
         """Tasks that have asked for an attempt when there was none left, until that is decided."""
 
@@ -181,7 +181,7 @@ async def _pass(empty: list[_Budget]) -> None:
 
 
 def _around() -> Iterator[_Budget]:
-    """The budgets around the running task, the innermost first."""
+    """Yield the budgets around the running task, innermost first."""
     around = _budget.get()
     while around is not None:
         yield around

@@ -1,4 +1,4 @@
-"""What the language asks of an executive, which grounds what plans describe, and of its process modules."""
+"""The protocols of an executive, which grounds what plans describe, and of its process modules."""
 
 from __future__ import annotations
 
@@ -45,31 +45,31 @@ class Executive(Protocol):
         """The registered process modules."""
 
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """The class itself and its superclasses, nearest first."""
+        """Return the class itself and its superclasses, nearest first."""
 
     def revision(self) -> int:
-        """Counts changes of the belief."""
+        """Return how often the belief has changed."""
 
     def solutions(self, location: Location) -> Iterator[Solution]:
-        """Places for the base, lazily, best first; raises LocationUnresolvable (with counts) when there are no more."""
+        """Yield base poses, best first; raises LocationUnresolvable (with counts) when there are no more."""
 
     def move_to(self, solution: Solution) -> Action:
-        """The base motion that goes to a solution."""
+        """Return the base motion that goes to a solution."""
 
     def is_at(self, solution: Solution) -> bool:
-        """True while the base is where the solution put it."""
+        """Return True while the base is where the solution put it."""
 
     def holds(self, condition: Condition) -> bool:
-        """Whether the belief says so."""
+        """Return True if the condition holds as far as the robot knows."""
 
     def before_retry(self) -> Iterable[Action]:
-        """What brings the robot into a posture from which another place can be tried."""
+        """Return actions that bring the robot into a posture from which it can drive to another base pose."""
 
     def held(self) -> Sequence[str]:
-        """Names of the objects that the robot holds."""
+        """Return the names of the objects that the robot holds."""
 
     def releases(self, action: Action) -> bool:
-        """Whether the action lets go of something; it is not repeated while that is still to be delivered."""
+        """Return True if the action lets go of something: it is not repeated while that is still to be delivered."""
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
         """Give the executive a way to write its own events (belief changes, solutions) into the trace."""
@@ -79,7 +79,7 @@ current: ContextVar[Executive | None] = ContextVar("executive", default=None)
 
 
 def executive_for(construct: str) -> Executive:
-    """The current executive; PlanStructureError when the plan runs without one."""
+    """Return the current executive; raises PlanStructureError when the plan runs without one."""
     executive = current.get()
     if executive is None:
         serving()  # without a plan there is more to say

@@ -52,10 +52,10 @@ async def _achieve(text: str, holds: Callable[[], bool], body: Callable[[], Awai
 
 
 def holds(what: Condition | Location, of: Object | None = None) -> Fluent[bool]:
-    """A fluent that is true while a condition holds, or something is at a location, as the executive believes.
+    """Return a fluent that is true while a condition holds, or something is at a location, as the executive believes.
 
-    At a location is ``of``: an object, or the hand of the device; without it the base of the robot. What is read is
-    what judges candidates when the location is resolved.
+    ``of`` is what is at a location: an object, or the hand of the device; without it the base of the robot. The same
+    tests decide that validate candidates when the location is resolved.
     """
     executive = executive_for("holds")
     _HOLDS.instance("what", what, (Condition, Location), "a condition or a location")
@@ -74,9 +74,9 @@ def _reader(goal: Goal) -> tuple[str, Callable[[], bool]]:
     name, recorded = name_of(goal), here()[0].recorded
 
     def answer() -> bool:
-        told = goal()
-        _ACHIEVE.at_once("goal", goal, told)
-        return bool(told)
+        answer = goal()
+        _ACHIEVE.at_once("goal", goal, answer)
+        return bool(answer)
 
     return name, answer if recorded is None else lambda: bool(recorded.answer(f"{name} holds", answer))
 

@@ -1,4 +1,4 @@
-"""at_location: a scope in which the base stays at a place from which the steps inside can work."""
+"""at_location: a scope in which the base holds a pose from which the steps inside can work."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.language.budgets import take_attempt
 from planlang.language.executive import executive_for
-from planlang.language.performing import Place, perform, place
+from planlang.language.performing import HeldPose, held_pose, perform
 from planlang.language.resources import Lease, using
 from planlang.misuse import Usage
 
@@ -44,11 +44,11 @@ _AT_LOCATION = Usage(
 )
 
 CURABLE = (NavigationFailure, ManipulationPoseUnreachable, ManipulationGoalInCollision, LookingGoalUnreachable)
-"""Failures that another place for the base can cure."""
+"""Failures that another base pose can cure."""
 APART = 0.05
-"""Places nearer than this to one that failed count as the same [m]."""
+"""Base poses nearer than this to one that failed count as the same [m]: what is out of reach stays so."""
 REPLACED = 10
-"""How often the base is put back when something else has moved it."""
+"""Times that the base is put back when something else has moved it: more often than chance disturbs a robot."""
 
 
 async def at_location(
@@ -59,18 +59,18 @@ async def at_location(
     reaching: Iterable[Object | Location] = (),
     device: Device | None = None,
 ) -> V:
-    """Go to a place of ``location`` from which everything in ``reaching`` can be reached, and run the body there.
+    """Go to a base pose of ``location`` from which everything in ``reaching`` can be reached, and run the body there.
 
-    ``device`` is what reaches; without it the executive decides. If it is another than that of ``location``, it is said
-    of each location in ``reaching``; for an object that raises ValueError, as two arms of one location do.
+    ``device`` is what reaches; without it the executive decides. If it is another than that of ``location``, it holds
+    for each location in ``reaching``; for an object that raises ValueError, as two arms of one location do.
 
-    When the body fails in a way that another place can cure, the next place is tried, at most ``attempts`` in all.
-    Places within 5 cm of one that failed at the same revision of the belief are skipped. The base is held: side by
+    When the body fails in a way that another base pose can cure, the next is tried, at most ``attempts`` in all.
+    Poses within 5 cm of one that failed at the same revision of the belief are skipped. The base is held: side by
     side, scopes take turns; a nested scope may move it, and it is moved back. When something else moves it, the body
-    is evaporated and runs again at the same place, at most 10 times.
+    is evaporated and runs again at the same pose, at most 10 times.
 
     Raises ObjectUnreachable, or ObjectUndeliverable when something is held, from the last failure, or from
-    LocationUnresolvable when no place was found at all, or from MissingCapability when the robot lacks what it takes.
+    LocationUnresolvable when no pose was found at all, or from MissingCapability when the robot lacks what it takes.
     """
     _AT_LOCATION.branch("body", body)
     _AT_LOCATION.instance("location", location, Location, "a location")
@@ -90,15 +90,15 @@ async def at_location(
 
 
 async def _inside(executive: Executive, location: Location, body: Branch, attempts: int) -> Any:
-    """Hold the base, and try one place after another; then the scope around gets its own place back."""
-    outer = place.get()
+    """Hold the base, and try one pose after another; then go back to the pose of the scope around."""
+    outer = held_pose.get()
     async with using("base") as lease:
         visit = _Visit(executive, location, lease)
-        token = place.set(visit.place)
+        token = held_pose.set(visit.pose)
         try:
             result = await visit.run(body, attempts)
         finally:
-            place.reset(token)
+            held_pose.reset(token)
             visit.leave(outer)
     if outer is not None and outer.displaced:
         await outer.establish()
@@ -106,7 +106,7 @@ async def _inside(executive: Executive, location: Location, body: Branch, attemp
 
 
 def _in_reach(wanted: tuple[Object | Location, ...], device: Device | None, other: Device | None) -> Location:
-    """Where all that is wanted is in reach of a device, to be joined with a location that names another, or none."""
+    """Return where a device reaches all that is wanted, to be joined with a location that names ``other``."""
     if None in (device, other) or device == other or not all(isinstance(one, Location) for one in wanted):
         return a_location(in_reach_of=wanted, using=device)
     each = [replace(one, device=one.device or device) for one in wanted if isinstance(one, Location)]
@@ -120,20 +120,20 @@ class _Visit:
         self.executive = executive
         self.location = location
         self.lease = lease
-        self.place = Place(self._return)
+        self.pose = HeldPose(self._return)
         self.moved = False
         self._failed: list[Solution] = []
         self._cursor: Iterator[Solution] | None = None
         self._revision: int | None = None
         self._solution: Solution | None = None
 
-    def leave(self, outer: Place | None) -> None:
-        """Tell the scope around that the base is elsewhere, if it is."""
+    def leave(self, outer: HeldPose | None) -> None:
+        """Mark the scope around as displaced if the base is elsewhere."""
         if outer is not None and self.moved:
             outer.displaced = True
 
     async def run(self, body: Branch, attempts: int) -> Any:
-        """Try one place after another."""
+        """Try one base pose after another."""
         last: PlanFailure | None = None
         for attempt in range(1, attempts + 1):
             try:
@@ -142,7 +142,7 @@ class _Visit:
                         await perform(action)
                 solution = self._next()
             except (LocationUnresolvable, MissingCapability) as exhausted:
-                record("no more places", attempt=attempt, failure=exhausted)
+                record("no more poses", attempt=attempt, failure=exhausted)
                 exhausted.__cause__ = last
                 raise self._escalated(exhausted) from exhausted
             except PlanFailure as failure:
@@ -157,16 +157,16 @@ class _Visit:
                 if not matches(failure, CURABLE):
                     raise
                 last = failure
-                self.place.again(failure)
+                self.pose.again(failure)
                 self._failed.append(solution)
-                record("place failed", attempt=attempt, base=solution.base, failure=failure)
+                record("pose failed", attempt=attempt, base=solution.base, failure=failure)
                 if attempt < attempts:
                     await take_attempt("at_location")
         assert last is not None  # there is at least one attempt
         raise self._escalated(last) from last
 
     def _next(self) -> Solution:
-        """The next place that is not one that failed; the cursor starts anew when the belief has changed."""
+        """Return the next base pose that has not failed; the search starts anew when the belief has changed."""
         revision = self.executive.revision()
         if self._cursor is None or revision != self._revision:
             self._cursor, self._revision = iter(self.executive.solutions(self.location)), revision
@@ -197,7 +197,7 @@ class _Visit:
     async def _go(self, solution: Solution) -> None:
         self.moved = True
         await perform(self.executive.move_to(solution))
-        self.place.displaced = False
+        self.pose.displaced = False
         self.lease.touched.discard("base")
 
     async def _return(self) -> None:
@@ -206,13 +206,13 @@ class _Visit:
         self.lease.touched.discard("base")
 
     def lost(self) -> bool:
-        """Whether something else than what runs inside has moved the base."""
+        """Return True if something else than what runs inside has moved the base."""
         solution = self._solution
         return solution is not None and "base" not in self.lease.touched and not self.executive.is_at(solution)
 
 
 class _Watched(Scope):
-    """The body and, beside it, a watch over the place; the body counts when both end together."""
+    """The body and, beside it, a watch over the base pose; the body counts when both end together."""
 
     transparent = True
     lost = False
@@ -258,7 +258,7 @@ def _near(solution: Solution, failed: Solution) -> bool:
 
 
 def _reference(location: Location) -> str:
-    """The object that a location is about, through chains of locations."""
+    """Return the name of the object that a location is about, through chains of locations."""
     reference: Object | Location = location
     while isinstance(reference, Location):
         if not reference.relations:

@@ -14,7 +14,7 @@ from planlang.language.branches import Branch, evaporating
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, written
 
 Outcome = str | Enum
-"""What a state returns to say how it ended."""
+"""The result of a state, which chooses the next one."""
 Case = Outcome | type[PlanFailure]
 _STATE_MACHINE = Usage(
     "await state_machine",
@@ -116,7 +116,7 @@ def _after_failure(cases: Mapping[Case, str], failure: PlanFailure) -> str | Non
 def _cases(
     states: Mapping[str, Branch], transitions: Transitions, start: str, ends: tuple[str, ...]
 ) -> dict[str, dict[Case, str]]:
-    """The cases of each state; refuses what cannot work."""
+    """Return the cases of each state; raises WrongValue for transitions that cannot work."""
     known = f"states: {', '.join(states)}"
     if not ends:
         raise _STATE_MACHINE.refused("end", "a state machine needs an end state", ends)

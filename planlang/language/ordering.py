@@ -118,7 +118,7 @@ async def partial_order(
     for number, (step, branch) in enumerate(steps.items()):
         code = branch.__code__ if branch.__class__ is FunctionType else None
         if code is None or code.co_argcount or code.co_kwonlyargcount:
-            before = before or _turned(after)
+            before = before or _predecessors(after)
             found = _inputs(step, branch, rank, before)
             if found:
                 inputs[number] = found
@@ -128,7 +128,7 @@ async def partial_order(
 
 
 def _wrong_pair(pair: object, steps: Mapping[str, Step]) -> WrongType | WrongValue:
-    """The error of an ordering that is no pair of names of steps."""
+    """Return the error of an ordering that is no pair of names of steps."""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         return _PARTIAL_ORDER.wrong("orderings", [pair], "pairs (before, after) of names")
     unknown = next(one for one in pair if not isinstance(one, str) or one not in steps)
@@ -136,8 +136,8 @@ def _wrong_pair(pair: object, steps: Mapping[str, Step]) -> WrongType | WrongVal
     return _PARTIAL_ORDER.refused("orderings", message, [pair])
 
 
-def _turned(after: list[list[int]]) -> list[list[int]]:
-    """What each step is ordered after, from what each is ordered before."""
+def _predecessors(after: list[list[int]]) -> list[list[int]]:
+    """Return the predecessors of each step, from the successors of each."""
     before: list[list[int]] = [[] for _ in after]
     for one, later in enumerate(after):
         for other in later:
@@ -158,7 +158,7 @@ def _refuse_cycle(names: list[str], after: list[list[int]], missing: list[int]) 
     if gone == len(names):
         return
     # every step that is left has a predecessor that is left: walking backwards must come back
-    before = _turned(after)
+    before = _predecessors(after)
     step = next(step for step, number in enumerate(left) if number)
     walked: dict[int, None] = {}
     while step not in walked:
@@ -178,7 +178,7 @@ def _inputs(step: str, branch: Step, rank: dict[str, int], before: list[list[int
         return []
     given: Mapping[str, Any] = branch.keywords if isinstance(branch, partial) else {}
     wanted = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p.name not in given]
-    earlier = _those_before(rank[step], {rank[p.name] for p in wanted if p.name in rank}, before)
+    earlier = _ordered_before(rank[step], {rank[p.name] for p in wanted if p.name in rank}, before)
     for parameter in wanted:
         if parameter.default is parameter.empty and rank.get(parameter.name) not in earlier:
             message = f"step {step!r} has a parameter {parameter.name!r}, and no step of that name is ordered before it"
@@ -189,8 +189,8 @@ def _inputs(step: str, branch: Step, rank: dict[str, int], before: list[list[int
     return [(parameter.name, rank[parameter.name]) for parameter in wanted if rank.get(parameter.name) in earlier]
 
 
-def _those_before(step: int, asked: set[int], before: list[list[int]]) -> set[int]:
-    """Those of the steps ``asked`` for that are ordered before ``step``; the nearest are looked at first."""
+def _ordered_before(step: int, asked: set[int], before: list[list[int]]) -> set[int]:
+    """Return the steps in ``asked`` that are ordered before ``step``; near ones are found first."""
     found: set[int] = set()
     missing = set(asked)
     layer = [step]
@@ -202,7 +202,7 @@ def _those_before(step: int, asked: set[int], before: list[list[int]]) -> set[in
 
 
 def given(result: Any, otherwise: T) -> T:
-    """The result of an earlier step if it is the kind of thing that is needed, else what is known without it.
+    """Return the result of an earlier step if it is the kind of thing that is needed, else what is known without it.
 
     A module may return an Object that says more about what it has found than the plan knew, also where the plan knew
     a name only, and any Location where it knew one, or only a name for one. A step that makes several things may return

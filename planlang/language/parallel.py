@@ -111,7 +111,7 @@ class _Pursue(Scope):
         raise self.attach(failure)
 
     def outcome_of(self, winner: Task) -> Any:
-        """What is returned."""
+        """Return the result of the construct, from the branch that won."""
         return winner.result
 
 
@@ -135,7 +135,7 @@ async def pursue(
 async def race(
     *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
 ) -> tuple[str, V]:
-    """As :func:`pursue`, but returns the name of the branch that won and its result."""
+    """Run branches as :func:`pursue` does; returns the name of the branch that won and its result."""
     result: tuple[str, V] = await _Race("race", name, named_branches("race", branches, named, name)).execute()
     return result
 

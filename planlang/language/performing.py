@@ -28,8 +28,10 @@ if TYPE_CHECKING:
 V = TypeVar("V")
 
 
-class Place:
-    """``displaced`` iff a nested scope has moved the base and left it elsewhere; :meth:`establish` goes back.
+class HeldPose:
+    """The base pose that the nearest enclosing ``at_location`` holds; :meth:`establish` goes back to it.
+
+    Invariant: ``displaced`` iff a nested scope has moved the base and left it elsewhere.
 
     ``failure`` is the one for which the body runs again, None on the first run.
     """
@@ -44,13 +46,13 @@ class Place:
         self.failure: PlanFailure | None = None
 
     def again(self, failure: PlanFailure) -> None:
-        """The body runs again because of a failure."""
+        """Note that the body runs again because of a failure."""
         self._released |= self._now
         self._now.clear()
         self.failure = failure
 
     def refusal(self, action: Action, executive: Executive) -> ObjectUndeliverable | None:
-        """The failure of an action that would let go, a second time, of what is still to be delivered."""
+        """Return the failure of an action that would let go, a second time, of what is still to be delivered."""
         held = tuple(executive.held()) if action in self._released else ()
         if not held:
             return None
@@ -60,16 +62,16 @@ class Place:
         return refused
 
     def released(self, action: Action) -> None:
-        """An action that lets go has been performed."""
+        """Note that an action that lets go has been performed."""
         self._now.add(action)
 
     async def establish(self) -> None:
-        """Go back to this place."""
+        """Drive back to this pose."""
         await self._go()
         self.displaced = False
 
 
-place: ContextVar[Place | None] = ContextVar("place", default=None)
+held_pose: ContextVar[HeldPose | None] = ContextVar("held pose", default=None)
 
 
 _PERFORM = Usage("await perform", {"action": 'action("Reaching")'}, {"name": '"reach"'})
@@ -84,7 +86,7 @@ def check_action(usage: Usage, action: Action, name: str | None) -> None:
 
 
 def module_for(executive: Executive, action: Action) -> ProcessModule | None:
-    """The module registered for the nearest ancestor of the action's class; of several the first registered."""
+    """Return the module registered for the nearest ancestor of the action's class; of several the first registered."""
     for ancestor in executive.ancestors(action.type):
         for module in executive.modules:
             if ancestor in module.actions:
@@ -109,16 +111,17 @@ async def perform(action: Action, name: str | None = None) -> Any:
             "perform", path_element, partial(_fail, ActionUnresolvable(designator=str(action))), action=action
         )
     resources = tuple(module.resources(action))
-    here = place.get()
-    if here is not None and here.displaced and "base" not in resources:
-        announce()
-        await here.establish()
-    releases = here is not None and executive.releases(action)
-    if here is not None and releases and (refused := here.refusal(action, executive)) is not None:
+    pose = held_pose.get()
+    if pose is not None and pose.displaced and "base" not in resources:
+        announce()  # driving back is part of the request: an asynchronous one counts as made
+        await pose.establish()
+    releases = pose is not None and executive.releases(action)
+    if pose is not None and releases and (refused := pose.refusal(action, executive)) is not None:
+        # a grasp whose object is to be handed over is not opened a second time: better fail than drop it
         return await node("perform", path_element, partial(_fail, refused), action=action)
     result = await _Perform(path_element, action, module, resources).execute()
-    if here is not None and releases:
-        here.released(action)
+    if pose is not None and releases:
+        pose.released(action)
     return result
 
 
@@ -157,7 +160,7 @@ asked: ContextVar[Fluent[bool] | None] = ContextVar("asked", default=None)
 
 
 def announce() -> None:
-    """Say that the request of the running task is on its way."""
+    """Report that the request of the running task is on its way."""
     fluent = asked.get()
     if fluent is not None:
         fluent.set(True)

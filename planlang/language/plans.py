@@ -44,7 +44,7 @@ class Plan(Generic[P, R]):
         self.name: str = getattr(function, "__name__", "plan")
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Coroutine[Any, Any, R]:
-        """The plan as a coroutine; to run it side by side with others pass the plan itself, not a call."""
+        """Return the plan as a coroutine; to run it side by side with others pass the plan itself, not a call."""
         coroutine = self._execute(args, kwargs)
         coroutine.__qualname__ = coroutine.__name__ = self.name  # type: ignore[attr-defined]  # which every coroutine of Python has
         return coroutine
@@ -77,7 +77,7 @@ class Plan(Generic[P, R]):
         self: Plan[Concatenate[Any, Q], R], instance: object, owner: object
     ) -> Callable[Q, Coroutine[Any, Any, R]]: ...
     def __get__(self, instance: object, owner: object) -> Any:
-        """The plan, or with the object whose method it is."""
+        """Return the plan, bound to the object whose method it is, if any."""
         return self if instance is None else MethodType(self, instance)
 
     def __repr__(self) -> str:
@@ -85,7 +85,7 @@ class Plan(Generic[P, R]):
 
 
 def _gives_nothing(function: object) -> bool:
-    """Whether it is a function that returns None, so nothing to be awaited, as one that a decorator has made may."""
+    """Return True for a function that always returns None; one that a decorator has made may return an awaitable."""
     return isinstance(function, FunctionType) and not any(
         one.opname == "RETURN_VALUE" and before.opname != "LOAD_CONST"
         for before, one in itertools.pairwise(dis.get_instructions(function))

@@ -207,7 +207,7 @@ class _Guarded(All):
 class _Watch(Wait):
     """Looks at a check whenever one of its inputs changes; the first time that it is true counts.
 
-    Invariant: it is told of changes of exactly the fluents in ``inputs``.
+    Invariant: it watches exactly the fluents in ``inputs``.
     """
 
     index = 0
@@ -224,7 +224,7 @@ class _Watch(Wait):
             condition.arm()
 
     def look(self) -> bool:
-        """Whether the check is true now; raises what it raises."""
+        """Return True if the check is true now; raises what the check raises."""
         reads: dict[BaseFluent[Any], None] = {}
         before, tracked.reads = tracked.reads, reads
         try:
@@ -232,9 +232,9 @@ class _Watch(Wait):
                 found = bool(self.condition.value)
                 reads.update(self.condition.sources())
             else:
-                told = self.condition()
-                _POLICY.at_once("check", self.condition, told)
-                found = bool(told)
+                answer = self.condition()
+                _POLICY.at_once("check", self.condition, answer)
+                found = bool(answer)
         finally:
             tracked.reads = before
             self.follow(reads)
@@ -247,7 +247,7 @@ class _Watch(Wait):
         return found
 
     def follow(self, inputs: dict[BaseFluent[Any], None]) -> None:
-        """Be told of changes of these fluents, and no others."""
+        """Watch these fluents, and no others."""
         before, self.inputs = self.inputs, inputs
         for source in inputs:
             if source not in before:
@@ -257,7 +257,7 @@ class _Watch(Wait):
                 source.unwatch(self)
 
     def recheck(self) -> None:
-        """An input has changed."""
+        """Look again, as an input has changed."""
         task = self.task
         if self.true or self.error is not None or task is None or task.holds or task.dead:
             return

@@ -72,7 +72,7 @@ async def retry(failure: PlanFailure) -> Decision:
 
 @dataclass(frozen=True)
 class Recovery:
-    """What to do about failures of the classes ``on``.
+    """A rule for failures of the classes ``on``: what to do about them, how often, and what then.
 
     ``do`` is called with the failure after the body is fully unwound, at most ``attempts`` times per entry, and
     returns RETRY, ``Return(value)`` or PROPAGATE. ``within`` [s] of active time after entry it no longer retries.
@@ -145,7 +145,7 @@ class _Entry:
         self.late = True
 
     def next_values(self) -> dict[str, Any] | None:
-        """The next value of each alternative, or None when one of them has no more."""
+        """Return the next value of each alternative, or None when one of them has no more."""
         found: dict[str, Any] = {}
         for key, values in self.values.items():
             try:
@@ -203,7 +203,7 @@ async def _attempts(body: Callable[..., Awaitable[V]], entries: list[_Entry]) ->
 
 
 async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[str, Any]) -> Return[Any] | None:
-    """What leaves the construct with a value, or None when the body shall run again."""
+    """Return the value to leave the construct with, or None when the body shall run again."""
     number = next((n for n, entry in enumerate(entries) if matches(failure, entry.recovery.on)), None)
     if number is None:
         record("recovery", decision="none", failure=failure)
@@ -264,7 +264,7 @@ def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]
 
 
 def explain(failure: BaseException) -> str:
-    """Several lines: the failure, where in the plan, what it was raised from, what else failed with it."""
+    """Return several lines: the failure, where in the plan, what it was raised from, what else failed with it."""
     _EXPLAIN.instance("failure", failure, BaseException, "a failure, or another exception")
     lines: list[str] = []
     links = list(failure.chain()) if isinstance(failure, PlanFailure) else [failure]

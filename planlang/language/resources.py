@@ -60,7 +60,7 @@ class Arbiter:
         self._waiting: dict[Lease, None] = {}
 
     def lock(self, name: str, outer: Lease | None) -> _Lock:
-        """The lock of a resource as seen from inside ``outer``."""
+        """Return the lock of a resource as seen from inside ``outer``."""
         while outer is not None:
             if name in outer.inner:
                 return outer.inner[name]
@@ -144,7 +144,7 @@ class using:  # noqa: N801 - used like a function: async with using("left_arm", 
 
 
 def holding() -> Lease | None:
-    """The innermost lease that the running task works under."""
+    """Return the innermost lease of the running task."""
     return _lease.get()
 
 

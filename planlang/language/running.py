@@ -39,7 +39,7 @@ RUN = Usage(
 )
 SCHEDULE = "None for first come, first served, the number >= 0 of a random stream, or a list of choices"
 PARTS = ("modules", "ancestors", "revision", "record")
-"""What every executive has; the others are for plans that use locations or conditions."""
+"""Parts that every executive has; the others are for plans that use locations or conditions."""
 
 
 def run(
@@ -112,7 +112,7 @@ def _inside(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive:
 
 
 def _schedule(schedule: Any) -> Schedule:
-    """A schedule, a number of whatever class as int; refuses what is none."""
+    """Return a schedule, a number of whatever class as int; raises WrongType or WrongValue for what is none."""
     number = whole_number(schedule)
     if number is not None and number < 0:
         raise RUN.wrong("schedule", schedule, SCHEDULE, WrongValue)
@@ -134,13 +134,13 @@ def _check(executive: object, trace: object, on_start: object) -> None:
 
 
 def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: Schedule) -> dict[str, object]:
-    """What the header of a trace says about a run."""
+    """Return the header of a run's trace."""
     marked = plan
     while isinstance(marked, functools.partial):
         marked = marked.func
     iri = getattr(marked, "iri", None)
-    told = {"plan": name_of(plan), "iri": iri, "rate": host.rate, "seed": seed, "schedule": described(schedule)}
-    return {**told, "real_time": True} if isinstance(host, LiveHost) else told
+    header = {"plan": name_of(plan), "iri": iri, "rate": host.rate, "seed": seed, "schedule": described(schedule)}
+    return {**header, "real_time": True} if isinstance(host, LiveHost) else header
 
 
 def inside_of(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive: Executive | None) -> Any:

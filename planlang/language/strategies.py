@@ -27,7 +27,7 @@ from planlang.failures import (
 from planlang.language.location import at_location
 from planlang.language.performing import perform
 from planlang.language.recovery import RETRY, Decision, Do, Return, retry
-from planlang.misuse import Usage
+from planlang.misuse import Usage, written
 
 GROUP = "planlang.recoveries"
 """Entry-point group of installed strategies."""
@@ -83,10 +83,10 @@ def recovery_strategy(name: str, *, about_object: bool = False, moves_base: bool
         raise _STRATEGY.refused("moves_base", f"{name} moves the base, so it has to be about an object", True)
 
     def register(function: F) -> F:
-        if "<" in function.__qualname__ or "." in function.__qualname__:
-            raise _STRATEGY.refused(
-                "function", f"plans cannot import {function.__qualname__}; write it at the top of a module", function
-            )
+        name_in_module = getattr(function, "__qualname__", "")
+        if not name_in_module.isidentifier():  # a lambda, a method, a function inside another, or no function
+            message = f"plans cannot import {written(function)}; write it at the top of a module"
+            raise _STRATEGY.refused("function", message, function)
         strategy = Strategy(name, function, about_object, moves_base)
         other = _registered.setdefault(name, strategy)
         if other.origin != strategy.origin:

@@ -34,7 +34,7 @@ class Frame:
         self.asked: dict[str, dict[Handle, None]] = {}
 
     def leave(self) -> None:
-        """The plan function has ended: nothing it has asked for has to be found any more."""
+        """End the entry: nothing that the plan function has asked for has to be found any more."""
         around = self.outer
         while around is not None:
             for name, handle in self.tags.items():
@@ -54,14 +54,14 @@ class Handle:
         self.name = name
         self._task: Task | None = None
         self.bindings = 0
-        """How many tasks it has stood for."""
+        """Number of tasks that it has stood for."""
         self._status: Fluent[Status] = Fluent(Status.CREATED, f"the status of {name}")
         self._suspensions = 0
         self._evaporated = False
         self.home: Frame | None = None
         """The plan whose tag this stands for."""
         self.joined = False
-        """Whether someone was given the task's failure."""
+        """True once the task's failure was raised in someone who waited for it."""
         if task is not None:
             self.bind(task)
 
@@ -89,12 +89,12 @@ class Handle:
 
     @property
     def result(self) -> Any:
-        """What the task returned, None until it has succeeded."""
+        """The result of the task, None until it has succeeded."""
         return None if self._task is None else self._task.result
 
     @property
     def failure(self) -> PlanFailure | None:
-        """What the task failed with, if it has."""
+        """The failure of the task, None if it has not failed."""
         return None if self._task is None else self._task.failure
 
     @property
@@ -149,7 +149,7 @@ class _Mirror(Wait):
         self.task = task
 
     def recheck(self) -> None:
-        """The status has changed."""
+        """Show the status, as it has changed."""
         if self.handle._task is self.task:
             self.handle._status.set(self.task.status)
 
@@ -201,7 +201,7 @@ async def tag(name: str, body: Callable[[], Awaitable[V]]) -> V:
 
 
 def task(name: str) -> Handle:
-    """The handle of a tagged task: of the nearest enclosing plan that knows the name.
+    """Return the handle of a tagged task: of the nearest enclosing plan that knows the name.
 
     If none does yet, it will stand for the task that is first tagged so in this plan or one around it.
     """

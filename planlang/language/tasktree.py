@@ -54,8 +54,8 @@ class TaskNode:
         return "" if self.failure is None else f"{self.failure['type']}: {self.failure['message']}"
 
     def record(self) -> dict[str, Any]:
-        """A JSON object, keys in a fixed order; result and failure where there is one."""
-        told: dict[str, Any] = {
+        """Return a JSON object, keys in a fixed order; result and failure where there is one."""
+        found: dict[str, Any] = {
             "path": self.path,
             "parent": None if self.parent is None else self.parent.path,
             "kind": self.kind,
@@ -66,8 +66,8 @@ class TaskNode:
         }
         for key, value in (("parameters", self.parameters), ("result", self.result), ("failure", self.failure)):
             if value not in (None, {}):
-                told[key] = value
-        return told
+                found[key] = value
+        return found
 
 
 class TaskTree:
@@ -82,7 +82,7 @@ class TaskTree:
 
     @classmethod
     def of(cls, trace: Trace | Iterable[Mapping[str, Any]]) -> TaskTree:
-        """The tree of a trace that keeps its records, or of the records themselves.
+        """Return the tree of a trace that keeps its records, or of the records themselves.
 
         Raises ValueError for a trace that was written to a file: read that with :meth:`read`.
         """
@@ -99,7 +99,7 @@ class TaskTree:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> TaskTree:
-        """The tree of a trace file; a last line that was cut off in a crash is left out.
+        """Return the tree of a trace file; a last line that was cut off in a crash is left out.
 
         Raises ValueError, with file and line, for what is no trace.
         """
@@ -150,7 +150,7 @@ class TaskTree:
         return "".join(json.dumps(node.record(), ensure_ascii=False) + "\n" for node in self)
 
     def dot(self) -> str:
-        """A graph for Graphviz's ``dot``; colour shows the status."""
+        """Return a graph for Graphviz's ``dot``; colour shows the status."""
         numbers = {node: number for number, node in enumerate(self)}
         lines = ["digraph plan {", '  node [shape=box, style=filled, fontname="sans-serif"];']
         for node, number in numbers.items():
@@ -160,7 +160,7 @@ class TaskTree:
         return "\n".join([*lines, "}", ""])
 
     def mermaid(self) -> str:
-        """A flowchart for Mermaid, as Markdown renderers show it; colour shows the status."""
+        """Return a flowchart for Mermaid, as Markdown renderers show it; colour shows the status."""
         numbers = {node: number for number, node in enumerate(self)}
         lines = ["flowchart TD"]
         lines += [f"  classDef {status} fill:{colour},color:#000" for status, colour in _COLOURS.items()]
@@ -175,7 +175,7 @@ _COLOURS = {"succeeded": "#c8e6c9", "failed": "#ffcdd2", "evaporated": "#e0e0e0"
 
 
 def _lines(node: TaskNode) -> Iterator[str]:
-    """The label of a node."""
+    """Yield the lines of a node's label."""
     yield node.name if node.kind in ("branch", node.name.partition("#")[0]) else f"{node.kind} {node.name}"
     if node.start is None:
         yield f"{node.status}, never begun"

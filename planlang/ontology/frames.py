@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -45,6 +45,14 @@ BUILTIN = frozenset(("integer", "decimal", "float", "string"))
 """Datatypes that need no prefix, unless the file has classes of these names."""
 
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
+_DESCRIPTION = re.compile(r"([^\s,]+)(?:\s+(some|only|value)\s+([^\s,]+))?")
+_FACT = re.compile(r"([^\s,]+)\s+([^\s,]+)")
+_FRAME = re.compile(r"(\w+):\s+(\S+)(?:\s+(?:SubClassOf|Types):(?=\s))?")
+_FACTS = re.compile(r"\sFacts:\s")
+"""The parts of what the grammar calls simple."""
+_HEADS = {"Class": CLASS, "Individual": NAMED_INDIVIDUAL}
+_Position = Callable[[int], Span]
+
 Children = list[Any]
 
 
@@ -309,10 +317,63 @@ class Frames(Transformer[Token, None]):
 
     # sections
 
-    def _each(self, predicate: str, items: list[tuple[list[Annotation], Expression]], *, data: bool = False) -> None:
-        for notes, expression in items:
+    def _each(
+        self, predicate: str, items: list[Token | tuple[list[Annotation], Expression]], *, data: bool = False
+    ) -> None:
+        for item in items:
+            if isinstance(item, Token):
+                for expression in self._simple_descriptions(item, self._positions(item), 0, len(item)):
+                    self._out.place(self._subject, predicate, expression, data=data)
+                continue
+            notes, expression = item
             value = self._out.place(self._subject, predicate, expression, data=data)
             self._reify(self._subject, predicate, value, expression.span, notes)
+
+    def simple_frame(self, children: Children) -> None:
+        """A frame of a class or an individual with nothing but simple descriptions and facts."""
+        token = children[0]
+        position = self._positions(token)
+        head, facts = _FRAME.match(token), _FACTS.search(token)
+        assert head is not None
+        word, name = head.groups()
+        span = position(head.start(2))
+        self._head([Expression("name", span, self._resolve(name, span))], _HEADS[word])
+        predicate = SUBCLASS_OF if word == "Class" else TYPE
+        end = facts.start() if facts is not None else len(token)
+        for expression in self._simple_descriptions(token, position, head.end(), end):
+            self._out.place(self._subject, predicate, expression)
+        for fact in _FACT.finditer(token, facts.end()) if facts is not None else ():
+            span = position(fact.start())
+            predicate = self._resolve(fact[1], span)
+            value = self._resolve(fact[2], position(fact.start(2)))
+            self._out.state(self._subject, predicate, value, span)
+
+    def _simple_descriptions(self, token: str, position: _Position, begin: int, end: int) -> Iterator[Expression]:
+        """The names and restrictions in a part of a token."""
+        for found in _DESCRIPTION.finditer(token, begin, end):
+            first, kind, second = found.groups()
+            span = position(found.start())
+            name = Expression("name", span, self._resolve(first, span))
+            if kind is None:
+                yield name
+            else:
+                filler_span = position(found.start(3))
+                filler = Expression("name", filler_span, self._resolve(second, filler_span))
+                yield Expression(kind, span, parts=(name, filler), depth=2)
+
+    def _positions(self, token: Token) -> _Position:
+        """What tells the position of an offset in a token; the offsets that it is asked for only grow."""
+        line, counted, begin = token.line or 1, 0, 1 - (token.column or 1)
+
+        def position(offset: int) -> Span:
+            nonlocal line, counted, begin
+            end = token.rfind("\n", counted, offset)
+            if end >= 0:
+                line += token.count("\n", counted, offset)
+                begin, counted = end + 1, offset
+            return Span(self._file, line, offset - begin + 1)
+
+        return position
 
     def sub_class_of(self, children: Children) -> None:
         self._each(SUBCLASS_OF, children[0])

@@ -13,13 +13,10 @@ from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.ontology.entities import EntityTable
-from planlang.ontology.iris import resolve
-from planlang.ontology.parsed import MOST_TRIPLES, Parsed, counted
-from planlang.ontology.terms import FIRST, NIL, ONTOLOGY, RDF, REST, TYPE, BNode, Literal
-from planlang.ontology.triples import Triples
+from planlang.ontology.terms import FIRST, NIL, ONTOLOGY, RDF, REST, TYPE, BNode, Literal, resolve
+from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples, counted
 from planlang.ontology.xml_repairs import repair
-from planlang.ontology.xml_text import decode, explain
+from planlang.ontology.xml_text import EntityTable, decode, explain
 
 DEEPEST = 100
 """Elements inside each other."""

@@ -6,7 +6,6 @@ a location of a phrase and ``writing`` a phrase of a location, inverse to each o
 
 from planlang.phrases.lexicon import Lexicon
 from planlang.phrases.reading import read_location, read_thing
-from planlang.phrases.words import FORMS
 from planlang.phrases.writing import write_location, write_relation, write_thing
 
-__all__ = ["FORMS", "Lexicon", "read_location", "read_thing", "write_location", "write_relation", "write_thing"]
+__all__ = ["Lexicon", "read_location", "read_thing", "write_location", "write_relation", "write_thing"]

@@ -10,7 +10,8 @@ from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.phrases.lexicon import DEVICES, Lexicon
-from planlang.phrases.words import ARTICLES, BLOCKING, FORMS, RELATION_OF, plain
+from planlang.phrases.words import ARTICLES, forms, opposites, plain
+from planlang.relations import RELATIONS
 
 _MOST = 24
 """Nouns that are listed at most."""
@@ -18,7 +19,7 @@ _ALIKE = 0.7
 _GOES_ON = ("AND", "BUT", "COMMA", "WITH", "GRASP", "RPAR", "$END")
 """What may follow where a noun may have ended."""
 SPOKEN: Mapping[str, str] = {
-    **dict.fromkeys(("NOT", "RELATION", "BLOCKING", "LIMIT", "WITHIN", "BEYOND"), "a relation"),
+    **dict.fromkeys(("NOT", "RELATION", "OPPOSITE", "LIMIT", "WITHIN", "BEYOND"), "a relation"),
     "LENGTH": "a length",
     **dict.fromkeys(("ARTICLE", "WORD"), "a thing"),
     **dict.fromkeys(("A_PLACE", "LPAR"), "a place"),
@@ -36,7 +37,7 @@ SPOKEN: Mapping[str, str] = {
 
 
 def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
-    """The diagnostic for a place at which the grammar does not go on."""
+    """Return the diagnostic for a place at which the grammar does not go on."""
     offset = problem.pos_in_stream if problem.pos_in_stream is not None else len(phrase)
     at_end = (isinstance(problem, UnexpectedToken) and problem.token.type == "$END") or not phrase[offset:].strip()
     if at_end:
@@ -54,8 +55,8 @@ def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
     begun = _clause_before(phrase, offset)
     if begun is not None and "WORD" in expected:
         said = re.sub(rf"\s+({'|'.join(ARTICLES)})$", "", phrase[begun:offset].strip(), flags=re.IGNORECASE)
-        alike = get_close_matches(plain(said), list(RELATION_OF), n=1, cutoff=_ALIKE)
-        if alike and alike[0] != plain(said) and plain(said) not in BLOCKING:
+        alike = get_close_matches(plain(said), list(forms()), n=1, cutoff=_ALIKE)
+        if alike and alike[0] != plain(said) and plain(said) not in opposites():
             return _unknown_relation(said, alike[0], _span(phrase, begun, file))
     found = "the phrase ends" if at_end else f"unexpected {phrase[offset:].split()[0]!r}"
     is_arm = re.search(rf"\bwith(\s+({'|'.join(ARTICLES)}))?\s*$", phrase[:offset], re.IGNORECASE) is not None
@@ -66,7 +67,7 @@ def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
 def unknown_noun(
     words: str, several: Sequence[str], noun: Tree[Token], said: Tree[Token], lexicon: Lexicon, file: str
 ) -> Diagnostic:
-    """The diagnostic for a noun that means nothing, or not one thing only; ``said`` is the relation to it."""
+    """Return the diagnostic for a noun that means nothing, or not one thing only; ``said`` is the relation to it."""
     span = _at(noun, file)
     if several:
         return error("P007", f"{words!r} could mean several classes", span, f"say which: {', '.join(several)}")
@@ -74,10 +75,10 @@ def unknown_noun(
     parts = words.split()
     for number in range(1, len(parts)):
         whole = f"{relation} {' '.join(parts[:number])}"
-        alike = get_close_matches(plain(whole), list(RELATION_OF), n=1, cutoff=0.8)
+        alike = get_close_matches(plain(whole), list(forms()), n=1, cutoff=0.8)
         if alike:
             return _unknown_relation(whole, alike[0], _at(said, file))
-    inner = next((form for form in RELATION_OF if f" {form} " in f" {plain(words)} "), None)
+    inner = next((form for form in forms() if f" {form} " in f" {plain(words)} "), None)
     known = list(lexicon.known())
     listed = ", ".join(known[:_MOST]) + (f" and {len(known) - _MOST} more" if len(known) > _MOST else "")
     guess = lexicon.similar(words)
@@ -91,7 +92,7 @@ def unknown_noun(
 
 
 def unknown_device(words: str, noun: Tree[Token], file: str) -> Diagnostic:
-    """The diagnostic for something that nothing can be reached with."""
+    """Return the diagnostic for something that nothing can be reached with."""
     close = get_close_matches(plain(words), list(DEVICES), n=1, cutoff=_ALIKE)
     guess = f"did you mean {close[0]!r}? " if close else ""
     return error("P002", f"nothing reaches with {words!r}", _at(noun, file), f"{guess}what does: {', '.join(DEVICES)}")
@@ -103,7 +104,7 @@ def _unknown_relation(said: str, guess: str | None, span: Span) -> Diagnostic:
 
 
 def _clause_before(phrase: str, offset: int) -> int | None:
-    """Where the clause begins that is broken off at an offset; None if nothing of it is there."""
+    """Return where the clause begins that is broken off at an offset; None if nothing of it is there."""
     start = 0
     for match in re.finditer(r"(?:\b(?:and|but|not|a\s+place)\b|[,(])\s*", phrase[:offset], re.IGNORECASE):
         start = match.end()
@@ -117,11 +118,11 @@ def _at(tree: Tree[Token], file: str) -> Span:
 
 
 def _most_similar(words: Sequence[str]) -> tuple[str, str | None]:
-    """The words that stand for a relation, and the form that looks most like them."""
+    """Return the words that stand for a relation, and the form that looks most like them."""
     best: tuple[float, str, str | None] = (_ALIKE, words[0], None)
     for number in range(1, min(5, len(words) + 1)):
         said = plain(" ".join(words[:number]))
-        for form in RELATION_OF:
+        for form in forms():
             alike = SequenceMatcher(None, said, form).ratio()
             if alike > best[0]:
                 best = (alike, " ".join(words[:number]), form)
@@ -132,11 +133,11 @@ def _most_similar(words: Sequence[str]) -> tuple[str, str | None]:
 
 
 def _relations() -> str:
-    return f"relations: {', '.join(forms[0] for forms in FORMS.values())}; within 30 cm of; not ..."
+    return f"relations: {', '.join(relation.forms[0] for relation in RELATIONS.values())}; within 30 cm of; not ..."
 
 
 def _expected(problem: UnexpectedInput, before: str) -> set[str]:
-    """The terminals that could stand there, ``before`` being what is read already."""
+    """Return the terminals that could stand there, ``before`` being what is read already."""
     if isinstance(problem, UnexpectedToken):
         return set(problem.accepts or problem.expected)
     allowed = set(getattr(problem, "allowed", None) or ())

@@ -9,18 +9,19 @@ from importlib.resources import files
 
 from lark import Lark, Token, Tree, UnexpectedInput
 
-from planlang.designators import MEASURED, Device, Location, Object, Relation
+from planlang.designators import Device, Location, Object, Relation
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.lengths import metres
 from planlang.phrases import mistakes
 from planlang.phrases.lexicon import DEVICES, KINDS, Lexicon
-from planlang.phrases.words import BLOCKING, DEEPEST, FORMS, GRASP_FORMS, LIMITS, LONGEST, RELATION_OF, pattern, plain
+from planlang.phrases.words import DEEPEST, GRASP_FORMS, LIMITS, LONGEST, forms, opposites, pattern, plain
+from planlang.relations import RELATIONS, measured
 
 _COMMENT = re.compile(r"<[^<>\s]*>|(#[^\n]*)")
 
 
 def read_location(phrase: str, lexicon: Lexicon | None = None, *, file: str = "phrase") -> Location:
-    """The location that a phrase tells; ``file`` is what messages call the place where it stands.
+    """Return the location that a phrase tells; ``file`` is what messages call the place where it stands.
 
     A comment begins with ``#`` and ends with its line. Raises BadInput with all mistakes that were found.
     """
@@ -37,7 +38,7 @@ def read_location(phrase: str, lexicon: Lexicon | None = None, *, file: str = "p
 
 
 def read_thing(phrase: str, lexicon: Lexicon | None = None, *, file: str = "phrase") -> Object:
-    """The thing that a noun with or without article tells, e.g. "the bottle"; raises BadInput as above."""
+    """Return the thing that a noun with or without article tells, e.g. "the bottle"; raises BadInput as above."""
     tree = _parsed(phrase[:LONGEST], "only_thing", file)
     reader = _Reader(lexicon or Lexicon(), file)
     thing = reader.thing(_trees(tree)[0], tree, named=len(tree.children) == 1)
@@ -54,19 +55,23 @@ def _parsed(phrase: str, start: str, file: str) -> Tree[Token]:
         raise BadInput([mistakes.explain(problem, phrase, file)]) from None
 
 
-@cache
 def parser() -> Lark:
-    """The parser of phrases, its words taken from the tables."""
+    """Return the parser of phrases, with the words of all relations that there are now."""
+    return _parser(tuple(forms()), tuple(opposites()))
+
+
+@cache
+def _parser(said: tuple[str, ...], opposite: tuple[str, ...]) -> Lark:
+    """Return the parser of phrases in which relations, and what says their opposites, are said like this."""
     grammar = files("planlang.phrases").joinpath("location.lark").read_text(encoding="utf-8")
-    grasps = tuple(form for forms in GRASP_FORMS.values() for form in forms)
-    relations = tuple(form for form in RELATION_OF if not form.startswith("not "))
-    for name, forms, priority in (
-        ("RELATION", relations, 5),
-        ("BLOCKING", BLOCKING, 5),
-        ("LIMIT", tuple(LIMITS), 5),
-        ("GRASP", grasps, 5),
-    ):
-        grammar += f"\n{name}.{priority}: /(?:{pattern(forms)})\\b/i"
+    tables = {
+        "RELATION": tuple(form for form in said if not form.startswith("not ")),
+        "OPPOSITE": opposite,
+        "LIMIT": tuple(LIMITS),
+        "GRASP": tuple(form for some in GRASP_FORMS.values() for form in some),
+    }
+    for name, words in tables.items():
+        grammar += f"\n{name}.5: /(?:{pattern(words)})\\b/i"
     return Lark(grammar, parser="lalr", start=["start", "only_thing"], propagate_positions=True)
 
 
@@ -83,7 +88,7 @@ class _Reader:
         self.found.append(error(code, message, Span(self.file, token.line or 1, token.column or 1), help))
 
     def location(self, tree: Tree[Token], depth: int) -> Location:
-        """A conjunction."""
+        """Return a conjunction."""
         relations: dict[Relation, None] = {}
         device: Device | None = None
         grasp: str | None = None
@@ -107,7 +112,7 @@ class _Reader:
         return Location(tuple(relations), None, device, grasp)
 
     def clause(self, tree: Tree[Token], depth: int) -> Relation | None:
-        """One relation."""
+        """Return one relation."""
         said, reference = _trees(tree)
         before = len(tree.children) > 2
         relation = self.said(said)
@@ -117,13 +122,13 @@ class _Reader:
         return replace(relation, reference=what, negated=relation.negated != before)
 
     def said(self, tree: Tree[Token]) -> Relation | None:
-        """A relation to nothing yet."""
+        """Return a relation to nothing yet."""
         nothing = Object("Thing")
         match tree.data, tree.children:
             case "relation", [word]:
-                return Relation(RELATION_OF[plain(str(word))], nothing)
-            case "blocking", _:
-                return Relation("clear_of", nothing, negated=True)
+                return Relation(forms()[plain(str(word))], nothing)
+            case "opposite", [word]:
+                return Relation(opposites()[plain(str(word))], nothing, negated=True)
             case "near", [_, Token() as length, _]:
                 return self._bounded("near", nothing, within=self.length(length))
             case "far", [_, Token() as length, _]:
@@ -134,11 +139,11 @@ class _Reader:
                     "near" if bound == "within" else "far_from", nothing, **{bound: self.length(length)}
                 )
             case "measured", [Tree() as measure, Token() as word]:
-                name = RELATION_OF[plain(str(word))]
+                name = forms()[plain(str(word))]
                 bounds = self.measure(measure)
-                if name not in MEASURED:
-                    help = f"what has a distance: {', '.join(FORMS[name][0] for name in MEASURED)}"
-                    self.wrong("P006", f"{FORMS[name][0]!r} has no distance that could be bounded", word, help)
+                if not RELATIONS[name].measured:
+                    help = f"relations with a distance: {', '.join(RELATIONS[name].forms[0] for name in measured())}"
+                    self.wrong("P006", f"{RELATIONS[name].forms[0]!r} has no distance to bound", word, help)
                     return None
                 return self._bounded(name, nothing, **bounds)
         raise AssertionError(tree.data)
@@ -147,7 +152,7 @@ class _Reader:
         return None if None in bounds.values() else Relation(name, what, bounds.get("within"), bounds.get("beyond"))
 
     def measure(self, tree: Tree[Token]) -> dict[str, float | None]:
-        """Bounds by name."""
+        """Return bounds by name."""
         tokens = [token for token in tree.children if isinstance(token, Token)]
         if tree.data == "limit":
             return {LIMITS[plain(tokens[0])]: self.length(tokens[1])}
@@ -157,7 +162,7 @@ class _Reader:
         return {"beyond": least, "within": most}
 
     def length(self, token: Token) -> float | None:
-        """Metres."""
+        """Return metres."""
         try:
             return metres(str(token))
         except ValueError as problem:
@@ -166,7 +171,7 @@ class _Reader:
             return None
 
     def reference(self, tree: Tree[Token], depth: int, said: Tree[Token]) -> Object | Location | None:
-        """A thing, or a place told by relations; ``said`` is the relation to it."""
+        """Return a thing, or a place told by relations; ``said`` is the relation to it."""
         inner = _trees(tree)[-1]
         if tree.data == "thing":
             return self.thing(inner, said, named=len(tree.children) == 1)
@@ -179,7 +184,7 @@ class _Reader:
         return None if relation is None else Location((relation,))
 
     def thing(self, noun: Tree[Token], said: Tree[Token], *, named: bool) -> Object | None:
-        """What a noun means; ``named``: it has no article."""
+        """Return what a noun means; ``named``: it has no article."""
         words, kind, name, iri = _parts(noun)
         if name is not None:
             if plain(words) not in ("", *KINDS):
@@ -193,7 +198,7 @@ class _Reader:
         return None
 
     def device(self, manner: Tree[Token]) -> Device | None:
-        """What reaches."""
+        """Return what reaches."""
         noun = _trees(manner)[-1]
         words, _, name, iri = _parts(noun)
         if name is not None:
@@ -208,12 +213,12 @@ class _Reader:
 
 
 def _trees(tree: Tree[Token], data: str | None = None) -> list[Tree[Token]]:
-    """The parts of a tree that are trees themselves, of one rule if said."""
+    """Return the parts of a tree that are trees themselves, of one rule if said."""
     return [part for part in tree.children if isinstance(part, Tree) and data in (None, part.data)]
 
 
 def _parts(noun: Tree[Token]) -> tuple[str, type[Object], str | None, str | None]:
-    """Words, kind, class in brackets, IRI."""
+    """Return words, kind, class in brackets, IRI."""
     words = " ".join(str(part) for part in noun.children if isinstance(part, Token))
     inside = {str(part.data): str(part.children[-1])[1:-1] for part in noun.children if isinstance(part, Tree)}
     return words, KINDS.get(plain(words), Object), inside.get("exact"), inside.get("called")

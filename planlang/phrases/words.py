@@ -1,32 +1,11 @@
-"""The words of phrases: for every relation how it is said, the first form being the one that is written."""
+"""The words of phrases: those of relations from their table, and those of grasps, bounds and joints."""
 
 from __future__ import annotations
 
 import re
 
-from planlang.designators import GRASPS, RELATIONS
-
-FORMS: dict[str, tuple[str, ...]] = {
-    "in_reach_of": ("in reach of", "within reach of"),
-    "visible_from": ("visible from", "in view of", "in sight of", "seeing"),
-    "above": ("above", "over"),
-    "on": ("on", "on top of"),
-    "in_": ("in", "inside", "inside of"),
-    "in_center_of": ("in the center of", "in the centre of", "in the middle of"),
-    "in_front_of": ("in front of", "before"),
-    "behind": ("behind",),
-    "left_of": ("left of", "to the left of"),
-    "right_of": ("right of", "to the right of"),
-    "next_to": ("next to", "beside"),
-    "near": ("near", "close to"),
-    "far_from": ("far from", "away from"),
-    "facing": ("facing",),
-    "clear_of": ("clear of", "not blocking", "not touching"),
-}
-"""Relation -> its forms; all keys of :data:`planlang.designators.RELATIONS`."""
-
-BLOCKING = ("blocking", "touching")
-"""Said of what is not clear of something."""
+from planlang.designators import GRASPS
+from planlang.relations import RELATIONS
 
 GRASP_FORMS: dict[str, tuple[str, ...]] = {
     "side": ("from the side", "with a side grasp"),
@@ -47,19 +26,30 @@ LIMITS = {"at most": "within", "up to": "within", "at least": "beyond", "more th
 LONGEST, DEEPEST = 20_000, 20
 """Characters of a phrase, and places within each other, that are read at most."""
 
-assert FORMS.keys() == RELATIONS.keys()
 assert GRASP_FORMS.keys() == set(GRASPS)
 
-RELATION_OF: dict[str, str] = {form: name for name, forms in FORMS.items() for form in forms}
-"""Form -> relation."""
+
+def forms() -> dict[str, str]:
+    """Return how relations are said: each form with the name of its relation."""
+    return {form: name for name, relation in RELATIONS.items() for form in relation.forms}
+
+
+def opposites() -> dict[str, str]:
+    """Return what says the opposite of a relation, "blocking" of what is not clear of something, with its name."""
+    return {
+        form.removeprefix("not "): name
+        for name, relation in RELATIONS.items()
+        for form in relation.forms
+        if form.startswith("not ")
+    }
 
 
 def pattern(forms: tuple[str, ...]) -> str:
-    """A regular expression for any of the forms, the longest first, with any space between the words."""
+    """Return a regular expression for any of the forms, the longest first, with any space between the words."""
     ordered = sorted(forms, key=lambda form: (-len(form), form))
     return "|".join(r"\s+".join(map(re.escape, form.split())) for form in ordered)
 
 
 def plain(text: str) -> str:
-    """Lower case, one space between words."""
+    """Return lower case, one space between words."""
     return " ".join(text.lower().split())

@@ -263,11 +263,9 @@ def _count(ontology: Ontology, subject: str, property_name: str, default: int, p
             number = -1
         if number >= 0 and float(number).is_integer():
             return int(number)
-        said = triple.object.value if isinstance(triple.object, Literal) else _text(triple.object)
-        message = (
-            f"{property_name} of the recovery `{local_name(subject)}` is {said!r}, which is no whole number from 0 on"
-        )
-        problems.append(error("R043", message, triple.span, f"write a number, such as {default}"))
+        stated = triple.object.value if isinstance(triple.object, Literal) else _text(triple.object)
+        message = f"{property_name} of the recovery `{local_name(subject)}` is {stated!r}, not a whole number from 0 on"
+        problems.append(error("R043", message, triple.span, f"write a whole number, such as {default}"))
     return default
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from planlang.designators import RELATIONS, local_name
+from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RANGE, RDF, RDFS, TYPE, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
-from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, Filling, filled, is_word
+from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
 from planlang.recipe.units import dimension_of, unit, unit_of
+from planlang.relations import of_owl_property
 
 OBJECT_PROPERTY = OWL + "ObjectProperty"
 
@@ -22,7 +23,6 @@ ANYTHING = ("EnduringThing-Localized", "SpatialThing-Localized", "SpatialThing")
 MOST_PLACES = 10
 """Places that may refer to each other in a chain."""
 
-_RELATION_OF = {expand(owl_name): name for name, owl_name in RELATIONS.items()}
 _SIZES = ("long", "int", "short", "byte", "unsignedLong", "unsignedInt", "unsignedShort", "unsignedByte")
 _SIGNS = ("positiveInteger", "nonNegativeInteger", "negativeInteger", "nonPositiveInteger")
 _INTEGERS = frozenset({"integer", *_SIZES, *_SIGNS})
@@ -185,7 +185,7 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
 
 def is_relation(property_name: str) -> bool:
     """True for a property (IRI) by which location designators relate to things and places."""
-    return property_name in _RELATION_OF
+    return _relation(property_name) is not None
 
 
 def references_of_unknown_kind(ontology: Ontology, place: str) -> list[tuple[str, str]]:
@@ -211,11 +211,17 @@ def unread_references(ontology: Ontology, place: str) -> list[str]:
 def references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
     """Relations of a location designator and what they relate to: its facts, and its restrictions if it is a class."""
     for triple in ontology.triples(s=place):
-        if triple.predicate in _RELATION_OF:
-            yield _RELATION_OF[triple.predicate], triple.object
+        if (relation := _relation(triple.predicate)) is not None:
+            yield relation, triple.object
     for restriction in ontology.restrictions(place):
-        if restriction.property in _RELATION_OF and restriction.kind in ("some", "value"):
-            yield _RELATION_OF[restriction.property], restriction.filler
+        relation = _relation(restriction.property)
+        if relation is not None and restriction.kind in ("some", "value"):
+            yield relation, restriction.filler
+
+
+def _relation(property_name: str) -> str | None:
+    """Return the relation that a property (IRI) stands for."""
+    return of_owl_property(shorten(property_name))
 
 
 def read_literal(literal: Literal, *, is_number: bool = False) -> str | int | float | bool:
@@ -264,16 +270,21 @@ def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> It
 
     Superclasses and equivalent classes count alike. What the bundled vocabulary says about its own classes does not.
     """
-    yield [filling for filling in more if not is_word(filling.property, *NO_PARAMETERS)]
+    yield [filling for filling in more if _may_fill(filling.property)]
     cls = iri
     if not ontology.is_class(iri):
         cls = action_class(ontology, iri) or iri
-        yield [filling for filling in _facts(ontology, iri) if not is_word(filling.property, *NO_PARAMETERS)]
+        yield [filling for filling in _facts(ontology, iri) if _may_fill(filling.property)]
     key = ("fillings", cls)
     if key not in ontology.kept:
         ancestors = ontology.ancestors(cls)
         ontology.kept[key] = [level for ancestor in ancestors if (level := _restricted(ontology, ancestor))]
     yield from ontology.kept[key]
+
+
+def _may_fill(property_name: str) -> bool:
+    """True for a property (IRI) that may say on what an action acts; others say how, when or with what right."""
+    return not is_word(property_name, *NO_PARAMETERS, *REGISTERED_WORDS)
 
 
 def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
@@ -283,7 +294,7 @@ def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
     if found is None:
         is_said = shorten(cls) == cls or ontology.main(cls)
         every = filled(ontology.restrictions(cls)) if is_said else ()
-        found = known[cls] = [filling for filling in every if not is_word(filling.property, *NO_PARAMETERS)]
+        found = known[cls] = [filling for filling in every if _may_fill(filling.property)]
     return found
 
 
@@ -319,7 +330,9 @@ def unread_facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
     """The facts of an individual that neither fill a property of actions nor say how it is performed."""
     for triple in ontology.triples(s=individual):
         name = triple.predicate
-        is_bookkeeping = is_word(name, *NO_PARAMETERS, *READ_BY_DIALECTS) or _is_annotation(ontology, name)
+        is_bookkeeping = is_word(name, *NO_PARAMETERS, *READ_BY_DIALECTS, *REGISTERED_WORDS) or _is_annotation(
+            ontology, name
+        )
         if not is_bookkeeping and not _is_of_actions(ontology, name):
             yield Filling(name, triple.object, triple.span)
 

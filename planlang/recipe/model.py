@@ -77,7 +77,7 @@ class Place:
     """A location designator: poses that stand in ``relations`` to things and other places.
 
     Without relations it is a named posture of the robot. ``relations`` holds pairs (key of
-    :data:`planlang.designators.RELATIONS`, reference) in the order of the file.
+    :data:`planlang.relations.RELATIONS`, reference) in the order of the file.
     """
 
     iri: str

@@ -165,7 +165,7 @@ NAMING = (
 )  # fmt: skip
 """Those whose values are names of actions, constraints, states or outcomes, never texts."""
 
-REGISTERED_WORDS: set[str] = set()
+REGISTERED_WORDS: list[str] = []
 """Those that readers of further dialects take up; see :func:`planlang.recipe.readers.register`."""
 
 MEANINGS: dict[Ending, tuple[str, ...]] = {

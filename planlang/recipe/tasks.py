@@ -58,11 +58,11 @@ def choose_task(actions: Actions, wanted: str | None = None) -> str:
         if found:
             raise BadInput(found)
         advice = "a recipe is an action class with restrictions such as `subAction some Reaching`"
-        raise BadInput([error("R001", "nothing in this file states sub-actions", span, advice)])
+        raise BadInput([error("R001", "no class or individual of this file states sub-actions", span, advice)])
     names = ", ".join(local_name(task) for task in tops or stated)
     advice = f"choose one with --task: {names}"
     if tops:
-        raise BadInput([error("R002", f"this file holds {len(tops)} tasks", span, advice)])
+        raise BadInput([error("R002", f"this file has {len(tops)} tasks", span, advice)])
     message = "each task of this file is a sub-action of another: there is no first one"
     raise BadInput([error("R002", message, span, advice)])
 

@@ -15,6 +15,8 @@ from planlang.runs.codec import Exact
 
 SCHEMA = 3
 """Of a trace: 2 had the state of a random stream as ``numbers`` where 3 has the count of its ``draws``."""
+PLAIN = frozenset({str, int, bool, type(None)})
+"""Classes of values that stand for themselves in JSON."""
 LONGEST = 256
 """Longer sequences are written as their length: an image of bytes is no news in a trace, a list of poses is."""
 DEEPEST = 20
@@ -25,7 +27,15 @@ LONGEST_TEXT = 1000
 
 def encode(value: object, depth: int = 0) -> Any:
     """A JSON value. Designators become their text, sets are sorted, unknown types their qualified name."""
-    if value is None or isinstance(value, (bool, str)):
+    kind = value.__class__
+    if kind in PLAIN:
+        return value
+    if kind is list or kind is tuple:  # as below, but without asking abstract classes, which costs ten times as much
+        items: Sequence[Any] = value  # type: ignore[assignment]
+        if depth >= DEEPEST or len(items) > LONGEST:
+            return {"length": len(items)}
+        return [encode(item, depth + 1) for item in items]
+    if isinstance(value, str):
         return value
     if isinstance(value, Exact):
         return value.json

@@ -35,10 +35,11 @@ AROUND = ("budget", "timeout")
 class _Open:
     """A step that has begun and not ended."""
 
-    __slots__ = ("draws", "fluents", "spent", "used")
+    __slots__ = ("fluents", "moved", "spent", "used")
 
-    def __init__(self, draws: object) -> None:
-        self.draws = draws
+    def __init__(self, moved: object) -> None:
+        self.moved = moved
+        """How far the random stream of its task had come."""
         self.fluents: dict[Fluent[Any], None] = {}
         self.spent: dict[str, int] = {}
         self.used: dict[str, int] = {}
@@ -147,7 +148,7 @@ class Journal(RecordedInputs):
         else:
             if node.kind in LOOKED_INTO:
                 self._spine[node] = False
-            self._opened[node] = _Open(None if is_branch else _draws(here()[1]))
+            self._opened[node] = _Open(None if is_branch else _moved(here()[1]))
 
     def _around(self, node: Node | None) -> Iterator[_Open]:
         while node is not None:
@@ -179,8 +180,8 @@ class Journal(RecordedInputs):
         elif result is not None:
             details["value"] = Exact(dump(result))
         details["fluents"] = {_named(fluent): dump(fluent.value) for fluent in opened.fluents if _outside(fluent, node)}
-        draws = None if task is node else _draws(task)  # the stream of a branch ends with it
-        details["draws"] = None if draws == opened.draws else draws
+        if task is not node and _moved(task) != opened.moved:  # the stream of a branch ends with it
+            details["draws"] = _draws(task)
         details["spent"] = opened.spent
         details["used"] = opened.used
         details["open"] = [one.path for one in self._opened if one not in self._spine]
@@ -277,13 +278,17 @@ class Journal(RecordedInputs):
         self.step_ends(sys.maxsize)
 
 
-def _draws(task: Task) -> Any:
-    """How far a task's stream of random numbers has come; None if it has none. Raises Lost."""
+def _moved(task: Task) -> tuple[int, float | None]:
+    """Another value after whatever was drawn: ``gauss`` gives every other number without a draw."""
     stream = task.stream
-    if not isinstance(stream, CountedRandom):
-        return None
+    return (stream.moved, stream.gauss_next) if isinstance(stream, CountedRandom) else (0, None)
+
+
+def _draws(task: Task) -> Any:
+    """How far a task's stream of random numbers has come; raises Lost."""
+    assert isinstance(task.stream, CountedRandom)
     try:
-        return stream.draws
+        return task.stream.draws
     except ValueError as problem:
         raise Lost(str(problem)) from None
 

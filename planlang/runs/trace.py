@@ -14,7 +14,7 @@ from typing import Any, Self, TextIO
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import SUCCEEDED, Node, Status
 from planlang.misuse import Usage, WrongType, contrast, written
-from planlang.runs.encoding import SCHEMA, encode
+from planlang.runs.encoding import PLAIN, SCHEMA, encode
 from planlang.runs.recorded_run import Past
 
 _AT = Usage("Trace.at", {"path": '"run.jsonl"'}, {"header": '{"version": "1.0"}'})
@@ -121,7 +121,7 @@ class Trace:
                 record["kind"] = node.kind
             record["name"] = node.name
         for key, value in details.items():
-            record[key] = value if value.__class__ in _PLAIN else encode(value)
+            record[key] = value if value.__class__ in PLAIN else encode(value)
         if self._put is None:
             self.events.append(record)
         else:
@@ -293,7 +293,6 @@ def with_paths(events: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
 _UNWRITABLE = (OSError, ValueError)
 """What a file raises that is full, or closed."""
 _SPANS = frozenset({"started", "ended"})
-_PLAIN = frozenset({str, int, bool, type(None)})
 _UTF8 = ("utf-8", "backslashreplace")
 """What is no text stands as JSON writes it with an escape."""
 _json = json.JSONEncoder(ensure_ascii=False).encode

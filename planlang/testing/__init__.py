@@ -11,6 +11,7 @@ from planlang.testing.faults import Fault
 from planlang.testing.history import Count, History, NoSuchStep, Verdict
 from planlang.testing.running import PlanRun, compiled, replay, run_plan
 from planlang.testing.script import Belief, Rule, Script
+from planlang.testing.scripted import ScriptedExecutive
 from planlang.testing.steps import Step
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "Rule",
     "ScheduleDependence",
     "Script",
+    "ScriptedExecutive",
     "Step",
     "Verdict",
     "all_linear_extensions",

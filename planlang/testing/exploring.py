@@ -30,7 +30,7 @@ Check = Callable[[PlanRun[Any]], object]
 
 
 class ScheduleDependence(AssertionError):
-    """What a plan does depends on the schedule.
+    """The outcome of a plan depends on the schedule.
 
     ``usual`` is the run first come, first served, ``other`` the one with ``choices``, the shortest list found for
     which the outcome differs or an assertion does not hold.
@@ -105,7 +105,7 @@ def explore(
     expected = outcome_of(usual)
 
     def wrong(run: PlanRun[V]) -> str | None:
-        """What is wrong with a run, or None."""
+        """Return what is wrong with a run, or None."""
         if check is None:
             outcome = outcome_of(run)
             return None if outcome == expected else f"{outcome} instead of {expected}"
@@ -161,7 +161,7 @@ def explore(
 
 
 def outcome_of(run: PlanRun[Any]) -> str:
-    """A run's value or failure, as text that can be compared."""
+    """Return a run's value or failure as text that can be compared."""
     if run.failure is not None:
         return f"{type(run.failure).__name__}: {run.failure}"
     if run.error is not None:
@@ -172,12 +172,14 @@ def outcome_of(run: PlanRun[Any]) -> str:
 
 
 WIDTH = 58
+"""Characters of a column: two of them fit on a screen."""
 BEFORE = 3
-LONGEST = 60
+"""Equal lines that are shown before the first difference."""
+MOST_LINES = 60
 
 
 def side_by_side(usual: History, other: History) -> str:
-    """The traces of two runs in two columns, from a little before they differ; differing lines are marked ``|``."""
+    """Return the traces of two runs in two columns, from a little before they differ; ``|`` marks what differs."""
     left, right = _lines(usual), _lines(other)
     rows: list[tuple[str, str, str]] = []
     matcher = difflib.SequenceMatcher(None, left, right, autojunk=False)
@@ -189,13 +191,13 @@ def side_by_side(usual: History, other: History) -> str:
             rows.append((one, " " if what == "equal" else "|", two))
     first = next((number for number, row in enumerate(rows) if row[1] == "|"), len(rows))
     begin = max(0, first - BEFORE)
-    shown = rows[begin : begin + LONGEST]
+    shown = rows[begin : begin + MOST_LINES]
     lines = [f"{'first come, first served':{WIDTH}}   with these choices"]
     if begin:
         lines.append(f"... {begin} lines are the same")
     lines.extend(f"{_cut(one):{WIDTH}} {mark} {_cut(two)}".rstrip() for one, mark, two in shown)
-    if begin + LONGEST < len(rows):
-        lines.append(f"... {len(rows) - begin - LONGEST} more lines")
+    if begin + MOST_LINES < len(rows):
+        lines.append(f"... {len(rows) - begin - MOST_LINES} more lines")
     return "\n".join(lines)
 
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 Order = tuple[str, ...]
 DOWNSETS = 30_000
-"""How many sets of done steps are counted at most."""
+"""Sets of done steps that are counted at most: more take seconds."""
 
 
 class Extensions(tuple[Order, ...]):
@@ -21,7 +21,7 @@ class Extensions(tuple[Order, ...]):
     total: int | None
 
     def __new__(cls, orders: Iterable[Order], complete: bool, total: int | None) -> Extensions:
-        """A tuple that knows whether it is all of them."""
+        """Make a tuple of orders."""
         found = super().__new__(cls, orders)
         found.complete = complete
         found.total = total
@@ -35,9 +35,9 @@ def all_linear_extensions(
     limit: int = 1000,
     seed: int = 0,
 ) -> Extensions:
-    """The total orders that respect a partial one: of a recipe, or of steps and pairs (before, after).
+    """Return the total orders that respect a partial one: of a recipe, or of steps and pairs (before, after).
 
-    The steps of a recipe are told by their local names; its stated orderings, data flow and location scopes count. At
+    The steps of a recipe are called by their local names; its stated orderings, data flow and location scopes count. At
     most ``limit`` orders are all given, in the order of the steps as written; of more, ``limit`` different ones are
     drawn: uniformly if they can be counted, else step by step. Raises ValueError for a cycle or an unknown step.
     """

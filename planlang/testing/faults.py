@@ -17,7 +17,7 @@ Raises = type[BaseException] | BaseException | Callable[[], BaseException]
 
 
 def made(failure: Raises) -> BaseException:
-    """A fresh failure: of a class, by a function, or a copy of an example."""
+    """Return a fresh failure: of a class, by a function, or a copy of an example."""
     return copy.copy(failure) if isinstance(failure, BaseException) else failure()
 
 
@@ -59,7 +59,7 @@ class Injector:
         return tuple(f for f, happened in zip(self._faults, self._happened, strict=True) if not happened)
 
     def __call__(self, node: Node) -> None:
-        """A node of the tree begins, in its task."""
+        """Let a node of the tree fail as it begins, in its task, or set an alarm for it."""
         mine = [number for number, fault in enumerate(self._faults) if _called(node, fault.step)]
         for number in mine:
             self._begun[number] += 1

@@ -12,17 +12,17 @@ from planlang.testing.steps import Step, read_steps, tree_of
 
 Event = Mapping[str, Any]
 What = str | Step
-"""A step told by its name, ``parent/name``, its action's class, or itself."""
+"""A step given by its name, ``parent/name``, its action's class, or itself."""
 LONGEST = 60
 """Reasons show as much of a failure's message: pytest cuts what is longer than 240 characters in the middle."""
 SHOWN = 3
-"""Reasons tell as many runs of a step."""
+"""Runs of a step that a reason shows."""
 
 
 class History:
-    """What happened in a run.
+    """The events of a run, and questions about them.
 
-    A step is told by its name in the task tree (all runs of it), by ``parent/name``, by the class of a performed
+    A step is given by its name in the task tree (all runs of it), by ``parent/name``, by the class of a performed
     action, or is a :class:`Step` from :meth:`steps`. Asking about a step that never ran raises :class:`NoSuchStep`;
     :meth:`attempts` and :meth:`never` may be asked about anything.
     """
@@ -35,7 +35,7 @@ class History:
         self._read = 0
 
     def steps(self, what: What | None = None) -> list[Step]:
-        """The runs of a step, in the order in which they began; all steps without a name."""
+        """Return the runs of a step, in the order in which they began; all steps without a name."""
         if self._read != len(self.events):
             self._steps, self._read = read_steps(self.events, self.rate), len(self.events)
         if what is None:
@@ -46,42 +46,42 @@ class History:
         return [step for step in found if not _stands_for_its_branch(step, what)]
 
     def happened_before(self, first: What, second: What) -> Verdict:
-        """Whether the first run of one step had ended before any run of the other began."""
+        """Answer whether the first run of one step had ended before any run of the other began."""
         one, other = self._begun(first)[0], self._begun(second)[0]
         holds = one.last < other.first
-        return Verdict(holds, f"{_name(first)} ({_told(one)}); {_name(second)} ({_told(other)})")
+        return Verdict(holds, f"{_name(first)} ({_line(one)}); {_name(second)} ({_line(other)})")
 
     def overlapped(self, first: What, second: What) -> Verdict:
-        """Whether a run of one step had begun and not ended when a run of the other one began, or the reverse."""
+        """Answer whether a run of one step was open when a run of the other one began."""
         ones, others = self._begun(first), self._begun(second)
         for one in ones:
             for other in others:
                 if one is not other and one.first < other.last and other.first < one.last:
-                    return Verdict(True, f"{_name(first)} ({_told(one)}), {_name(second)} ({_told(other)})")
+                    return Verdict(True, f"{_name(first)} ({_line(one)}), {_name(second)} ({_line(other)})")
         return Verdict(False, f"{_name(first)} ({_all(ones)}), {_name(second)} ({_all(others)})")
 
     def attempts(self, what: What) -> Count:
-        """How often a step began; for with_failure_handling, how often it ran its body."""
+        """Count how often a step began; for with_failure_handling, how often it ran its body."""
         steps = [step for step in self.steps(what) if step.begin is not None]
-        told = [
+        lines = [
             line
             for step in steps
-            for line in ([f"{time:g} s" for time in step.repeats] if step.repeats else [step.told()])
+            for line in ([f"{time:g} s" for time in step.repeats] if step.repeats else [step.summary()])
         ]
-        return Count(_name(what), told)
+        return Count(_name(what), lines)
 
     def evaporated(self, what: What) -> Verdict:
-        """Whether a run of the step was evaporated."""
+        """Answer whether a run of the step was evaporated."""
         return self._ended(what, "evaporated")
 
     def succeeded(self, what: What) -> Verdict:
-        """Whether a run of the step succeeded."""
+        """Answer whether a run of the step succeeded."""
         return self._ended(what, "succeeded")
 
     def failed_with(
         self, what: What, kind: type[PlanFailure], *, because_of: type[PlanFailure] | None = None
     ) -> Verdict:
-        """Whether a run of the step failed with a failure of a class, or of several all of that class.
+        """Answer whether a run of the step failed with a failure of a class, or of several all of that class.
 
         With ``because_of`` a failure of that class has to be among its causes.
         """
@@ -93,7 +93,7 @@ class History:
     def never(
         self, what: What | type[PlanFailure] | Callable[[Event], object], *, during: What | None = None
     ) -> Verdict:
-        """Whether something did not happen: a step, a failure of a class anywhere, or a record for which a test holds.
+        """Answer whether something did not happen: a step, a failure of a class, a record for which a test holds.
 
         The test gets each record of the trace with the ``path`` of its node, if it has one.
         With ``during`` only what overlapped a run of that step counts.
@@ -103,7 +103,7 @@ class History:
         if isinstance(what, (str, Step)):
             for step in self.steps(what):
                 if step.begin is not None and any(step.first < last and first < step.last for first, last in spans):
-                    return Verdict(False, f"{_name(what)} ran{when}: {_told(step)}")
+                    return Verdict(False, f"{_name(what)} ran{when}: {_line(step)}")
             return Verdict(True, f"{_name(what)} did not run{when}")
         for place, event in enumerate(with_paths(self.events)):
             if any(first <= place <= last for first, last in spans):
@@ -118,7 +118,7 @@ class History:
         return Verdict(True, f"no {_word(what)}{when}")
 
     def tree(self) -> str:
-        """The task tree as indented text."""
+        """Return the task tree as indented text."""
         return tree_of(self.steps())
 
     def _of(self, what: What) -> list[Step]:
@@ -140,7 +140,7 @@ class History:
 
 
 def _stands_for_its_branch(step: Step, query: str) -> bool:
-    """A plan that is a branch of the same name counts once."""
+    """Return True for a plan that is a branch of the same name: it counts once."""
     parent = step.parent
     return parent is not None and parent.kind == "branch" and step.kind == "plan" and parent.called(query)
 
@@ -153,13 +153,13 @@ def _word(what: object) -> str:
     return getattr(what, "__name__", None) or str(what)
 
 
-def _told(step: Step) -> str:
-    return step.told(LONGEST)
+def _line(step: Step) -> str:
+    return step.summary(LONGEST)
 
 
 def _all(steps: Sequence[Step]) -> str:
     more = f"; and {len(steps) - SHOWN} more" if len(steps) > SHOWN else ""
-    return "; ".join(map(_told, steps[:SHOWN])) + more
+    return "; ".join(map(_line, steps[:SHOWN])) + more
 
 
 def _names(kind: type) -> set[str]:
@@ -221,7 +221,7 @@ class Count(int):
     attempts: Sequence[str]
 
     def __new__(cls, step: str, attempts: Sequence[str]) -> Count:
-        """As many as there are ``attempts``, each told in a line."""
+        """Make the number of ``attempts``, each of which is a line."""
         count = super().__new__(cls, len(attempts))
         count.step = step
         count.attempts = tuple(attempts)

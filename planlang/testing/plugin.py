@@ -20,14 +20,14 @@ PLUMBING = ("planlang.kernel", "planlang.language", "planlang.runs", "planlang.t
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """``--plan-trace``."""
+    """Add ``--plan-trace``."""
     group = parser.getgroup("planlang")
     group.addoption("--plan-trace", action="store_true", help="show the task tree of the plans that a failing test ran")
 
 
 @pytest.fixture
 def script() -> Script:
-    """An empty script: every ordinary action succeeds after a second."""
+    """Return an empty script: every ordinary action succeeds after a second."""
     return Script()
 
 
@@ -45,7 +45,7 @@ def scripted_run(script: Script) -> Callable[..., PlanRun[Any]]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Runs are shown with the test that made them."""
+    """Forget the runs of earlier tests."""
     running.made.clear()
 
 

@@ -55,7 +55,7 @@ class PlanRun(History, Generic[V]):
 
     @property
     def value(self) -> V:
-        """What the plan returned; raises its failure if it failed."""
+        """The result of the plan; raises its failure if it failed."""
         raised = self.failure or self.error
         if raised is not None:
             raise raised
@@ -70,11 +70,11 @@ class PlanRun(History, Generic[V]):
 
     @property
     def seconds(self) -> float:
-        """How long the run took, in plan time."""
+        """Plan time that the run took [s]."""
         return self.events[-1]["step"] / self.rate if self.events else 0.0
 
     def tree(self) -> str:
-        """The task tree as indented text, and what of the script never applied."""
+        """Return the task tree as indented text, and what of the script never applied."""
         return "\n".join([super().tree(), *(f"never applied: {what}" for what in self.unused)])
 
     def __repr__(self) -> str:
@@ -142,7 +142,7 @@ def attempt(
     resumable: bool = False,
     resume: PlanRun[Any] | Trace | RecordedRun | None = None,
 ) -> PlanRun[V]:
-    """As :func:`run_plan`, but whatever ends the run is part of the result."""
+    """Run a plan as :func:`run_plan` does; whatever ends the run is part of the result."""
     from planlang.testing.script import Script
     from planlang.testing.scripted import ScriptedExecutive
 
@@ -182,22 +182,22 @@ def attempt(
 
 
 def recorded_run(source: PlanRun[Any] | Trace | RecordedRun) -> RecordedRun:
-    """The records of a run; DamagedTrace if they are none."""
+    """Return the records of a run; raises DamagedTrace if they are none."""
     return source if isinstance(source, RecordedRun) else RecordedRun.of(source.events)
 
 
 def replay(plan: Callable[[], Awaitable[Any]], source: PlanRun[Any] | Trace | RecordedRun) -> Replay:
     """Run a plan on what is recorded of a run with ``resumable=True``; stops at the first difference.
 
-    No script and no executive is asked: the plan is told what it was told then. ``assert replay(plan, run).equal``
-    holds for a plan that decides by what it is told alone.
+    No script and no executive is asked: the plan gets the recorded answers. ``assert replay(plan, run).equal``
+    holds for a plan that decides by those answers alone.
     """
     return replay_recorded(plan, recorded_run(source))
 
 
 @functools.cache
 def compiled(recipe: str | os.PathLike[str], task: str | None = None) -> Plan[..., Any]:
-    """The plan of a recipe: of a file, or of a bundled recipe by name (``compiled("serve_a_drink")``).
+    """Return the plan of a recipe: of a file, or of a bundled recipe by name (``compiled("serve_a_drink")``).
 
     The plan's own names are in its module: ``plan.function.__globals__["BOTTLE"]``. Raises BadInput with the
     diagnostics when the recipe has errors.

@@ -23,7 +23,7 @@ class Recorder:
         """Of how many tasks each choice was."""
 
     def choose(self, ready: Sequence[Task]) -> int:
-        """What the source chooses."""
+        """Return what the source chooses, and keep it."""
         choice = 0 if self._source is None else self._source.choose(ready)
         self.choices.append(choice)
         self.sizes.append(len(ready))
@@ -50,7 +50,7 @@ class Priorities:
         self._lowest = 0.0
 
     def choose(self, ready: Sequence[Task]) -> int:
-        """The task of the highest priority; at a moment of change it becomes the lowest first."""
+        """Choose the task of the highest priority; at a moment of change it becomes the lowest first."""
         priorities = self._priorities
         for task in ready:
             if task not in priorities:
@@ -71,7 +71,7 @@ class Priorities:
 
 
 def trimmed(choices: Sequence[int]) -> tuple[int, ...]:
-    """Without the zeros at the end, which a list of choices need not say."""
+    """Return choices without the zeros at the end, which are implied."""
     end = len(choices)
     while end and choices[end - 1] == 0:
         end -= 1
@@ -82,7 +82,7 @@ Choices = tuple[int, ...]
 
 
 def continued(choices: Choices, sizes: Sequence[int]) -> Iterator[Choices]:
-    """The lists that go on from one, with one more choice other than zero; ``sizes`` are those of its run.
+    """Yield the lists that go on from one, with one more choice other than zero; ``sizes`` are those of its run.
 
     Every list without zeros at its end comes from exactly one other, so that all are met once, beginning with ().
     """

@@ -11,12 +11,12 @@ from planlang.designators import Action, Condition, Location, Object, Posture, l
 from planlang.testing.faults import Fault, Raises
 
 Base = tuple[float, float, float]
-"""Where the base is: x, y [m], yaw [rad]."""
+"""Pose of the base: x, y [m], yaw [rad]."""
 
 
 @dataclass(eq=False)
 class Belief:
-    """What the scripted robot believes, which in a script is also what is so.
+    """The belief of the scripted robot, which in a script is also the truth.
 
     Things are called by the local name of their individual, or of their class. Steps of a script read and change
     it; a change of what is held, where things are or what is true makes a new revision.
@@ -25,14 +25,14 @@ class Belief:
     holding: list[str] = field(default_factory=list)
     """Names of what the robot holds."""
     at: dict[str, Any] = field(default_factory=dict)
-    """Where things are, in whatever terms the test uses: ``belief.at["bottle1"] = "table"``."""
+    """Places of things, in whatever terms the test uses: ``belief.at["bottle1"] = "table"``."""
     facts: dict[str, bool] = field(default_factory=dict)
     """Other conditions by their text, e.g. ``"open(fridge1)"``."""
     places: dict[str, Sequence[Base]] = field(default_factory=dict)
     """Places for the base by the name of a location, or of the thing that it is about; without, three are made up."""
     base: Base = (0.0, 0.0, 0.0)
     around: str | None = None
-    """What the open hand is around, ready to close."""
+    """The thing between the open fingers, ready to be grasped."""
 
     def __post_init__(self) -> None:
         self._revision = 0
@@ -87,7 +87,7 @@ class Belief:
         return known[str(location)]
 
     def done(self, action: Action) -> None:
-        """What an action brings about when it succeeds, by its class."""
+        """Apply the effect of an action that has succeeded, by its class."""
         match local_name(action.type):
             case "Translation-LocationChange":
                 x, y, yaw = (action.get(key) for key in ("x", "y", "yaw"))
@@ -120,7 +120,7 @@ def _name(filler: object) -> str | None:
 
 
 def _inside_hand(location: object) -> str | None:
-    """What the hand is around when it has reached a location: what that is in the centre of."""
+    """Return what the hand is around when it has reached a location: what that is in the centre of."""
     if isinstance(location, Object) or not isinstance(location, Location) or isinstance(location, Posture):
         return _name(location)
     for relation in location.relations:
@@ -144,7 +144,7 @@ Does = Callable[[Belief, Action], Any]
 
 @dataclass(frozen=True)
 class Rule:
-    """What performing a step or class of actions does, as long as the rule applies."""
+    """The behaviour of a step or class of actions, as long as the rule applies."""
 
     step: str
     fails: Raises | None = None
@@ -164,7 +164,7 @@ class Rule:
 
 @dataclass
 class Script:
-    """What the robot of a test does.
+    """The behaviour of the robot of a test.
 
     Without a rule an action succeeds after :attr:`takes` seconds and has the effect of its class on the belief: the
     base arrives, a gripper that closes around something holds it, one that opens lets it go, what is handed over is
@@ -172,7 +172,7 @@ class Script:
     """
 
     takes: float = 1.0
-    """How long an action takes without a rule that says so [s]."""
+    """Duration of an action without a rule that says so [s]."""
     ancestors: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Superclasses of classes of actions, nearest first; without, a class stands for itself."""
     classes: list[str] = field(default_factory=list)
@@ -193,7 +193,7 @@ class Script:
         since: float = 0.0,
         until: float = math.inf,
     ) -> Script:
-        """Say what performing does: ``script.on("Reaching", fails=ManipulationPoseUnreachable, times=2, after=1.5)``.
+        """Set what performing does: ``script.on("Reaching", fails=ManipulationPoseUnreachable, times=2, after=1.5)``.
 
         ``step`` is the name of the step in the plan or the class of the action. ``after`` seconds it fails with
         ``fails`` (a class, a function that makes the failure, or an example), or succeeds with ``returns``.
@@ -221,29 +221,29 @@ class Script:
         return self
 
     def holding(self, *things: str | Object) -> Script:
-        """What the robot holds at the beginning."""
+        """Let the robot hold things at the beginning."""
         names = [thing if isinstance(thing, str) else thing.name for thing in things]
         self._beginning.append(lambda belief: belief.holding.extend(names))
         return self
 
     def at(self, **places: Any) -> Script:
-        """Where things are at the beginning."""
+        """Put things somewhere at the beginning."""
         self._beginning.append(lambda belief: belief.at.update(places))
         return self
 
     def fact(self, condition: str, holds: bool = True) -> Script:
-        """What else is true at the beginning, by its text: ``script.fact("open(fridge1)")``."""
+        """Let a condition hold, or not, at the beginning, by its text: ``script.fact("open(fridge1)")``."""
         self._beginning.append(lambda belief: belief.facts.update({condition: holds}))
         return self
 
     def places(self, location: str | Object, *bases: Base) -> Script:
-        """Where the base can stand for a location, told by its name or the thing that it is about; none is nowhere."""
+        """Set the base poses for a location, given by its name or the thing that it is about; none is nowhere."""
         name = location if isinstance(location, str) else location.name
         self._beginning.append(lambda belief: belief.places.update({name: bases}))
         return self
 
     def belief(self) -> Belief:
-        """The belief at the beginning, made anew."""
+        """Return the belief at the beginning, made anew."""
         belief = Belief()
         for change in self._beginning:
             change(belief)

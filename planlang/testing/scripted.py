@@ -40,7 +40,7 @@ class ScriptedModule:
     failures: Sequence[type[Exception]] = (PlanFailure,)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """The base, the head, or the device of the action."""
+        """Return the base, the head, or the device of the action."""
         if self.name in ("arm", "gripper", "handover"):
             device = action.get("device_used")
             return (str(device) if device is not None else "arm",)
@@ -76,7 +76,7 @@ class ScriptedExecutive:
         self._left = [rule.times for rule in script.rules]
         self._used = [False] * len(script.rules)
         self._write: Callable[[str, Mapping[str, Any]], None] | None = None
-        self._told = self.belief.revision
+        self._reported = self.belief.revision
         known = {cls for classes in ORDINARY.values() for cls in classes}
         others = dict.fromkeys([*script.classes, *(rule.step for rule in script.rules)])
         self.modules: Sequence[ScriptedModule] = [
@@ -90,7 +90,7 @@ class ScriptedExecutive:
         return tuple(rule for rule, used in zip(self.script.rules, self._used, strict=True) if not used)
 
     def rule_for(self, action: Action, step: str | None) -> Rule | None:
-        """The rule that applies now to what begins; it is used once more."""
+        """Return the rule that applies to a step that begins now, and count its use."""
         names = {step, action.name, *self.ancestors(action.type)}
         for number, rule in enumerate(self.script.rules):
             left = self._left[number]
@@ -102,59 +102,59 @@ class ScriptedExecutive:
         return None
 
     def changed(self) -> None:
-        """Tell the trace when the belief has changed."""
-        if self.belief.revision != self._told and self._write is not None:
-            self._told = self.belief.revision
+        """Write into the trace that the belief has changed, if it has."""
+        if self.belief.revision != self._reported and self._write is not None:
+            self._reported = self.belief.revision
             belief = self.belief
-            self._write("belief", {"revision": self._told, "holding": belief.holding, "at": belief.at})
+            self._write("belief", {"revision": self._reported, "holding": belief.holding, "at": belief.at})
 
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """The class, its local name, and what the script says is above it."""
+        """Return the class, its local name, and what the script says is above it."""
         short = local_name(action_type)
         return tuple(dict.fromkeys((action_type, short, *self.script.ancestors.get(short, ()))))
 
     def revision(self) -> int:
-        """Counts changes of the belief."""
+        """Return how often the belief has changed."""
         return self.belief.revision
 
     def solutions(self, location: Location) -> Iterator[Solution]:
-        """The places that the script names, or made-up ones; then LocationUnresolvable."""
+        """Yield the places that the script names, or made-up ones; then LocationUnresolvable."""
         places = self.belief.places_of(location)
         for base in places:
             yield Solution(base, self.belief.revision, {})
         raise LocationUnresolvable(designator=str(location), counts={"tried": len(places)} if places else {})
 
     def move_to(self, solution: Solution) -> Action:
-        """The base motion that goes to a solution."""
+        """Return the base motion that goes to a solution."""
         x, y, yaw = solution.base
         return action("Translation-LocationChange", x=float(x), y=float(y), yaw=float(yaw))
 
     def is_at(self, solution: Solution) -> bool:
-        """True while the base is where the solution put it."""
+        """Return True while the base is where the solution put it."""
         return self.belief.base == solution.base
 
     def holds(self, condition: Condition) -> bool:
-        """Whether the belief says so."""
+        """Return True if the belief says so."""
         return self.belief.holds(condition)
 
     def before_retry(self) -> Iterable[Action]:
-        """Nothing: a scripted robot can drive in any posture."""
+        """Return nothing: a scripted robot can drive in any posture."""
         return ()
 
     def held(self) -> Sequence[str]:
-        """Names of what the robot holds."""
+        """Return the names of what the robot holds."""
         return tuple(self.belief.holding)
 
     def releases(self, action: Action) -> bool:
-        """Whether the action lets go of something."""
+        """Return True if the action lets go of something."""
         return any(cls in RELEASING for cls in self.ancestors(action.type))
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
-        """Changes of the belief are written into the trace."""
+        """Write changes of the belief into the trace from now on."""
         self._write = write
 
     def snapshot(self) -> dict[str, Any]:
-        """The belief, and how often rules have applied, as JSON; what of them does not survive JSON as text."""
+        """Return the belief, and how often rules have applied, as JSON; what of them does not survive JSON as text."""
         belief = self.belief
         state: dict[str, Any] = {"holding": belief.holding, "at": belief.at, "facts": belief.facts, "base": belief.base}
         state |= {"around": belief.around, "revision": self.revision(), "left": self._left, "used": self._used}
@@ -164,12 +164,12 @@ class ScriptedExecutive:
     def restore(self, left: Mapping[str, Any]) -> None:
         """Go on from a snapshot."""
         state = {key: load(value) for key, value in left.items()}
-        self._left, self._used, self._told = state.pop("left"), state.pop("used"), state["revision"]
+        self._left, self._used, self._reported = state.pop("left"), state.pop("used"), state["revision"]
         self.belief.restore(**state)
 
 
 def _step_name() -> str | None:
-    """The name of the perform that asks."""
+    """Return the name of the perform that asks."""
     node: Node | None = here()[1].node
     while node is not None and node.kind != "perform":
         node = node.parent

@@ -31,7 +31,7 @@ class Step:
     result: Any = None
     failure: Mapping[str, Any] | None = None
     repeats: list[float] = field(default_factory=list)
-    """When a with_failure_handling ran its body, for each time [s]."""
+    """Times at which a with_failure_handling ran its body [s]."""
     children: list[Step] = field(default_factory=list)
 
     @property
@@ -40,7 +40,7 @@ class Step:
         return "/".join(reversed([step.name for step in self._outward()]))
 
     def _outward(self) -> Iterator[Step]:
-        """This step, the one around it, and so on."""
+        """Yield this step, the one around it, and so on."""
         step: Step | None = self
         while step is not None:
             yield step
@@ -53,7 +53,7 @@ class Step:
         return local_name(text.split("(", 1)[0]) if isinstance(text, str) else None
 
     def called(self, query: str) -> bool:
-        """Whether a name, ``parent/name``, or class of action means this step; ``#2`` means the second of a name."""
+        """Return True if a name, ``parent/name``, or class of action means this step; ``#2``: the second."""
         if self.action is not None and self.action == query:
             return True
         names = (part for step in self._outward() for part in reversed(step.name.split("/")))
@@ -63,11 +63,11 @@ class Step:
         )
 
     def within(self, other: Step) -> bool:
-        """Whether this step is inside the other one."""
+        """Return True if this step is inside the other one."""
         return self is not other and any(step is other for step in self._outward())
 
-    def told(self, longest: int | None = None) -> str:
-        """When and how, in a line; the message of a failure is cut to ``longest`` characters."""
+    def summary(self, longest: int | None = None) -> str:
+        """Return when and how it ran, in a line; the message of a failure is cut to ``longest`` characters."""
         if self.begin is None:
             return f"{self.status} before it began"
         span = f"{self.begin:g} s" if self.begin == self.end else f"{self.begin:g} to {self.end or 0:g} s"
@@ -81,11 +81,11 @@ class Step:
         return f"{span}, {self.status} with {self.failure['type']}: {message}"
 
     def __repr__(self) -> str:
-        return f"<{self.path}: {self.told()}>"
+        return f"<{self.path}: {self.summary()}>"
 
 
 def read_steps(events: Iterable[Mapping[str, Any]], rate: int) -> list[Step]:
-    """The steps that a trace tells of, in the order in which they began."""
+    """Return the steps that a trace reports, in the order in which they began."""
     known: dict[int, Step] = {}
     steps: list[Step] = []
     for place, event in enumerate(events):
@@ -118,7 +118,7 @@ def _details(event: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def tree_of(steps: Sequence[Step]) -> str:
-    """The task tree as indented text, with time, status and, where it arose, the failure."""
+    """Return the task tree as indented text, with time, status and, where it arose, the failure."""
     lines: list[str] = []
     stack = [(step, 0) for step in reversed(steps) if step.parent is None]
     while stack:
@@ -127,8 +127,8 @@ def tree_of(steps: Sequence[Step]) -> str:
         if step.kind == "perform" and len(children) == 1 and children[0].kind == "branch":
             children = children[0].children  # the module's own node adds nothing
         inner = step.failure is not None and any(_same(child.failure, step.failure) for child in children)
-        told = step.told() if not inner else step.told().split(" with ", 1)[0]
-        lines.append(f"{'  ' * depth}{_title(step)}: {told}")
+        text = step.summary() if not inner else step.summary().split(" with ", 1)[0]
+        lines.append(f"{'  ' * depth}{_title(step)}: {text}")
         stack.extend((child, depth + 1) for child in reversed(children))
     return "\n".join(lines)
 

@@ -14,7 +14,7 @@ from planlang.diagnostics import CODES
 
 HERE = Path(__file__).parent
 ABOUT_OPTIONS = {"C001", "C004", "C005", "C006", "C008", "C010", "C012", "C013", "C014", "C015", "C016",
-                 "P008", "P009", "P010", "P011", "X003", "X004", "X005", "X006", "X007", "X009", "X010",
+                 "P008", "P009", "P010", "P011", "X003", "X004", "X005", "X006", "X007", "X009", "X010", "X012",
                  "X023", "X024", "X025", "X026", "X027"}  # fmt: skip
 """Codes about what was asked for, not about a file's content; tests/executive triggers them."""
 
@@ -56,6 +56,13 @@ def test_a_trace_that_cannot_be_resumed_has_its_diagnostic_at_its_line(name: str
     assert {(one["severity"], one["code"]) for one in found} == {("error", name.split("_")[0])}
     assert (found[0]["span"]["file"], found[0]["span"]["line"]) == (str(HERE / name), line)
     assert result.exit_code == 2
+
+
+def test_a_file_of_process_modules_has_its_diagnostic_at_its_line() -> None:
+    name = str(HERE / "X011_cannot_be_imported.module")
+    result = CliRunner().invoke(app, ["run", "serve_a_drink", "--modules", name, "--json"])
+    (found,) = json.loads(result.stdout)["diagnostics"]
+    assert (found["code"], found["span"]["file"], found["span"]["line"]) == ("X011", name, 4)
 
 
 def test_every_code_about_a_file_has_a_file_that_triggers_it() -> None:

@@ -23,7 +23,8 @@ from planlang.geometry import Pose
 from planlang.ontology import Ontology, expand, load, shorten
 from planlang.protocols import Configuration
 from planlang.resources import bundled
-from sim import Body, PyBulletWorld, Scene
+from sim import Body, PlanningWorld, PyBulletWorld, Scene
+from sim.kinematic import KinematicScene
 
 PLACE = "http://example.org/place.owl#"
 BOUNDS = (-6.0, -6.0, 6.0, 6.0)
@@ -51,7 +52,7 @@ class Stage:
     executive: RobotExecutive
 
     @property
-    def planning(self) -> PyBulletWorld:
+    def planning(self) -> PlanningWorld:
         """The world in which the robot plans."""
         return self.platform.scene.world
 
@@ -97,7 +98,7 @@ def vocabulary() -> Ontology:
 @pytest.fixture(scope="session")
 def limbs(amigo: Robot) -> tuple[tuple[ArmModel, ...], Gaze | None]:
     """Amigo's arms and neck; they do not depend on the room."""
-    world = PyBulletWorld(Scene(()), amigo.body())
+    world = PlanningWorld(Scene(()), amigo.body())
     models = arm_models(amigo, world)
     world.close()
     return models, gaze_of(amigo)
@@ -145,13 +146,13 @@ def furnisher(
     robot: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]
 ) -> Iterator[MakeStage]:
     """Yields what furnishes rooms for a robot, and ends their worlds when it is asked for more."""
-    worlds: list[PyBulletWorld] = []
+    worlds: list[KinematicScene] = []
 
     def make(
         *bodies: Body, start: tuple[float, float, float] = (0.0, 0.0, 0.0), truth: Sequence[Body] | None = None
     ) -> Stage:
         real = PyBulletWorld(Scene(tuple(truth or bodies), BOUNDS, start), robot.body())
-        believed = PyBulletWorld(Scene(bodies, BOUNDS, start), robot.body())
+        believed = PlanningWorld(Scene(bodies, BOUNDS, start), robot.body())
         worlds.extend((real, believed))
         belief = Belief(SemanticMap(None, vocabulary, tuple(map(_thing, bodies)), ()), believed)
         belief.sync(believed, real.configuration())

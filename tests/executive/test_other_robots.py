@@ -18,7 +18,7 @@ from executive.robots import bind_robot
 from executive.robots.carrying import with_carrying
 from planlang.protocols import Configuration
 from planlang.resources import bundled
-from sim import PyBulletWorld, Scene
+from sim import PlanningWorld, Scene
 
 ROOM = bundled("ontologies") / "environments" / "hospital_room.omn"
 
@@ -161,7 +161,7 @@ def test_a_posture_to_drive_in_is_found_level_narrow_and_free(panda: Path) -> No
     assert with_carrying(bare).postures == robot.postures
     assert with_carrying(robot) is robot
     assert robot.diagnostics[-1].code == "B010"
-    world = PyBulletWorld(Scene(()), robot.body())
+    world = PlanningWorld(Scene(()), robot.body())
     assert world.contacts() == ()
     (arm,) = robot.arms
     tip = world.link_pose(arm.tip, Configuration((0.0, 0.0, 0.0), robot.postures["carrying"])).matrix()[:3, :3]

@@ -103,7 +103,8 @@ async def shout(failure: object) -> object: ...
         ("Shout", {"moves_base": True}, shout, "has to be about an object"),
         ("Ignore", {}, shout, "planlang.ignore is registered as Ignore already"),
         ("Repeat", {}, shout, "planlang is registered as Repeat already"),
-        ("Shout", {}, lambda failure: None, "plans cannot import"),
+        ("Shout", {}, lambda failure: None, "plans cannot import lambda"),
+        ("Shout", {}, None, "plans cannot import None"),
     ],
 )
 def test_what_cannot_be_registered_is_refused(

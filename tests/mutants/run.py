@@ -148,7 +148,7 @@ MUTANTS = [
     ("a suspension that fails leaves the task held", "kernel/cancel.py", "        wake_up(scheduler, task)\n        raise error", "        raise error"),
     ("failures of cleanups deep below are lost", "kernel/scope.py", "elif self.cleanup:", "elif False:"),
     ("what a thread sets is set in the thread", "kernel/fluent.py", "if self._handed_over(self.set, value):", "if False:"),
-    ("draws of a stream are counted as one", "kernel/schedule.py", "self._words += 2", "self._words += 1"),
+    ("draws of a stream are counted as one", "kernel/schedule.py", "self.moved += 2", "self.moved += 1"),
     ("a call without await is no error", "kernel/environment.py", "        raise first", "        pass"),
 ]  # fmt: skip
 

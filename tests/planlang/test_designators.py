@@ -5,7 +5,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planlang.designators import (
-    RELATIONS,
     Device,
     Location,
     Object,
@@ -19,6 +18,7 @@ from planlang.designators import (
     holding,
     local_name,
 )
+from planlang.relations import RELATIONS
 
 BOTTLE = an_object("DrinkingBottle", "http://example.org/room.owl#bottle1")
 BED = an_object("Bed-PieceOfFurniture")

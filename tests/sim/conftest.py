@@ -9,7 +9,7 @@ import pytest
 
 from planlang.geometry import Pose
 from planlang.protocols import Configuration, Trajectory
-from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
+from sim import Body, CameraModel, PlanningWorld, PyBulletWorld, RobotBody, Scene
 
 URDF = Path(__file__).resolve().parents[2] / "ontologies" / "robots" / "amigo.urdf"
 
@@ -59,17 +59,22 @@ GRASPING = Configuration((-1.32, 1.68, 1.5708), LEVEL_HAND)
 
 CLOSED = {"finger1_joint_right": -0.26, "finger2_joint_right": 0.26}
 
-MakeWorld = Callable[..., PyBulletWorld]
+
+class AskableWorld(PlanningWorld, PyBulletWorld):
+    """Both worlds in one, for tests that move a robot and then ask about it."""
+
+
+MakeWorld = Callable[..., AskableWorld]
 
 
 @pytest.fixture
 def make_world() -> Iterator[MakeWorld]:
     """Makes worlds of the furnished room; keywords replace fields of the scene, ``extra`` adds bodies."""
-    made: list[PyBulletWorld] = []
+    made: list[AskableWorld] = []
 
-    def make(robot: RobotBody | None = AMIGO, extra: tuple[Body, ...] = (), **fields: object) -> PyBulletWorld:
+    def make(robot: RobotBody | None = AMIGO, extra: tuple[Body, ...] = (), **fields: object) -> AskableWorld:
         scene = replace(ROOM, **fields)  # type: ignore[arg-type]
-        made.append(PyBulletWorld(replace(scene, bodies=scene.bodies + extra), robot))
+        made.append(AskableWorld(replace(scene, bodies=scene.bodies + extra), robot))
         return made[-1]
 
     yield make
@@ -78,7 +83,7 @@ def make_world() -> Iterator[MakeWorld]:
 
 
 @pytest.fixture
-def world(make_world: MakeWorld) -> PyBulletWorld:
+def world(make_world: MakeWorld) -> AskableWorld:
     """The room as it is, Amigo in front of the cabinet, arms tucked."""
     return make_world()
 

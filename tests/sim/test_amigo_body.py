@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planlang.protocols import Configuration
-from sim import PyBulletWorld, Scene
+from sim import PlanningWorld, Scene
 from tests.sim.conftest import AMIGO, TUCKED, URDF
 
 SIDES = ("right", "left")
@@ -16,7 +16,7 @@ SIDES = ("right", "left")
 
 @pytest.fixture(scope="module")
 def amigo():
-    world = PyBulletWorld(Scene(()), AMIGO)
+    world = PlanningWorld(Scene(()), AMIGO)
     yield world
     world.close()
 
@@ -59,7 +59,7 @@ def test_every_actuated_joint_of_the_real_robot_but_the_wheels_is_there(corpus: 
 
 
 @pytest.mark.parametrize(("stroke", "height"), [(0.09, 0.91), (0.40, 1.22)])
-def test_spindle_lifts_the_shoulders_from_91_to_122_cm(amigo: PyBulletWorld, stroke: float, height: float) -> None:
+def test_spindle_lifts_the_shoulders_from_91_to_122_cm(amigo: PlanningWorld, stroke: float, height: float) -> None:
     lifted = Configuration((0.0, 0.0, 0.0), {"spindle_joint": stroke})
     for side, y in zip(SIDES, (-0.22, 0.22), strict=True):
         shoulder = amigo.link_pose(f"shoulder_mount_{side}", lifted).position
@@ -70,7 +70,7 @@ def test_spindle_lifts_the_shoulders_from_91_to_122_cm(amigo: PyBulletWorld, str
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_arm_is_74_cm_from_shoulder_to_grip_point_and_hangs_down_at_zero(amigo: PyBulletWorld, side: str) -> None:
+def test_arm_is_74_cm_from_shoulder_to_grip_point_and_hangs_down_at_zero(amigo: PlanningWorld, side: str) -> None:
     arm = {name: 0.0 for name in TUCKED if side in name and "finger" not in name} | {"shoulder_yaw_joint_" + side: 0.0}
     straight = Configuration((0.0, 0.0, 0.0), {**arm, "spindle_joint": 0.3})
     shoulder = amigo.link_pose(f"shoulder_mount_{side}", straight)
@@ -79,7 +79,7 @@ def test_arm_is_74_cm_from_shoulder_to_grip_point_and_hangs_down_at_zero(amigo: 
     assert grip.position[2] == pytest.approx(shoulder.position[2] - 0.74, abs=1e-3)
 
 
-def test_camera_looks_ahead_at_zero_and_down_with_positive_tilt(amigo: PyBulletWorld) -> None:
+def test_camera_looks_ahead_at_zero_and_down_with_positive_tilt(amigo: PlanningWorld) -> None:
     level = amigo.link_pose("openni_rgb_optical_frame", Configuration((0, 0, 0), {}))
     assert level.matrix()[:3, 2] == pytest.approx([1, 0, 0], abs=1e-5)
     assert level.matrix()[:3, 1] == pytest.approx([0, 0, -1], abs=1e-5)
@@ -101,27 +101,27 @@ POSTURES = {
 @pytest.mark.parametrize("posture", POSTURES)
 @pytest.mark.parametrize("stroke", [0.15, 0.25, 0.40])
 @pytest.mark.parametrize("fingers", [0.0, 0.4, 0.7])
-def test_usual_postures_touch_nothing(amigo: PyBulletWorld, posture: str, stroke: float, fingers: float) -> None:
+def test_usual_postures_touch_nothing(amigo: PlanningWorld, posture: str, stroke: float, fingers: float) -> None:
     joints = {f"{joint}_joint_{side}": 0.0 for side in SIDES for joint in ("shoulder_yaw", "shoulder_pitch")}
     joints |= {f"{joint}_joint_{side}": value for side in SIDES for joint, value in POSTURES[posture].items()}
     joints |= {f"finger{k}_joint_{side}": sign * fingers for side in SIDES for k, sign in ((1, 1), (2, -1))}
     assert amigo.contacts(Configuration((0, 0, 0), {**joints, "spindle_joint": stroke})) == ()
 
 
-def test_head_touches_nothing_wherever_it_looks(amigo: PyBulletWorld) -> None:
+def test_head_touches_nothing_wherever_it_looks(amigo: PlanningWorld) -> None:
     for pan in (-1.57, 0.0, 1.57):
         for tilt in (-0.5, 0.0, 0.88):
             joints = {"neck_pan_joint": pan, "neck_tilt_joint": tilt, "spindle_joint": 0.09}
             assert amigo.contacts(Configuration((0, 0, 0), {**TUCKED, **joints})) == ()
 
 
-def test_hand_on_the_column_is_self_collision(amigo: PyBulletWorld) -> None:
+def test_hand_on_the_column_is_self_collision(amigo: PlanningWorld) -> None:
     joints = {"shoulder_roll_joint_right": 1.4, "elbow_pitch_joint_right": 1.6, "shoulder_pitch_joint_right": 0.0}
     contacts = amigo.contacts(Configuration((0, 0, 0), {**TUCKED, **joints}))
     assert {contact.body for contact in contacts} | {contact.part for contact in contacts} & {"base", "torso_slider"}
 
 
-def test_link_and_joint_names_that_do_not_exist_are_refused_with_those_that_do(amigo: PyBulletWorld) -> None:
+def test_link_and_joint_names_that_do_not_exist_are_refused_with_those_that_do(amigo: PlanningWorld) -> None:
     with pytest.raises(KeyError, match="grippoint_right"):
         amigo.link_pose("tool")
     with pytest.raises(ValueError, match="spindle_joint"):

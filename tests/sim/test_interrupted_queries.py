@@ -10,7 +10,7 @@ import pytest
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from planlang.resources import bundled
-from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
+from sim import Body, CameraModel, PlanningWorld, RobotBody, Scene
 from tests.benchmarks.locations.queries import Interrupter, physics
 
 ROOM = Scene(
@@ -20,7 +20,7 @@ ROOM = Scene(
     )
 )
 ELSEWHERE = Configuration((0.5, 0.2, 0.4), {"spindle_joint": 0.3, "elbow_pitch_joint_left": 1.2})
-QUESTIONS: dict[str, Callable[[PyBulletWorld], object]] = {
+QUESTIONS: dict[str, Callable[[PlanningWorld], object]] = {
     "support": lambda world: world.support("cup"),
     "contacts": lambda world: world.contacts(ELSEWHERE),
     "link pose": lambda world: world.link_pose("grippoint_left", ELSEWHERE),
@@ -34,7 +34,7 @@ QUESTIONS: dict[str, Callable[[PyBulletWorld], object]] = {
 @pytest.mark.parametrize("question", QUESTIONS)
 def test_an_interrupted_question_leaves_the_world_and_its_physics_as_they_were(question: str) -> None:
     urdf = bundled("ontologies") / "robots" / "amigo.urdf"
-    world = PyBulletWorld(ROOM, RobotBody(urdf, CameraModel("openni_rgb_optical_frame")))
+    world = PlanningWorld(ROOM, RobotBody(urdf, CameraModel("openni_rgb_optical_frame")))
     try:
         before = world.state(), physics(world.robot.client)
         whole = False

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
-from sim import PyBulletWorld
+from sim import PlanningWorld
 from tests.sim.conftest import AMIGO, ROOM, grasp
 
 JOINTS = ("spindle_joint", "neck_pan_joint", "elbow_pitch_joint_left", "wrist_yaw_joint_right", "finger1_joint_left")
@@ -21,15 +21,15 @@ moves = st.tuples(st.none() | bases, st.dictionaries(st.sampled_from(JOINTS), st
 
 
 @pytest.fixture(scope="module")
-def amigo() -> Iterator[PyBulletWorld]:
-    world = PyBulletWorld(ROOM, AMIGO)
+def amigo() -> Iterator[PlanningWorld]:
+    world = PlanningWorld(ROOM, AMIGO)
     yield world
     world.close()
 
 
 @given(st.lists(st.tuples(moves, st.booleans()), min_size=1, max_size=6))
 def test_boxes_are_the_same_whatever_moved_before_and_whenever_they_were_asked_for(
-    amigo: PyBulletWorld, steps: list[tuple[tuple[tuple[float, float, float] | None, dict[str, float]], bool]]
+    amigo: PlanningWorld, steps: list[tuple[tuple[tuple[float, float, float] | None, dict[str, float]], bool]]
 ) -> None:
     robot = amigo.robot
     for (base, joints), asked in steps:
@@ -41,7 +41,7 @@ def test_boxes_are_the_same_whatever_moved_before_and_whenever_they_were_asked_f
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-5)
 
 
-def test_what_is_held_is_where_the_hand_has_it_whatever_was_looked_at_in_between(world: PyBulletWorld) -> None:
+def test_what_is_held_is_where_the_hand_has_it_whatever_was_looked_at_in_between(world: PlanningWorld) -> None:
     grasp(world)
     before = world.pose("bottle")
     now = world.configuration()

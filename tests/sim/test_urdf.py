@@ -16,7 +16,7 @@ from planlang.diagnostics import BadInput
 from planlang.geometry.matrices import angles_of, rotation_of
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
 from planlang.protocols import Configuration
-from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
+from sim import Body, CameraModel, PlanningWorld, RobotBody, Scene
 from sim.description import Description, checked_mesh, inertia_box, read_description
 
 INERTIAL = """<inertial><origin xyz="0.1 0 0" rpy="0 0 0.5"/><mass value="1200"/>
@@ -42,9 +42,9 @@ def shapes(description: Description, kind: str) -> list[dict[str, str]]:
     return [{"tag": geometry.tag, **geometry.attrib} for geometry in geometries]
 
 
-def world_of(path: Path, *bodies: Body) -> PyBulletWorld:
+def world_of(path: Path, *bodies: Body) -> PlanningWorld:
     """A world with the robot in it."""
-    return PyBulletWorld(Scene(bodies), RobotBody(path, CameraModel("base")))
+    return PlanningWorld(Scene(bodies), RobotBody(path, CameraModel("base")))
 
 
 def test_the_box_of_the_inertia_stands_in_for_a_mesh_that_may_be_touched(tmp_path: Path) -> None:
@@ -332,7 +332,7 @@ def test_wheels_in_the_floor_and_in_the_frame_are_no_contact(tmp_path: Path) -> 
         f'<link name="base">{BOX.format("collision")}</link><link name="arm">{BOX.format("collision")}</link>{wheel}',
     )
     body = RobotBody(path, CameraModel("base"), moving=())
-    world = PyBulletWorld(Scene(()), body)
+    world = PlanningWorld(Scene(()), body)
     assert world.contacts() == ()
     world.close()
 
@@ -343,7 +343,7 @@ def test_real_urdfs_without_their_meshes_load(corpus: Path, name: str) -> None:
     description = read_description(path)
     assert [diagnostic.code for diagnostic in description.diagnostics] == ["B013"]
     assert read_description(path).text == description.text
-    world = PyBulletWorld(Scene(()), RobotBody(path, CameraModel(description.root)))
+    world = PlanningWorld(Scene(()), RobotBody(path, CameraModel(description.root)))
     links = {link.get("name") for link in ElementTree.parse(path).getroot().findall("link")}
     assert set(world.robot.links) == links
     world.close()

@@ -48,7 +48,7 @@ def svg(graph: TaskGraph) -> str:
     """The graph as an SVG document: stated orders solid, those that the compiler adds dashed, implied ones left out."""
     found = arranged(graph.group)
     has_added = any(route.arrow.order is Order.ADDED for route in found.routes)
-    legend = "dashed: added by the compiler, as what is done from one place is done together" if has_added else ""
+    legend = "dashed: added by the compiler, as steps at one place are performed together" if has_added else ""
     title, subtitle = shown(graph.title, 80), shown(graph.subtitle, 120)
     wide = max(found.width, width(title, 19), width(subtitle, LINE_SIZE), width(legend, LINE_SIZE)) + 2 * MARGIN
     high = found.height + HEAD + 2 * MARGIN + (LINE_HEIGHT * 1.5 if legend else 0.0)

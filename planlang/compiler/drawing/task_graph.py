@@ -11,7 +11,7 @@ from html import escape
 from itertools import count
 from textwrap import wrap
 
-from planlang.designators import RELATIONS, local_name
+from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.recipe.model import (
     Description,
@@ -29,6 +29,7 @@ from planlang.recipe.model import (
     Transition,
 )
 from planlang.recipe.order.graph import recipe_order
+from planlang.relations import RELATIONS
 
 
 class Order(Enum):
@@ -37,7 +38,7 @@ class Order(Enum):
     STATED = "stated"
     """The recipe states it, and it follows from no other."""
     ADDED = "added"
-    """The compiler adds it: what is done from one place is done together."""
+    """The compiler adds it: steps at one place are performed together."""
     TRANSITION = "transition"
     """No order: the one state is left for the other."""
     OVERLAP = "overlap"
@@ -190,7 +191,7 @@ class _Builder:
         for before, after in recipe_order(recipe).reduction():
             yield _arrow(keys, before, after, Order.STATED, _why(stated[before, after]))
         for before, after in self._added.get(recipe.iri, ()):
-            why = "added by the compiler: what is done from one place is done together"
+            why = "added by the compiler: steps at one place are performed together"
             yield _arrow(keys, before, after, Order.ADDED, why)
 
 
@@ -260,7 +261,7 @@ def _filler(filler: Filler) -> str:
             return filler.name if filler.iri is not None else f"any {filler.name}"
         case Place():
             said = " and ".join(
-                f"{RELATIONS[relation]} {_reference(reference)}" for relation, reference in filler.relations
+                f"{RELATIONS[relation].owl} {_reference(reference)}" for relation, reference in filler.relations
             )
             return f"{filler.name} ({said or 'posture'})"
         case Name():

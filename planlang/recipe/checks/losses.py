@@ -76,8 +76,8 @@ def _of_no_recipe(actions: Actions, cls: str, stated: tuple[Restriction, ...]) -
     )
     if order is not None and actions.statements(cls) is None:
         short = local_name(order.property)
-        message = f"`{local_name(cls)}` states {short}, but no sub-actions: they order nothing"
-        advice = "state them for the class that states the sub-actions, or state the sub-actions here, too"
+        message = f"`{local_name(cls)}` states {short}, but no sub-actions: nothing is ordered"
+        advice = "move them to the class that states the sub-actions, or state the sub-actions here as well"
         yield error("R059", message, order.span, advice)
 
 
@@ -94,9 +94,11 @@ def _permitted(ontology: Ontology, cls: str, stated: tuple[Restriction, ...]) ->
         is_held = is_word(one.property, *_STEPS, *_DESCRIBED_BY) and (one.property, one.filler) not in there
         if is_held or (one.property in parameters - filled and ontology.defined(one.filler)):
             word, name = local_name(one.property), local_name(one.filler)
-            message = f"`{word} {one.kind} {name}` of `{local_name(cls)}` says what may be, not what is: it is left out"
+            message = (
+                f"`{word} {one.kind} {name}` of `{local_name(cls)}` states what may be, not what is; it is ignored"
+            )
             right = f"{word} {'some' if ontology.is_class(one.filler) else 'value'} {name}"
-            yield warning("R059", message, one.span, f"write `{right}` if it is meant to be there")
+            yield warning("R059", message, one.span, f"write `{right}` to state that it is there")
 
 
 def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[Diagnostic]:
@@ -125,8 +127,8 @@ def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[D
             filled = [other for other in store.about(node) if store.predicates[other] in fillers]
             if filled and not _is_about_others(actions, node):
                 word = wanted[objects[row]]
-                message = f"{word} stands in an expression that does not say for certain what is done"
-                advice = "write alternatives as recipes of their own: classes below one that is the sub-action"
+                message = f"{word} is in an expression that leaves open what is done"
+                advice = "write each alternative as a recipe: a subclass of the sub-action"
                 yield error("R059", message, store.span(filled[0]), advice)
 
 
@@ -165,8 +167,8 @@ def _texts_of_individuals(ontology: Ontology) -> Iterator[Diagnostic]:
 def _text(owner: str, name: str, value: Literal, span: Span) -> Iterator[Diagnostic]:
     """A text where the name of an action, a constraint or a state is expected."""
     if is_word(name, *NAMING):
-        message = f"{local_name(name)} of `{owner}` is the text {value.value!r}, which names nothing"
-        yield error("R059", message, span, f"write {value.value}, without quotation marks, or rdf:resource in XML")
+        message = f"{local_name(name)} of `{owner}` is the text {value.value!r}, which is not a name"
+        yield error("R059", message, span, f"write {value.value} without quotation marks (in XML: rdf:resource)")
 
 
 def _held_by_nothing(
@@ -189,9 +191,9 @@ def _held_by_nothing(
         if name is not None and store.subjects[row] in left:
             left.remove(store.subjects[row])
             short = local_name(name)
-            advice = f"add `{holder} value {short}` to the task that it is of, or remove it"
+            advice = f"add `{holder} value {short}` to its task, or remove it"
             span = ontology.span(name) or store.span(row)
-            yield warning("R059", f"`{short}` is left out: no task has it", span, advice)
+            yield warning("R059", f"`{short}` is ignored: no task has it", span, advice)
 
 
 def _crossed(ontology: Ontology) -> Iterator[Diagnostic]:

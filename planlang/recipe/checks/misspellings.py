@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from difflib import SequenceMatcher, get_close_matches
 from functools import cached_property
 
-from planlang.designators import RELATIONS, local_name
+from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import Ontology, shorten
 from planlang.ontology.terms import (
@@ -37,7 +37,8 @@ from planlang.recipe.fillers import action_properties
 from planlang.recipe.readers.data_flow import OUTPUTS
 from planlang.recipe.readers.workflow import RELATIONS as INTERVALS
 from planlang.recipe.readers.workflow import is_interval_relation
-from planlang.recipe.statements import MEANINGS, WORDS, ending_of, is_word, words_of
+from planlang.recipe.statements import MEANINGS, REGISTERED_WORDS, WORDS, ending_of, is_word, words_of
+from planlang.relations import owl_properties
 
 _W3C = (OWL, RDF, RDFS, XSD)
 _NAMING = (
@@ -197,8 +198,8 @@ def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
     if not unknown:
         return
     listed = {local_name(name): name for name in _vocabulary(ontology)}
-    neighbours = Neighbours((*listed, *WORDS, *RELATIONS.values()))
-    spoken = (*WORDS, *RELATIONS.values(), *map(local_name, action_properties(ontology)))
+    neighbours = Neighbours((*listed, *WORDS, *REGISTERED_WORDS, *owl_properties()))
+    spoken = (*WORDS, *REGISTERED_WORDS, *owl_properties(), *map(local_name, action_properties(ontology)))
     for number, row in unknown.items():
         written = ontology.store.name(number) or ""
         space, short = _space(written), local_name(written)
@@ -212,7 +213,7 @@ def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
             if space not in VOCABULARIES.values() and _is_declared(ontology, written):
                 yield _unusual(written, meant, names.span(row))
                 continue
-            message = f"`{short}` is no property that is known: what it says would be lost"
+            message = f"unknown property `{short}`: its statements would be lost"
             yield _misspelt(written, meant, names.span(row), message)
 
 
@@ -253,7 +254,7 @@ def _like(short: str, word: str) -> str:
 
 
 def _is_read(name: str) -> bool:
-    return is_word(name, *WORDS, *OUTPUTS) or is_interval_relation(name)
+    return is_word(name, *WORDS, *REGISTERED_WORDS, *OUTPUTS) or is_interval_relation(name)
 
 
 def _things(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
@@ -263,7 +264,7 @@ def _things(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
         if written not in outcomes:
             meant = names.meant(written)
             if meant:
-                yield _misspelt(written, meant, names.span(row), f"nothing defines `{_shown(written, meant)}`")
+                yield _misspelt(written, meant, names.span(row), f"`{_shown(written, meant)}` is not defined")
 
 
 def _shown(written: str, meant: list[str]) -> str:
@@ -285,9 +286,9 @@ def _is_declared(ontology: Ontology, name: str) -> bool:
 def _unusual(written: str, meant: list[str], span: Span) -> Diagnostic:
     """A name that is nearly a word of the vocabulary, but declared as another one."""
     short = local_name(written)
-    message = f"`{short}` is declared, and nearly a word of the vocabulary: it is kept as it is"
+    message = f"`{short}` is declared, but nearly a word of the vocabulary; it is kept"
     renames = [Rename(written, name) for name in meant]
-    advice = f"did you mean {' or '.join(map(str, renames))}? else give it a label"
+    advice = f"did you mean {' or '.join(map(str, renames))}? If not, give it a label"
     return warning("R058", message, span, advice, renames[0])
 
 
@@ -320,7 +321,7 @@ def _outcome(ontology: Ontology, outcome: str, span: Span) -> Iterator[Diagnosti
         return
     meant = [_space(outcome) + reading for reading in readings]
     if not _is_declared(ontology, outcome):
-        message = f"`{short}` is no outcome that is known: it would be taken for {ending_of(outcome).value}"
+        message = f"unknown outcome `{short}`: it would be read as {ending_of(outcome).value}"
         yield _misspelt(outcome, meant, span, message)
     elif all(triple.predicate == TYPE for triple in ontology.triples(s=outcome)):
         yield _unusual(outcome, meant, span)

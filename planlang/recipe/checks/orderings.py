@@ -32,7 +32,7 @@ def contradictions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     if found:
         said = ", ".join(_said(one) for one in found)
         spans = [one.span for one in found if one.span is not None]
-        message = f"these cannot all be true of `{recipe.name}`: {said}"
+        message = f"these cannot all hold in `{recipe.name}`: {said}"
         yield error("R015", message, max(spans, default=recipe.span), "remove one of them")
 
 
@@ -53,9 +53,9 @@ def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> 
         for triple in ontology.triples(p=word)
         if isinstance(triple.subject, str)
     ]
-    message = f"`{local_name(statements.iri)}` names the constraint `{name}`, which relates nothing"
+    message = f"`{local_name(statements.iri)}` names `{name}`, which has neither {' nor '.join(loose.missing)}"
     meant = guess(loose.what, known)
-    return error("R011", message, loose.span, f"did you mean {meant}?" if meant else f"give it {both}", meant)
+    return error("R011", message, loose.span, f"did you mean {meant}?" if meant else f"add {both} to it", meant)
 
 
 @check("R010")
@@ -128,7 +128,7 @@ def repeated_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         earlier = first.setdefault((ordering.before, ordering.after), ordering)
         if earlier is not ordering:
             message = (
-                f"`{local_name(ordering.iri or '')}` says again what `{local_name(earlier.iri or '')}` says:"
+                f"`{local_name(ordering.iri or '')}` repeats `{local_name(earlier.iri or '')}`:"
                 f" `{local_name(ordering.before)}` < `{local_name(ordering.after)}`"
             )
             yield note("R013", message, ordering.span, "remove one of them")
@@ -146,7 +146,7 @@ def redundant_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     order = _stated(recipe)
     extra = order.number_of_edges - order.size_of_reduction()
     if extra and order.number_of_pairs() != order.number_of_edges:
-        message = f"{extra} of the {order.number_of_edges} orderings of `{recipe.name}` follow from the others"
+        message = f"redundant: {extra} of the {order.number_of_edges} orderings of `{recipe.name}` follow from others"
         yield note("R014", message, recipe.span, "remove them: the plan stays the same")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import chain
 
-from planlang.designators import RELATIONS, local_name
+from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import BNode, Literal, Ontology, Term, shorten
 from planlang.ontology.terms import OWL, TYPE, XSD, is_vocabulary
@@ -35,13 +35,14 @@ from planlang.recipe.readers.data_flow import OUTPUTS, made
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import Filling, is_word
 from planlang.recipe.units import dimension_of, si_unit, unit, unit_of
+from planlang.relations import RELATIONS
 
 DATA_PROPERTY = OWL + "DatatypeProperty"
 AGENTS = frozenset({"performedBy", "doneBy"})
 """Properties whose filler is not looked up to perform the action: the robot is known without it."""
 
 
-UNDEFINED = "define it in the file, with its class, or name it as outputsCreated of the step that makes it"
+UNDEFINED = "define it with its class, or as outputsCreated of the step that makes it"
 
 
 @check("R032", "R033", "R035", "R037", "R049")
@@ -78,10 +79,12 @@ def unlisted_properties(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             if filling.property in listed or is_word(filling.property, *OUTPUTS):  # any action may make something
                 continue
             short = local_name(filling.property)
-            message = f"{short} is not listed for actions such as `{local_name(owner)}`: it is kept as it is"
+            message = f"{short} is not a listed property of actions such as `{local_name(owner)}`; it is kept"
             if not is_vocabulary(short) and not ontology.is_property(filling.property):
-                message = f"nothing declares the property {short} of `{local_name(owner)}`: it is kept as it is"
-            yield warning("R031", message, filling.span, f"listed are {', '.join(sorted(map(local_name, listed)))}")
+                message = f"the property {short} of `{local_name(owner)}` is not declared; it is kept"
+            yield warning(
+                "R031", message, filling.span, f"listed properties: {', '.join(sorted(map(local_name, listed)))}"
+            )
 
 
 @check("R038")
@@ -125,8 +128,8 @@ def _out_of_range(ontology: Ontology, owner: Step | Recipe, created: frozenset[s
         if is_wrong:
             wanted = " and ".join(f"`{local_name(one)}`" for one in ranges_of(ontology, parameter.property))
             is_what = f"`{filler.name}`" + (f" (a `{local_name(cls)}`)" if is_individual else "")
-            message = f"{parameter.property} of `{owner.name}` is {is_what}, but takes what is below {wanted}"
-            yield warning("R032", message, parameter.span, "check the property, or the class of what fills it")
+            message = f"{parameter.property} of `{owner.name}` is {is_what}, but must be a {wanted}"
+            yield warning("R032", message, parameter.span, "check the property and the class of its filler")
 
 
 def _references(ontology: Ontology, filling: Filling, reported: set[Term]) -> Iterator[Diagnostic]:
@@ -135,7 +138,7 @@ def _references(ontology: Ontology, filling: Filling, reported: set[Term]) -> It
         for relation, other in references_of_unknown_kind(ontology, filling.term):
             if other not in reported:
                 reported.add(other)
-                what = f"{RELATIONS[relation]} of the place `{local_name(filling.term)}`"
+                what = f"{RELATIONS[relation].owl} of the place `{local_name(filling.term)}`"
                 yield _of_unknown_kind(ontology, what, other, ontology.span(filling.term) or filling.span)
 
 
@@ -151,10 +154,10 @@ def _unused_facts(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]
     for name, spans in found.items():
         owner, span = next(iter(spans.items()))
         others = f" and {len(spans) - 1} more" if len(spans) > 1 else ""
-        message = f"{local_name(name)} of `{local_name(owner)}`{others} is left out: it is no property of actions"
+        message = f"{local_name(name)} of `{local_name(owner)}`{others} is ignored: it is not a property of actions"
         cls = action_class(ontology, owner)
         listed = ontology.valid_properties(cls) if cls is not None else ()
-        advice = "say it by such a property if a plan should know it"
+        advice = "use a property of actions if the plan needs it"
         if listed:
             advice += f": {', '.join(sorted(map(local_name, listed)))}"
         yield warning("R038", message, span, advice)
@@ -166,26 +169,26 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
     if isinstance(term, Literal):
         yield from _literal(ontology, owner, filling.property, term, span)
         if OBJECT_PROPERTY in kinds and DATA_PROPERTY not in kinds:
-            message = f"{short} of `{local_name(owner)}` is the value {term.value!r}, but takes a thing or a place"
+            message = f"{short} of `{local_name(owner)}` is the value {term.value!r}, but must be a thing or a place"
             yield warning("R032", message, span, "name a class or an individual")
         return
     if isinstance(term, BNode):
-        message = f"{short} of `{local_name(owner)}` is an anonymous expression, which is left out"
+        message = f"{short} of `{local_name(owner)}` is an anonymous expression, which is ignored"
         yield warning("R035", message, span, "name a class or an individual")
         return
     if takes_numbers(ontology, filling.property) and not term.startswith(XSD):
-        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but takes a number"
+        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but must be a number"
         yield error("R032", message, span, f"write a number in its place, such as `{short} value 0.5`")
         return
     if DATA_PROPERTY in kinds and OBJECT_PROPERTY not in kinds:
-        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but takes a value"
+        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but must be a value"
         yield warning("R032", message, span, 'write a value, such as 0.5 or "text"')
         return
     if read_filler(ontology, term) is None:
-        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, which nothing defines"
+        message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, which is not defined"
         severity = Severity.ERROR
         if short in AGENTS or not is_vocabulary(short):
-            message, severity = f"{message}: it is left out", Severity.WARNING
+            message, severity = f"{message}; it is ignored", Severity.WARNING
         meant = _meant(ontology, term)
         yield Diagnostic(severity, "R033", message, span, _asked(meant), meant)
     elif (
@@ -193,7 +196,7 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
     ):
         yield _of_unknown_kind(ontology, f"{short} of `{local_name(owner)}`", term, span)
     for missing in unread_references(ontology, term):
-        message = f"`{local_name(term)}` relates to `{local_name(missing)}`, which nothing defines"
+        message = f"`{local_name(term)}` relates to `{local_name(missing)}`, which is not defined"
         meant = _meant(ontology, missing)
         yield error("R033", message, ontology.span(term) or span, _asked(meant), meant)
 
@@ -203,11 +206,9 @@ def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Di
     cls = next(iter(classes_of(ontology, term)), term)
     meant = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
     is_what = f", of the class `{local_name(cls)}`" if cls != term else ""
-    message = (
-        f"{what} is `{local_name(term)}`{is_what}, which is below no class of the vocabulary: it is taken as an object"
-    )
-    advice = f"put `{local_name(cls)}` below a class such as HumanScaleObject, or import the file that does"
-    return warning("R049", message, span, f"did you mean {meant}? else {advice}" if meant else advice, meant)
+    message = f"{what} is `{local_name(term)}`{is_what}, which is no subclass of a known class; treated as an object"
+    advice = f"make `{local_name(cls)}` a subclass of one such as HumanScaleObject, or import the file that does"
+    return warning("R049", message, span, f"did you mean {meant}? If not, {advice}" if meant else advice, meant)
 
 
 def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
@@ -218,24 +219,21 @@ def _literal(ontology: Ontology, owner: str, property_name: str, literal: Litera
     if name is not None or datatype in NUMERIC or is_number:
         value = read_literal(literal, is_number=is_number)
         if isinstance(value, str | bool):
-            message = f"{short} of `{local_name(owner)}` is {literal.value!r}, which is no number"
-            why = f"for its type {datatype}" if datatype in NUMERIC or name else f"as {short} takes numbers"
-            yield error("R037", message, span, f"write a number, such as 0.5, {why}")
+            message = f"{short} of `{local_name(owner)}` is {literal.value!r}, which is not a number"
+            yield error("R037", message, span, "write a number, such as 0.5")
             return
     if name is None:
         return
     known, wanted = unit(name), dimension_of(short)
     if known is None:
-        message = (
-            f"{short} of `{local_name(owner)}` is in {name}, a unit that is not known: the number is taken as it is"
-        )
+        message = f"{short} of `{local_name(owner)}` is in {name}, an unknown unit; the number is read without it"
         yield warning("R037", message, span, "use a unit of QUDT, such as Meter, SecondTime or MeterPerSecond")
     elif wanted is not None and known.dimension != wanted:
         message = (
             f"{short} of `{local_name(owner)}` is in {name} ({si_unit(known.dimension)}),"
             f" but is measured in {si_unit(wanted)}"
         )
-        yield error("R037", message, span, "give it in a unit of that kind")
+        yield error("R037", message, span, "convert it to such a unit")
 
 
 def _meant(ontology: Ontology, undefined: str) -> Rename | None:

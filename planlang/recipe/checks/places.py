@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterator
 from functools import cache
 
-from planlang.designators import RELATIONS, local_name
+from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Severity, Span, error, warning
 from planlang.ontology import Ontology, expand
 from planlang.ontology.terms import COMMENT, LABEL, OWL, TYPE
@@ -17,6 +17,7 @@ from planlang.recipe.checks.misspellings import guess
 from planlang.recipe.fillers import is_place, is_relation, read_thing, references
 from planlang.recipe.model import Place, Recipe, Step
 from planlang.recipe.readers.data_flow import made
+from planlang.relations import owl_properties
 from planlang.resources import bundled
 
 ANNOTATION_PROPERTY = OWL + "AnnotationProperty"
@@ -41,16 +42,16 @@ def _unrelated(actions: Actions, owner: Step | Recipe, place: Place, span: Span 
         return
     where = actions.ontology.span(place.iri) or span
     nothing = "anything" if not any(references(actions.ontology, place.iri)) else "anything that is somewhere"
-    advice = f"give `{place.name}` one of {', '.join(RELATIONS.values())}"
+    advice = f"add one of {', '.join(owl_properties())} to `{place.name}`"
     if isinstance(owner, Step) and actions.is_base_motion(owner):
         message = f"`{owner.name}` moves the base to `{place.name}`, which has no relation to {nothing}"
         yield error("R036", message, where, advice)
     elif _NO_NAME.sub("", place.name).lower() not in postures():
         message = (
-            f"`{place.name}`, a place of `{owner.name}`, has no relation to {nothing}: it is taken as a posture of the"
-            f" robot's own, but no bundled robot has one of that name"
+            f"`{place.name}`, a place of `{owner.name}`, has no relation to {nothing}, and no bundled robot"
+            f" has a posture of that name"
         )
-        yield warning("R036", message, where, f"{advice}; postures are {', '.join(sorted(postures()))}")
+        yield warning("R036", message, where, f"{advice}; known postures: {', '.join(sorted(postures()))}")
 
 
 def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnostic]:
@@ -62,9 +63,9 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
         if is_relation(property_name) or ANNOTATION_PROPERTY in ontology.values(property_name, TYPE):
             continue
         short = local_name(property_name)
-        meant = guess(property_name, map(expand, RELATIONS.values()), least=0.75)
-        advice = f"did you mean {meant}?" if meant else f"relations are {', '.join(RELATIONS.values())}"
-        message = f"{short} of the place `{place.name}` is left out: it is no relation"
+        meant = guess(property_name, map(expand, owl_properties()), least=0.75)
+        advice = f"did you mean {meant}?" if meant else f"relations: {', '.join(owl_properties())}"
+        message = f"{short} of the place `{place.name}` is ignored: it is not a relation"
         yield warning("R038", message, span, advice, meant)
 
 
@@ -130,6 +131,6 @@ def unused_designators(ontology: Ontology) -> tuple[list[str], list[str]]:
 def _unused(ontology: Ontology, severity: Severity, what: str, names: list[str]) -> Diagnostic:
     listed = ", ".join(f"`{local_name(name)}`" for name in names[:MOST_NAMES])
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    message = f"nothing uses the {what}{'s' if len(names) > 1 else ''} {listed}{more}"
+    message = f"unused {what}{'s' if len(names) > 1 else ''}: {listed}{more}"
     spans = [span for span in map(ontology.span, names) if span is not None]
     return Diagnostic(severity, "R039", message, min(spans, default=None), "remove it, or refer to it in a parameter")

@@ -59,7 +59,7 @@ def missing_orders(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report each ordering that is missing and probably meant."""
     recipe = checked.recipe
     for before, after, why in plausible_orders(checked.actions, recipe, checked.added):
-        message = f"nothing puts `{local_name(before)}` before `{local_name(after)}`: {why}"
+        message = f"`{local_name(before)}` should probably come before `{local_name(after)}`: {why}"
         advice = ordering_to_write(recipe, before, after)
         yield warning("R042", message, recipe.step(after).span, advice, Order(recipe.iri, before, after))
 
@@ -132,7 +132,7 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
     if "opens a container" in a and b & {"picks up", "closes a container"}:
         return "a container is opened before something is taken out of it"
     if "picks up" in a and "closes a container" in b:
-        return "something is taken out of a container before that is closed"
+        return "something is taken out of a container before it is closed"
     if "carries" in a and b & {"lets go", "delivers"}:
         return "an object is moved before it is let go"
     if "moves the base" in a and "moves the base" not in b and is_related:
@@ -185,7 +185,7 @@ def unordered_base_motions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     for first, second in pairwise(moving):
         if not order.before(first, second):
             one, other = told_apart(first, second)
-            message = f"`{one}` and `{other}` both move the base, and nothing says which comes first"
+            message = f"`{one}` and `{other}` both move the base, but are not ordered"
             advice = ordering_to_write(recipe, first, second)
             yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, first, second))
 
@@ -223,10 +223,7 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         both = " and the ".join(sorted(shared(first, second)))
         more = f" (and {len(pairs) - 1} more such pairs)" if len(pairs) > 1 else ""
         one, other = told_apart(first.iri, second.iri)
-        message = (
-            f"`{one}` and `{other}` both need the {both}, and nothing orders them: they come one after"
-            f" the other, either first{more}"
-        )
+        message = f"`{one}` and `{other}` both need the {both}, but are not ordered: either may come first{more}"
         advice = ordering_to_write(recipe, first.iri, second.iri)
         yield warning("R045", message, second.span, advice, Order(recipe.iri, first.iri, second.iri))
 
@@ -267,9 +264,9 @@ def free_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     related |= {name for one in recipe.overlaps for name in (one.first, one.second)}
     free = [step for step in recipe.steps if step.iri not in related]
     if len(free) == len(recipe.steps):
-        message = f"nothing orders the {len(free)} steps of `{recipe.name}`: they may come in any order"
-        yield note("R047", message, recipe.span, "add ordering constraints if that is not meant")
+        message = f"the {len(free)} steps of `{recipe.name}` are not ordered: any order is possible"
+        yield note("R047", message, recipe.span, "add ordering constraints if this is not intended")
     elif free:
         names = ", ".join(f"`{step.name}`" for step in free)
-        message = f"nothing orders {names} of `{recipe.name}`, while other steps are ordered"
-        yield note("R047", message, free[0].span, "add ordering constraints if that is not meant")
+        message = f"{names} of `{recipe.name}` {'are' if len(free) > 1 else 'is'} not ordered, unlike other steps"
+        yield note("R047", message, free[0].span, "add ordering constraints if this is not intended")

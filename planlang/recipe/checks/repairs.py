@@ -67,7 +67,7 @@ def _exchanged(
     swap = {first: replace(first, filler=b), second: replace(second, filler=a)}
     message = (
         f"{first.property} `{a.name}` and {second.property} `{b.name}` of `{owner}` are exchanged:"
-        f" taken as {first.property} `{b.name}` and {second.property} `{a.name}`"
+        f" read as {first.property} `{b.name}` and {second.property} `{a.name}`"
     )
     found = note("R030", message, first.span, "exchange them in the file")
     return tuple(swap.get(parameter, parameter) for parameter in parameters), [found]
@@ -108,10 +108,8 @@ def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Reci
         if len(fitting) != 1:
             return parameter
         only = fitting[0]
-        message = (
-            f"{parameter.property} `{thing.name}` is taken to be `{only.name}`, the only one that the recipe speaks of"
-        )
-        notes.append(note("R034", message, parameter.span, f"write `{only.name}` in the file if that is meant"))
+        message = f"{parameter.property} `{thing.name}` is read as `{only.name}`, the only one that the recipe names"
+        notes.append(note("R034", message, parameter.span, f"write `{only.name}` if this is intended"))
         return replace(parameter, filler=only)
 
     steps = tuple(replace(step, parameters=tuple(map(bind, step.parameters))) for step in recipe.steps)

@@ -58,13 +58,13 @@ def _judged(ontology: Ontology, cls: str, restriction: Restriction) -> Iterator[
     if isinstance(needed, str) and not ontology.defined(needed):
         meant = guess(needed, _alternatives(ontology, word, _ending(needed)), least=_LIKE, telling=_telling)
         advice = f"did you mean {meant}?" if meant else "import the file that defines it, or correct the name"
-        message = f"`{local_name(cls)}` depends on `{local_name(needed)}`, which nothing defines"
-        yield warning("R046", f"{message}: what it takes is not known", restriction.span, advice, meant)
+        message = f"`{local_name(cls)}` depends on `{local_name(needed)}`, which is not defined"
+        yield warning("R046", message, restriction.span, advice, meant)
         return
     both = _excluded(ontology, needed)
     if both is not None:
         names = " and ".join(f"`{local_name(name)}`" for name in both)
-        message = f"`{local_name(cls)}` depends on what is {names} at once, which exclude each other: nothing is that"
+        message = f"`{local_name(cls)}` depends on something that is both {names}, which exclude each other"
         yield error("R046", message, restriction.span, "depend on each of them, or on one")
 
 

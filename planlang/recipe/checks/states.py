@@ -37,7 +37,7 @@ def unlisted_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report states that are no sub-actions though others are: they are taken as such."""
     recipe = checked.recipe
     for name, where in unlisted_states(checked.ontology, checked.statements):
-        message = f"`{local_name(name)}` is a state of `{recipe.name}`, but not a sub-action: it is taken as one"
+        message = f"`{local_name(name)}` is a state of `{recipe.name}`, but not a sub-action: it is treated as one"
         advice = f"add `subAction some {local_name(name)}` to `{recipe.name}`"
         yield warning("R051", message, where or recipe.span, advice)
 
@@ -56,15 +56,15 @@ def starts_and_ends(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     if states is None:
         return
     if not states.starts:
-        advice = "add `taskStartState value S` with the state in which it begins"
-        yield error("R052", f"`{recipe.name}` does not say in which state it begins", recipe.span, advice)
+        advice = "add `taskStartState value S`"
+        yield error("R052", f"`{recipe.name}` has no start state", recipe.span, advice)
     elif len(states.starts) > 1:
         names = ", ".join(f"`{local_name(name)}`" for name in states.starts)
-        advice = "leave one; what may begin side by side is a recipe of its own"
-        yield error("R052", f"`{recipe.name}` begins in several states: {names}", recipe.span, advice)
+        advice = "keep one; parallel parts belong in a recipe of their own"
+        yield error("R052", f"`{recipe.name}` has several start states: {names}", recipe.span, advice)
     if not states.ends:
-        advice = "add `taskEndState value S` with the state after which it is done"
-        yield error("R052", f"`{recipe.name}` does not say in which state it is done", recipe.span, advice)
+        advice = "add `taskEndState value S`"
+        yield error("R052", f"`{recipe.name}` has no end state", recipe.span, advice)
 
 
 @check("R057")
@@ -85,10 +85,10 @@ def ambiguous_transitions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         earlier = first.setdefault((one.source, _case(one)), one)
         if earlier.target != one.target:
             message = (
-                f"after `{local_name(one.source)}` with {_word(one)} two states come next:"
+                f"from `{local_name(one.source)}`, {_word(one)} leads to two states:"
                 f" `{local_name(earlier.target)}` and `{local_name(one.target)}`"
             )
-            advice = "give them different outcomes (causedBy), or leave one"
+            advice = "give them different outcomes (causedBy), or keep one"
             yield error("R053", message, _later(earlier, one) or recipe.span, advice)
 
 
@@ -105,13 +105,13 @@ def unreachable_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     for step in lost:
         if step.iri in machine.ends and not reached & set(machine.ends):
             continue
-        message = f"no transitions lead from `{local_name(machine.start)}` to the state `{step.name}`"
+        message = f"the state `{step.name}` cannot be reached from `{local_name(machine.start)}`"
         advice = f"add a transition with `toState {step.name}`, or remove the state"
         yield warning("R054", message, step.span, advice)
     if not reached & set(machine.ends):
         names = ", ".join(f"`{local_name(end)}`" for end in machine.ends)
-        message = f"no transitions lead from `{local_name(machine.start)}` to an end of `{recipe.name}` ({names})"
-        yield error("R054", message, recipe.span, "add the transitions that are missing on the way")
+        message = f"no end of `{recipe.name}` ({names}) can be reached from `{local_name(machine.start)}`"
+        yield error("R054", message, recipe.span, "add the missing transitions")
 
 
 @check("R055", unless=("R052",))
@@ -138,7 +138,7 @@ def uncovered_endings(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             missing = ["CONDITION_TRUE", "CONDITION_FALSE"] if is_check else ["COMPLETED_OK"]
         if missing:
             names = " and ".join(missing)
-            message = f"nothing comes after `{step.name}` if it ends with {names}, and it is no end of `{recipe.name}`"
+            message = f"no transition covers {names} of `{step.name}`, which is not an end of `{recipe.name}`"
             advice = f"add a transition with `fromState {step.name}, causedBy {missing[0]}`"
             yield warning("R055", message, step.span, advice)
 
@@ -149,17 +149,13 @@ def _unsaid(actions: Actions, state: str, own: list[Transition], *, checked: boo
         if one.ending is not Ending.OTHER or one.outcome is None:
             continue
         if checked:
-            message = (
-                f"`{state}` is asked whether its condition holds: the transition with `{_word(one)}` is never taken"
-            )
+            message = f"`{state}` checks a condition: its transition with `{_word(one)}` is never taken"
             yield warning("R055", message, one.span, "write `causedBy CONDITION_TRUE`, or CONDITION_FALSE")
         elif not actions.ontology.defined(one.outcome):
-            message = (
-                f"nothing defines the outcome `{_word(one)}`: it is taken only if what performs `{state}` returns it"
-            )
+            message = f"the outcome `{_word(one)}` is not defined: it occurs only if it is the result of `{state}`"
             advice = (
                 "write `causedBy` CONDITION_TRUE, CONDITION_FALSE, COMPLETED_OK or COMPLETED_FAILED;"
-                f" if it is a result by name, `Individual: {_word(one)}` with `Types: ActionResult`"
+                f" or define it: `Individual: {_word(one)}` with `Types: ActionResult`"
             )
             yield warning("R055", message, one.span, advice)
 
@@ -172,11 +168,11 @@ def unhandled_failures(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         return
     graph = nx.DiGraph((one.source, one.target) for one in machine.transitions)
     looping = sorted({state for part in nx.strongly_connected_components(graph) if len(part) > 1 for state in part})
-    message = f"no state of `{recipe.name}` has a transition for its failure: any failure ends the recipe"
+    message = f"no transition of `{recipe.name}` handles failures: any failure ends the recipe"
     if looping:
         names = [f"`{local_name(state)}`" for state in looping]
         more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-        message += f", and {', '.join(names[:MOST_NAMES])}{more} may follow each other for ever"
+        message += f", and {', '.join(names[:MOST_NAMES])}{more} may loop for ever"
     advice = "add transitions with `causedBy` a failed ActionResult, such as COMPLETED_FAILED, to a state that gives up"
     yield warning("R056", message, recipe.span, advice)
 

@@ -41,11 +41,8 @@ def repeated_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         if sub_action not in first:
             yield note("R024", f"`{short}` is a sub-action of `{name}` twice", sub_action.span)
         elif sub_action.iri is not None and sub_action.times > 1:
-            message = f"`{name}` asks for {sub_action.times} times `{short}`, but a step is performed once"
-            advice = (
-                f"state a class of its own for each time: sub-actions {short}1, {short}2, ..., classes below {short}"
-            )
-            yield error("R024", message, sub_action.span, advice)
+            message = f"`{name}` requires `{short}` {sub_action.times} times, but a step is performed once"
+            yield error("R024", message, sub_action.span, f"add subclasses of it: {short}1, {short}2, ...")
 
 
 def _once(checked: CheckedRecipe) -> dict[SubAction, None]:
@@ -60,7 +57,7 @@ def foreign_words(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report words of the recipe vocabulary that stand in another namespace."""
     for filling in checked.statements.foreign:
         word = local_name(filling.property)
-        message = f"{word} stands in a namespace of its own ({filling.property}): it is read as KnowRob's"
+        message = f"{word} is in another namespace ({filling.property}): it is read as KnowRob's"
         yield note("R005", message, filling.span, f"write knowrob:{word}")
 
 
@@ -70,7 +67,7 @@ def abstract_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     severity = Severity.WARNING if checked.file.allow_abstract else Severity.ERROR
     for step in checked.recipe.steps:
         if step.is_abstract:
-            message = f"nothing performs `{step.name}`: it is no primitive and has no recipe"
+            message = f"nothing performs `{step.name}`: it is not a primitive and has no recipe"
             advice = _abstract_help(checked.actions, step.action_class, checked.file.allow_abstract)
             yield Diagnostic(severity, "R021", message, step.span, advice)
 
@@ -92,13 +89,13 @@ def recursion(checked: CheckedFile) -> list[Diagnostic]:
         step, callee = call
         if callee in path:
             circle = (*path[path.index(callee) :], callee)
-            through = f" (`{step.name}` takes the recipe of its superclass)" if step.iri != callee else ""
+            through = f" (`{step.name}` inherits the recipe of its superclass)" if step.iri != callee else ""
             message = "the recipe performs itself: " + " > ".join(f"`{local_name(name)}`" for name in circle)
             advice = f"give `{step.name}` a recipe of its own, or make it a primitive"
             found.append(error("R022", message + through, step.span, advice))
         elif len(path) > DEEPEST:
             message = f"`{step.name}` is nested in more than {DEEPEST} recipes"
-            return [*found, error("R023", message, step.span, "make the recipes between flatter")]
+            return [*found, error("R023", message, step.span, "flatten the recipes in between")]
         elif callee not in done:
             path.append(callee)
             waiting.append(_calls(recipes, callee))
@@ -140,6 +137,6 @@ def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tupl
 def _abstract_help(actions: Actions, iri: str, allow_abstract: bool) -> str:
     primitives = ", ".join(sorted(local_name(name) for name in actions.primitives))
     if len(actions.ontology.ancestors(iri)) == 1:
-        return f"`{local_name(iri)}` has no superclass that is known: import the ontology that defines it"
-    also = "" if allow_abstract else "; --allow-abstract compiles it all the same"
-    return f"give it sub-actions, or put it below a primitive ({primitives}){also}"
+        return f"`{local_name(iri)}` has no known superclass: import the ontology that defines it"
+    also = "" if allow_abstract else "; --allow-abstract compiles it anyway"
+    return f"add sub-actions, or make it a subclass of a primitive ({primitives}){also}"

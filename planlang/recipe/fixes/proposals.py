@@ -80,7 +80,7 @@ def _kinds(ontology: Ontology) -> Iterator[Fix]:
         ]
         if triples:
             names = ", ".join(dict.fromkeys(f"`{local_name(str(triple.object))}`" for triple in triples))
-            message = f"restrictions become such with {kind} about {names}"
+            message = f"restrictions on {names} use {kind}"
             yield Fix(code, message, triples[0].span, _with_kind([triple.span for triple in triples], kind))
 
 

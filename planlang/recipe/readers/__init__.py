@@ -98,7 +98,7 @@ READERS: list[Reader] = [
 def register(reader: Reader) -> None:
     """Add a reader of one more dialect; it is asked after those that are there."""
     READERS.append(reader)
-    REGISTERED_WORDS.update(reader.words)
+    REGISTERED_WORDS.extend(reader.words)
 
 
 def statements_of(ontology: Ontology, iri: str) -> Statements | None:
@@ -131,5 +131,7 @@ def loose_parts(ontology: Ontology) -> list[Diagnostic]:
     for loose in (reader.loose for reader in READERS if reader.loose is not None):
         spans = [triple.span for triple in own if local_name(triple.predicate) in loose.marks]
         if spans and loose.holder not in used:
-            return [error("R003", f"this file has {loose.parts}, but no task that they are of", min(spans), loose.help)]
+            return [
+                error("R003", f"this file has {loose.parts}, but no task that they belong to", min(spans), loose.help)
+            ]
     return []

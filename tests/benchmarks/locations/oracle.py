@@ -42,7 +42,7 @@ GAZES = 15
 SAMPLES = 40
 """Random postures; links that touch in nearly all of them are modelled so."""
 
-Base = tuple[float, float, float]
+BasePose = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Claim:
     straight; ``motions`` are the joints (n, d) with which, k - 1 of them, or none if that is not told.
     """
 
-    base: Base
+    base: BasePose
     arm: str
     joints: tuple[str, ...]
     values: Array
@@ -172,7 +172,7 @@ class Oracle:
 
     # Asking
 
-    def place(self, base: Base, joints: Mapping[str, float]) -> None:
+    def place(self, base: BasePose, joints: Mapping[str, float]) -> None:
         """Put the robot somewhere; joints not named stay, those that mimic one go with it."""
         turn = (0.0, 0.0, math.sin(base[2] / 2), math.cos(base[2] / 2))
         self._put(([base[0], base[1], 0.0], turn), joints)
@@ -251,7 +251,7 @@ class Oracle:
         target = claim.target or ""
         return all(self.hand_alone_is_free(claim.arm, joints, pose @ back, target) for pose in straight(claim.poses))
 
-    def sees(self, base: Base, target: str) -> bool:
+    def sees(self, base: BasePose, target: str) -> bool:
         """Whether with some posture of the neck the camera's picture has 30 % of a body, as its size and distance say.
 
         True for a robot without camera.

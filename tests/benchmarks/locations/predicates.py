@@ -11,7 +11,7 @@ import numpy as np
 from executive.robots import Robot
 from planlang.designators import Location, Object, Relation
 from sim import Body
-from tests.benchmarks.locations.oracle import Base
+from tests.benchmarks.locations.oracle import BasePose
 from tests.benchmarks.locations.rooms import Room, thing
 
 HAIR = 2e-3
@@ -35,7 +35,9 @@ CHECKED = (*SIDES, "next_to", "near", "far_from", "facing", "clear_of")
 """Relations that are checked here; what is in reach or visible is checked by the oracle."""
 
 
-def objections(room: Room, robot: Robot, base: Base, location: Location, viewer: tuple[float, float]) -> Iterator[str]:
+def objections(
+    room: Room, robot: Robot, base: BasePose, location: Location, viewer: tuple[float, float]
+) -> Iterator[str]:
     """What of a location a place does not keep; ``viewer``: where the robot was when it asked."""
     for relation in location.relations:
         if relation.name in CHECKED and isinstance(relation.reference, Object):
@@ -53,7 +55,7 @@ def keeps(
     relation: Relation,
     body: Body,
     radius: float,
-    base: Base,
+    base: BasePose,
     viewer: tuple[float, float],
     usual: Distances = OF_A_BASE,
     *,
@@ -98,7 +100,7 @@ def _at_side(
     body: Body,
     side: str,
     radius: float,
-    base: Base,
+    base: BasePose,
     viewer: tuple[float, float],
     usual: Distances,
     hair: float,

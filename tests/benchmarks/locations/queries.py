@@ -27,8 +27,6 @@ import numpy as np
 from planlang import VirtualHost, pursue, run, sleep
 from planlang.designators import (
     GRASPS,
-    MEASURED,
-    RELATIONS,
     Location,
     Object,
     Relation,
@@ -36,6 +34,7 @@ from planlang.designators import (
     an_object,
 )
 from planlang.failures import PlanFailure
+from planlang.relations import RELATIONS
 from sim.engine import bullet
 from tests.benchmarks.locations.oracle import Oracle
 from tests.benchmarks.locations.predicates import CHECKED, objections
@@ -60,7 +59,7 @@ def _relation(rng: np.random.Generator, room: Room, depth: int) -> Relation:
     reference: Object | Location = _thing(rng, room)
     if depth == 0 and rng.random() < 0.2:
         reference = random_location(rng, room, 1)
-    within = float(rng.uniform(0.1, 2.0)) if name in MEASURED and rng.random() < 0.3 else None
+    within = float(rng.uniform(0.1, 2.0)) if RELATIONS[name].measured and rng.random() < 0.3 else None
     return Relation(name, reference, within, negated=bool(rng.random() < 0.15))
 
 
@@ -83,7 +82,7 @@ def check_areas(stage: Stage, number: int, seed: int) -> Iterator[tuple[list[str
         relations = []
         for _ in range(int(rng.integers(1, 4))):
             name = CHECKED[int(rng.integers(len(CHECKED)))]
-            within = float(rng.uniform(0.2, 2.0)) if name in MEASURED and rng.random() < 0.4 else None
+            within = float(rng.uniform(0.2, 2.0)) if RELATIONS[name].measured and rng.random() < 0.4 else None
             body = room.bodies[int(rng.integers(1, len(room.bodies)))]
             relations.append(Relation(name, thing(body), within, None, bool(rng.random() < 0.2)))
         location = Location(tuple(relations))

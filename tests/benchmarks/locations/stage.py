@@ -11,7 +11,7 @@ from itertools import islice
 import numpy as np
 
 from executive.belief import MapObject, SemanticMap
-from executive.locations import ReachSolution
+from executive.locations import HandSolution
 from executive.modules.platform import Platform
 from executive.robots import Robot, bind_robot
 from executive.runs.assembly import platform_of
@@ -21,7 +21,7 @@ from planlang.geometry import Array, Pose
 from planlang.ontology import Ontology, expand, load
 from planlang.protocols import Configuration, Solution
 from planlang.resources import bundled
-from sim import Body, PyBulletWorld
+from sim import Body, PlanningWorld
 from tests.benchmarks.locations.oracle import Claim
 from tests.benchmarks.locations.rooms import PLACE, Room
 
@@ -60,7 +60,7 @@ class Stage:
 
     def __init__(self, room: Room, robot: Robot) -> None:
         self.room, self.robot = room, robot
-        self.world = PyBulletWorld(room.scene(), robot.body())
+        self.world = PlanningWorld(room.scene(), robot.body())
         things = SemanticMap(None, vocabulary(), tuple(map(_thing, room.bodies)), ())
         self.platform: Platform = platform_of(robot, things, self.world, self.world, 0)
 
@@ -112,7 +112,7 @@ class Stage:
             self.world.set_configuration(before)
             self.platform.sync()
 
-    def _claim(self, way: ReachSolution, solution: Solution) -> Claim:
+    def _claim(self, way: HandSolution, solution: Solution) -> Claim:
         plan, arm, platform = way.plan, way.arm, self.platform
         gripper = platform.hands.gripper(arm)
         fingers = gripper.opened if plan.opened and gripper is not None else {}

@@ -12,7 +12,7 @@ from planlang.designators import an_object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.protocols import Configuration, Detection
-from sim import PyBulletWorld
+from sim import PlanningWorld
 
 HERE = (0.0, 0.0, 0.0)
 MAP = "http://example.org/map.owl#"
@@ -42,15 +42,15 @@ def semantic_map(
 
 
 @pytest.fixture
-def planning(semantic_map: SemanticMap, robot: Robot) -> Iterator[PyBulletWorld]:
+def planning(semantic_map: SemanticMap, robot: Robot) -> Iterator[PlanningWorld]:
     """A world of the map with Amigo in it."""
-    world = PyBulletWorld(scene_of(semantic_map), robot.body())
+    world = PlanningWorld(scene_of(semantic_map), robot.body())
     yield world
     world.close()
 
 
 @pytest.fixture
-def belief(semantic_map: SemanticMap, planning: PyBulletWorld) -> Belief:
+def belief(semantic_map: SemanticMap, planning: PlanningWorld) -> Belief:
     """The belief of a robot that has seen nothing yet."""
     return Belief(semantic_map, planning)
 
@@ -138,7 +138,7 @@ def test_places_relative_to_a_held_thing_keep_its_last_pose_until_it_is_let_go(b
     assert belief.held == {}
 
 
-def test_the_planning_world_becomes_what_is_believed(belief: Belief, planning: PyBulletWorld, robot: Robot) -> None:
+def test_the_planning_world_becomes_what_is_believed(belief: Belief, planning: PlanningWorld, robot: Robot) -> None:
     hand = robot.arm("right").hand_link
     here = Configuration((-1.0, 0.5, 0.3), robot.postures["carrying"])
     belief.see([Detection("cup1", Pose((-2.0, 0.4, 0.05)), 1.0)])
@@ -156,7 +156,7 @@ def test_the_planning_world_becomes_what_is_believed(belief: Belief, planning: P
     assert planning.pose("bottle1").position == (2.0, 0.1, 0.8)
 
 
-def test_syncing_twice_is_the_same_as_once(belief: Belief, planning: PyBulletWorld, robot: Robot) -> None:
+def test_syncing_twice_is_the_same_as_once(belief: Belief, planning: PlanningWorld, robot: Robot) -> None:
     here = Configuration(HERE, robot.postures["carrying"])
     belief.grasped("bottle1", "right", robot.arm("right").hand_link, Pose((0.14, 0.0, 0.0)))
     belief.sync(planning, here)
@@ -166,7 +166,7 @@ def test_syncing_twice_is_the_same_as_once(belief: Belief, planning: PyBulletWor
 
 
 def test_what_a_person_took_is_out_of_the_planning_world_until_it_is_grasped_again(
-    belief: Belief, planning: PyBulletWorld, robot: Robot
+    belief: Belief, planning: PlanningWorld, robot: Robot
 ) -> None:
     arm, here = robot.arms[0], Configuration(HERE, {})
     offset = Pose((0.05, 0.0, 0.0))

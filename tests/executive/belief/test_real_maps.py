@@ -11,7 +11,7 @@ from executive.belief import SemanticMap, default_starts, read_map, scene_of
 from executive.belief.sizes import EXTENTS
 from planlang.geometry import Pose
 from planlang.ontology import load
-from sim import PyBulletWorld
+from sim import PlanningWorld
 
 MAPS = (
     "environments/ias_hospital_room@re_stack.owl.in",
@@ -78,7 +78,7 @@ def test_rotations_that_were_read_are_rigid(corpus: Path, name: str) -> None:
 def test_a_world_can_be_made_of_a_real_map_and_a_robot_finds_a_place_in_it(corpus: Path, name: str) -> None:
     semantic_map, _ = read(corpus, name)
     scene = scene_of(semantic_map)
-    world = PyBulletWorld(scene)
+    world = PlanningWorld(scene)
     assert world.names() == tuple(thing.name for thing in semantic_map.objects if thing.pose)
     assert next(default_starts(scene, 0.35), None) is not None
     world.close()

@@ -9,10 +9,10 @@ import numpy as np
 import pybullet
 import pytest
 
-from executive.locations import ReachSolution
+from executive.locations import HandSolution
 from executive.robots import Robot
 from planlang.geometry import Array
-from sim import PyBulletWorld
+from sim import PlanningWorld
 from tests.benchmarks.locations.oracle import followers, led
 from tests.executive.conftest import Stage
 
@@ -26,7 +26,7 @@ WITHIN = 0.001
 class Judge:
     """The robot's URDF and primitives at the poses of a world, in a client of its own."""
 
-    def __init__(self, robot: Robot, world: PyBulletWorld) -> None:
+    def __init__(self, robot: Robot, world: PlanningWorld) -> None:
         self.robot = robot
         self.client = pybullet.connect(pybullet.DIRECT)
         self.uid = pybullet.loadURDF(str(robot.urdf), useFixedBase=True, physicsClientId=self.client)
@@ -46,7 +46,7 @@ class Judge:
             if world.scene.body(name).shape not in ("marker", "room") and name not in world.attached():
                 self._build(world, name)
 
-    def _build(self, world: PyBulletWorld, name: str) -> None:
+    def _build(self, world: PlanningWorld, name: str) -> None:
         for part, offset in world.pieces(name):
             size = part.size
             if part.kind == "box":
@@ -158,7 +158,7 @@ class Judge:
         info = pybullet.getJointInfo(self.uid, self.joints[joint], physicsClientId=self.client)
         return float(info[8]), float(info[9])
 
-    def assert_possible(self, way: ReachSolution, base: tuple[float, float, float], stage: Stage) -> None:
+    def assert_possible(self, way: HandSolution, base: tuple[float, float, float], stage: Stage) -> None:
         """The joint values of a way put the tip where its poses say, within the limits, and nothing touches."""
         arm = self.robot.arm(way.arm.name)
         joints = dict(stage.planning.configuration().joints)

@@ -8,7 +8,7 @@ from itertools import islice, pairwise
 import pytest
 
 from executive.locations import Rejections
-from executive.locations.answers import MOST, Answers
+from executive.locations.resolver import MOST, Answers
 from planlang.designators import Location, a_location, an_object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose

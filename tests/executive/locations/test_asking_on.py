@@ -8,8 +8,8 @@ from itertools import combinations
 import pytest
 
 from executive.locations import Resolver
-from executive.locations.effort import EFFORTS
 from executive.locations.resolver import APART
+from executive.locations.search_budget import BUDGETS
 from planlang import at_location
 from planlang.designators import a_location
 from planlang.failures import LocationUnresolvable, ManipulationPoseUnreachable, ObjectUnreachable
@@ -51,7 +51,7 @@ def test_the_iterator_goes_on_with_greater_efforts_until_there_are_no_more(
     assert said.startswith(f"no more places than {len(found)}: in_reach_of(bottle): ")
     for one, other in combinations(found, 2):
         assert round(math.dist(one[:2], other[:2]), 4) > APART
-    monkeypatch.setattr("executive.locations.resolver.EFFORTS", EFFORTS[:1])
+    monkeypatch.setattr("executive.locations.resolver.BUDGETS", BUDGETS[:1])
     first, _ = drained(gangway)
     assert len(found) > len(first) > 0
     assert found[: len(first)] == first

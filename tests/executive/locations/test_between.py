@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from executive.belief.free_floor import CELL, Floor
-from executive.locations.between import FINER, between
-from executive.locations.candidates import Candidates
+from executive.locations.base_candidates import FINER, BaseCandidates, moved_to_room
 from executive.locations.reachability import YAWS
 from executive.motion.clearance import Boxes
 from executive.motion.footprint import outlines
@@ -33,15 +32,15 @@ def floor() -> Floor:
     return Floor(walls, ((0.0, 0.5, HALF * math.sqrt(2)),), outlines([(0.0, 0.5, square)]), (-2.0, -2.0, 2.0, 2.0))
 
 
-def candidates(bases: Array) -> Candidates:
+def candidates(bases: Array) -> BaseCandidates:
     """One way's, the first the best."""
     count = len(bases)
     numbers = np.arange(count)
     same = np.zeros(count, np.intp)
-    return Candidates(bases, 1.0 - numbers / (2 * count), same, same, numbers, np.zeros(count), numbers)
+    return BaseCandidates(bases, 1.0 - numbers / (2 * count), same, same, numbers, np.zeros(count), numbers)
 
 
-def drawn(count: int) -> Candidates:
+def drawn(count: int) -> BaseCandidates:
     rng = np.random.default_rng(5)
     return candidates(
         np.column_stack([rng.uniform(-0.1, 0.1, count), rng.uniform(-1, 1, count), rng.uniform(-4, 4, count)])
@@ -50,7 +49,7 @@ def drawn(count: int) -> Candidates:
 
 def test_what_is_moved_has_room_and_is_moved_by_less_than_a_cell_and_half_a_heading_of_the_maps(floor: Floor) -> None:
     found = drawn(ALL)
-    moved = between(found, floor, MIDDLE, TURN, ALL)
+    moved = moved_to_room(found, floor, MIDDLE, TURN, ALL)
     assert 0 < len(moved) < ALL
     assert floor.holds(moved.bases).all()
     before = found.bases[moved.rows]
@@ -62,21 +61,21 @@ def test_what_is_moved_has_room_and_is_moved_by_less_than_a_cell_and_half_a_head
 def test_more_candidates_have_room_where_they_are_moved_to_than_where_they_were(floor: Floor) -> None:
     found = candidates(np.column_stack([np.full(9, 0.02), np.linspace(-0.8, 0.8, 9), np.zeros(9)]))
     assert not floor.holds(found.bases).any()
-    assert len(between(found, floor, np.zeros(2), 0.0, ALL)) == 9
+    assert len(moved_to_room(found, floor, np.zeros(2), 0.0, ALL)) == 9
 
 
 def test_of_those_that_come_to_the_same_place_the_best_is_left_and_ranks_are_without_gaps(floor: Floor) -> None:
-    moved = between(drawn(ALL), floor, MIDDLE, TURN, ALL)
+    moved = moved_to_room(drawn(ALL), floor, MIDDLE, TURN, ALL)
     assert len(np.unique(moved.bases.round(6), axis=0)) == len(moved)
     assert moved.ranks.tolist() == list(range(len(moved)))
     assert (np.diff(moved.scores) <= 0).all()
-    twice = between(candidates(np.array([[0.004, 0.01, 0.0], [0.005, 0.01, 0.01]])), floor, np.zeros(2), 0.0, ALL)
+    twice = moved_to_room(candidates(np.array([[0.004, 0.01, 0.0], [0.005, 0.01, 0.01]])), floor, np.zeros(2), 0.0, ALL)
     assert twice.rows.tolist() == [0]
 
 
 def test_no_more_are_moved_than_are_asked_for_and_none_of_none(floor: Floor) -> None:
-    assert set(between(drawn(ALL), floor, MIDDLE, TURN, 50).rows.tolist()) <= set(range(50))
-    assert len(between(Candidates(), floor, MIDDLE, TURN, 50)) == 0
+    assert set(moved_to_room(drawn(ALL), floor, MIDDLE, TURN, 50).rows.tolist()) <= set(range(50))
+    assert len(moved_to_room(BaseCandidates(), floor, MIDDLE, TURN, 50)) == 0
 
 
 def test_a_place_is_found_where_the_base_has_only_centimetres_and_the_maps_have_none() -> None:

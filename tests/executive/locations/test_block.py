@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.belief.believed_bodies import Block, ComfortZone
-from executive.locations.ways import CLASSES, above_ways, grasp_ways, offer_ways, place_ways
+from executive.locations.grasp_candidates import CLASSES, grasping, held_above, offering, placing
 from executive.robots.arms import HandFrame, Held
 from planlang.geometry import Array, Pose
 
@@ -99,7 +99,7 @@ def test_a_bottle_is_as_wide_from_everywhere() -> None:
 
 @given(blocks, st.sampled_from([8, 16, 32]))
 def test_fingers_never_close_across_more_than_they_open(block: Block, headings: int) -> None:
-    ways = grasp_ways("box", block, FRAME, 0.11, CLASSES, headings)
+    ways = grasping("box", block, FRAME, 0.11, CLASSES, headings)
     for index in range(len(ways)):
         plan = ways.plan(index)
         closing = plan.poses[1][:3, 1]
@@ -117,9 +117,9 @@ def test_what_is_held_stays_upright_in_every_way_that_is_tried(
     zone = ComfortZone(((0.0, 0.2, 1.2), (0.0, -0.2, 1.2)), facing, 0.6, lambda point: True)
     upright = held.pose.matrix()[:3, :3]
     for ways in (
-        above_ways("box", block, FRAME, held, held.lowest_of, (0.02, 0.15), inset=0.05, fine=False),
-        offer_ways("patient", zone, FRAME, held, fine=False),
-        place_ways("box", block.centre[None], FRAME, held, fine=False),
+        held_above("box", block, FRAME, held, held.lowest_of, (0.02, 0.15), inset=0.05, fine=False),
+        offering("patient", zone, FRAME, held, fine=False),
+        placing("box", block.centre[None], FRAME, held, fine=False),
     ):
         assert len(ways) == 0 or np.linalg.det(ways.rotations) == pytest.approx(1.0)
         assert (ways.rotations @ upright)[:, 2, 2] == pytest.approx(1.0)
@@ -135,7 +135,7 @@ def test_what_is_offered_comes_to_where_the_person_takes_things(facing: float) -
 
     held = Held("cup", Pose((0.05, 0.0, 0.0)), (0.07, 0.07, 0.1))
     zone = ComfortZone(((0.0, 0.2, 1.2), (0.0, -0.2, 1.2)), facing, 0.6, contains)
-    ways = offer_ways("patient", zone, FRAME, held, fine=True)
+    ways = offering("patient", zone, FRAME, held, fine=True)
     assert len(ways) > 10
     for middle in ways.points + held.offsets(ways.rotations):
         assert contains(middle)
@@ -147,7 +147,7 @@ def test_poses_above_keep_what_is_held_between_2_and_15_cm_over_the_top(
     block: Block, extents: tuple[float, float, float], turn: float
 ) -> None:
     held = Held("cup", Pose.planar(0.02, -0.01, turn, 0.03), extents)
-    ways = above_ways("box", block, FRAME, held, held.lowest_of, (0.02, 0.15), inset=0.05, fine=True)
+    ways = held_above("box", block, FRAME, held, held.lowest_of, (0.02, 0.15), inset=0.05, fine=True)
     for index in range(0, len(ways), 7):
         pose = Pose.from_matrix(ways.plan(index).poses[0])
         lowest = corners(pose @ held.pose, extents)[:, 2].min()

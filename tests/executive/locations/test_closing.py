@@ -7,7 +7,7 @@ from itertools import islice
 
 import pytest
 
-from executive.locations import ReachSolution
+from executive.locations import HandSolution
 from planlang.designators import a_device, a_location
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
@@ -19,8 +19,8 @@ GAPS = (0.05, 0.06, 0.065, 0.1)
 """From the bottle's middle to the wall behind it [m]; at some, open fingers have room and closing ones have none."""
 
 
-def ways(stage: Stage, most: int) -> list[ReachSolution]:
-    """Ways to take the bottle with the left hand from where the robot stands."""
+def ways(stage: Stage, most: int) -> list[HandSolution]:
+    """GraspCandidates to take the bottle with the left hand from where the robot stands."""
     arm = stage.platform.scene.arms.of(a_device("LeftGripper"))[0]
     found = stage.resolver.hands(a_location(in_center_of=THE_BOTTLE), arm, stage.platform.arm_joints(arm))
     taken = []
@@ -30,7 +30,7 @@ def ways(stage: Stage, most: int) -> list[ReachSolution]:
     return taken
 
 
-def closed_on(stage: Stage, way: ReachSolution) -> str | None:
+def closed_on(stage: Stage, way: HandSolution) -> str | None:
     """What the hand has between its fingers when it closes them at the grasp of a way."""
     gripper = stage.platform.hands.gripper(way.arm)
     assert gripper is not None

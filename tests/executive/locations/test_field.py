@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from executive.belief.free_floor import DOUBTFUL, Floor
-from executive.locations.candidates import Candidates
+from executive.locations.base_candidates import BaseCandidates
 from executive.motion.clearance import Boxes
 from executive.motion.footprint import outlines
 from planlang.geometry import Array, Pose
@@ -49,7 +49,7 @@ def test_the_field_leaves_open_where_the_heading_decides(floor: Floor) -> None:
 def test_candidates_come_in_turn_over_the_ways_and_no_more_than_are_asked_for() -> None:
     scores = np.array([0.9, 0.8, 0.7, 0.2, 0.1])
     ranks = np.array([0, 1, 2, 0, 1], np.intp)
-    found = Candidates(np.zeros((5, 3)), scores, *(np.zeros(5, np.intp) for _ in range(3)), np.zeros(5), ranks)
+    found = BaseCandidates(np.zeros((5, 3)), scores, *(np.zeros(5, np.intp) for _ in range(3)), np.zeros(5), ranks)
 
     def alike(bases: Array) -> Array:
         return np.ones(len(bases))
@@ -57,4 +57,4 @@ def test_candidates_come_in_turn_over_the_ways_and_no_more_than_are_asked_for() 
     assert found.order(alike, 10).tolist() == [0, 3, 1, 4, 2]
     assert found.order(alike, 3).tolist() == [0, 3, 1]
     assert found.chosen(found.order(alike, 2)).scores.tolist() == [0.9, 0.2]
-    assert Candidates().order(alike, 3).tolist() == []
+    assert BaseCandidates().order(alike, 3).tolist() == []

@@ -53,7 +53,8 @@ def arm_of(folder: Path, joints: Sequence[tuple[str, ...]] = JOINTS) -> ArmModel
     )
     tip = f'<joint name="tool" type="fixed"><parent link="l{len(joints)}"/><child link="tip"/>'
     tip += '<origin xyz="0.06 0 0"/></joint>'
-    (folder / "arm.urdf").write_text(f'<robot name="arm">{links}{tip}</robot>')
+    named = "".join(f'<link name="{name}"/>' for name in (*(f"l{i}" for i in range(len(joints) + 1)), "tip"))
+    (folder / "arm.urdf").write_text(f'<robot name="arm">{named}{links}{tip}</robot>')
     chain = Chain.from_urdf(folder / "arm.urdf", "l0", "tip")
     middle = (chain.lower + chain.upper) / 2
     return ArmModel(

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from executive.locations.effort import EFFORTS
+from executive.locations.search_budget import BUDGETS
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Pose
@@ -137,16 +137,16 @@ def test_all_places_that_were_not_looked_at_are_counted(
 ) -> None:
     unseen = a_location(in_reach_of=THE_BOTTLE, not_=a_location(visible_from=THE_BOTTLE))
     counts = []
-    for effort in (replace(EFFORTS[0], most=0), replace(EFFORTS[0], exact=exact)):
-        monkeypatch.setattr("executive.locations.resolver.EFFORTS", (effort,))
+    for effort in (replace(BUDGETS[0], most=0), replace(BUDGETS[0], exact=exact)):
+        monkeypatch.setattr("executive.locations.resolver.BUDGETS", (effort,))
         stage = make_stage(CABINET, BOTTLE)
         with pytest.raises(LocationUnresolvable) as caught:
             next(stage.resolver.bases(unseen))
         counts.append(caught.value.counts)
     before, after = counts
-    assert sum(after.values()) - sum(before.values()) == EFFORTS[0].most, "each candidate has one reason"
+    assert sum(after.values()) - sum(before.values()) == BUDGETS[0].most, "each candidate has one reason"
     assert after.get("bottle is visible", 0) == exact
-    assert after["not looked at"] > EFFORTS[0].most / 2
+    assert after["not looked at"] > BUDGETS[0].most / 2
 
 
 @pytest.mark.parametrize(

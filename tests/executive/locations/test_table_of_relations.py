@@ -14,11 +14,12 @@ from typing import TypeVar
 import numpy as np
 import pytest
 
-from executive.locations import TABLE, ReachSolution
+from executive.locations import HandSolution
 from planlang.designators import Location, Relation, a_device, a_location, a_person, an_object, located
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration
+from planlang.relations import RELATIONS
 from sim import Body
 from tests.benchmarks.locations.predicates import OF_A_BASE, OF_A_THING, keeps
 from tests.executive.conftest import (
@@ -97,11 +98,11 @@ BASES: dict[str, Location] = {
 
 def test_every_cell_of_the_table_is_tried_here() -> None:
     cells = (
-        {name for name, meaning in TABLE.items() if meaning.base},
-        {name for name, meaning in TABLE.items() if meaning.hand},
+        {name for name, meaning in RELATIONS.items() if meaning.base},
+        {name for name, meaning in RELATIONS.items() if meaning.hand},
     )
     assert cells == (BASES.keys(), HANDS.keys())
-    assert THINGS.keys() == {name for name, meaning in TABLE.items() if meaning.thing}
+    assert THINGS.keys() == {name for name, meaning in RELATIONS.items() if meaning.thing}
 
 
 def base_keeps(relation: Relation, base: tuple[float, float, float], viewer: tuple[float, float]) -> bool:
@@ -153,7 +154,7 @@ def test_a_base_keeps_the_relation_and_then_it_holds(
     assert room.executive.holds(located(location))
 
 
-def reaching(stage: Stage, location: Location, arm: str) -> list[ReachSolution]:
+def reaching(stage: Stage, location: Location, arm: str) -> list[HandSolution]:
     """The first way of an arm to a place of the hand from where the robot stands, if there is one."""
     model = next(model for model in stage.platform.scene.arms.all if model.name == arm)
     return first(stage.resolver.hands(location, model, stage.platform.arm_joints(model)), 1)
@@ -218,7 +219,7 @@ def test_a_hand_keeps_the_relation_and_then_it_holds(name: str, make_stage: Make
     judge = judge_of(stage)
     judge.assert_possible(way, solution.base, stage)
     arm = stage.platform.robot.arm(way.arm.name)
-    number = {"grasp": 0 if name == "in_front_of" else 1, "place": 1}.get(way.reach.kind, 0)
+    number = {"grasp": 0 if name == "in_front_of" else 1, "place": 1}.get(way.reach.kind.value, 0)
     joints = dict(stage.planning.configuration().joints) | dict(zip(way.arm.joints, way.joints[number], strict=True))
     judge.place(solution.base, joints)
     tip = judge.link(arm.tip)

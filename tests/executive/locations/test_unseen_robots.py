@@ -15,7 +15,7 @@ from executive.robots.carrying import with_carrying
 from planlang.designators import a_device, a_location
 from planlang.geometry import Pose
 from planlang.ontology import Ontology
-from sim import PyBulletWorld, Scene
+from sim import PlanningWorld, Scene
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, Stage, furnisher, stand
 from tests.executive.locations.conftest import Judge
 
@@ -116,7 +116,7 @@ def furnish_for(vocabulary: Ontology) -> Iterator[Furnish]:
     running = []
 
     def make(robot: Robot) -> Callable[..., Stage]:
-        world = PyBulletWorld(Scene(()), robot.body())
+        world = PlanningWorld(Scene(()), robot.body())
         limbs = arm_models(robot, world), gaze_of(robot)
         world.close()
         running.append(furnisher(robot, vocabulary, limbs))

@@ -1,14 +1,13 @@
 """Robots for the tests of motion: chains of real URDF files, read in place."""
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pybullet_data
 import pytest
 
-from executive.motion.compiled import CompiledChain
 from executive.motion.kinematics import Chain
-from executive.motion.native import compiler
 
 ROBOTS = Path(__file__).resolve().parents[3] / "ontologies" / "robots"
 CHAINS = {
@@ -30,33 +29,7 @@ def urdf_of(request: pytest.FixtureRequest) -> Callable[[str], Path]:
     return path
 
 
-@pytest.fixture(scope="session", params=["compiled", "virtual machine"])
-def computed_by(request: pytest.FixtureRequest) -> str:
-    """What computes the chains of a test."""
-    if request.param == "compiled" and compiler() is None:
-        pytest.skip("there is no C compiler")
-    kind: str = request.param
-    return kind
-
-
 @pytest.fixture(scope="session")
-def chain_of(urdf_of: Callable[[str], Path], computed_by: str) -> Callable[[str], Chain]:
+def chain_of(urdf_of: Callable[[str], Path]) -> Callable[[str], Chain]:
     """The chain of a robot by name, read once."""
-    read: dict[str, Chain] = {}
-
-    def chain(robot: str) -> Chain:
-        if robot not in read:
-            read[robot] = chain_computed_by(computed_by, lambda: Chain.from_urdf(urdf_of(robot), *CHAINS[robot][1:]))
-        return read[robot]
-
-    return chain
-
-
-def chain_computed_by(kind: str, make: Callable[[], Chain]) -> Chain:
-    """A chain computed by compiled code or by the virtual machine."""
-    with pytest.MonkeyPatch.context() as patch:
-        if kind == "virtual machine":
-            patch.setenv("CC", "no-such-compiler")
-        chain = make()
-        assert isinstance(chain.backend, CompiledChain) == (kind == "compiled")
-        return chain
+    return cache(lambda robot: Chain.from_urdf(urdf_of(robot), *CHAINS[robot][1:]))

@@ -10,13 +10,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pybullet
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.motion import Chain, InverseKinematics
 from planlang.geometry import Array, Pose
-from tests.executive.motion.conftest import chain_computed_by
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 number = st.floats(-1.0, 1.0).map(lambda value: round(value, 3))
@@ -62,12 +60,12 @@ def written(text: str) -> Iterator[Path]:
         yield path
 
 
-def chain_of(path: Path, text: str, kind: str = "virtual machine") -> Chain | None:
+def chain_of(path: Path, text: str) -> Chain | None:
     """Its chain from the first link to the last; None if nothing moves."""
     if all(f'type="{kind}"' not in text for kind in KINDS[:3]):
         return None
     tip = f"l{text.count('<joint')}"
-    return chain_computed_by(kind, lambda: Chain.from_urdf(path, "l0", tip))
+    return Chain.from_urdf(path, "l0", tip)
 
 
 def all_positions(text: str, chain: Chain, q: Array) -> dict[str, float]:
@@ -116,7 +114,7 @@ def test_jacobian_and_frames_of_any_mechanism_are_those_of_its_motion(text: str,
         if chain is None:
             return
         last = chain.carriers[-1]
-        to_last = chain_computed_by("virtual machine", lambda: Chain.from_urdf(path, "l0", last))
+        to_last = Chain.from_urdf(path, "l0", last)
     q = np.random.default_rng(seed).uniform(-2, 2, (2, chain.dof))
     assert_is_derivative(chain, q)
     frames = chain.frames(q)
@@ -150,10 +148,9 @@ GRIPPING_ARM = """<robot name="arm">
   </joint></robot>"""
 
 
-@pytest.mark.parametrize("kind", ["virtual machine", "compiled"])
-def test_compiled_or_not_a_chain_with_a_mimic_solves_its_own_poses(kind: str) -> None:
+def test_a_chain_with_a_mimic_solves_its_own_poses() -> None:
     with written(GRIPPING_ARM) as path:
-        chain = chain_of(path, GRIPPING_ARM, kind)
+        chain = chain_of(path, GRIPPING_ARM)
     assert chain is not None
     assert chain.names == ("j0", "j1", "j3")
     assert chain.carriers == ("l1", "l2", "l3", "l4")
@@ -164,18 +161,6 @@ def test_compiled_or_not_a_chain_with_a_mimic_solves_its_own_poses(kind: str) ->
     assert ok.all()
     assert chain.within(found).all()
     np.testing.assert_allclose(chain.fk(found)[:, :3, 3], chain.fk(q)[:, :3, 3], atol=1.1e-4)
-
-
-@pytest.mark.parametrize("command", ["false", "no-such-compiler", ""])
-def test_with_a_compiler_that_fails_chains_are_computed_all_the_same(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("CC", command)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    with written(GRIPPING_ARM) as path:
-        chain = Chain.from_urdf(path, "l0", "l4")
-        assert type(chain.backend).__name__ == "VirtualChain"
-    assert_is_derivative(chain, chain.sample(np.random.default_rng(0), 3))
 
 
 def test_jacobian_agrees_with_pybullet() -> None:

@@ -8,7 +8,6 @@ import pytest
 from numpy.typing import NDArray
 
 from executive.motion.arm_path import plan_path
-from executive.motion.collision import bisection
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from executive.motion.joint_space import JointSpace
 from planlang.geometry import Array
@@ -26,12 +25,8 @@ class Rough:
         self.is_free = is_free
         self.learnt: list[tuple[Array, Sequence[tuple[str, str]]]] = []
 
-    def free(self, q: Array) -> bool:
-        return self.is_free(q)
-
-    def edge_free(self, start: Array, end: Array, pieces: int) -> bool:
-        inner = start + (end - start) * (bisection(pieces) / pieces)[:, None]
-        return all(self.is_free(q) for q in inner)
+    def free(self, q: Array) -> NDArray[np.bool_]:
+        return np.array([self.is_free(row) for row in q], bool)
 
     def sure(self, q: Array) -> NDArray[np.bool_]:
         return np.zeros(len(q), bool)

@@ -11,7 +11,7 @@ from executive.motion import Gaze
 from executive.robots import bind_robot
 from executive.robots.arms import gaze_of
 from planlang.protocols import Configuration
-from sim import PyBulletWorld, Scene
+from sim import PlanningWorld, Scene
 
 ROBOT = bind_robot("amigo")
 
@@ -25,15 +25,15 @@ def gaze() -> Gaze:
 
 
 @pytest.fixture(scope="module")
-def world() -> PyBulletWorld:
+def world() -> PlanningWorld:
     """An empty world with Amigo at the origin, arms carrying."""
-    return PyBulletWorld(Scene(()), ROBOT.body())
+    return PlanningWorld(Scene(()), ROBOT.body())
 
 
 @settings(deadline=None, max_examples=40)
 @given(away=st.floats(0.6, 3.0), bearing=st.floats(-1.2, 1.2), height=st.floats(0.0, 1.8))
 def test_the_camera_misses_a_point_by_what_is_said(
-    gaze: Gaze, world: PyBulletWorld, away: float, bearing: float, height: float
+    gaze: Gaze, world: PlanningWorld, away: float, bearing: float, height: float
 ) -> None:
     point = np.array([away * math.cos(bearing), away * math.sin(bearing), height])
     neck, beyond, origin = gaze.at(point)

@@ -1,5 +1,7 @@
 """Facts about chains: forward kinematics, Jacobians, mimics, locked joints, errors."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,7 +9,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from executive.motion.kinematics import Chain
+from executive.motion.kinematics import Chain, InverseKinematics
 from planlang.diagnostics import BadInput
 from planlang.geometry import Pose
 from planlang.geometry.urdf import NoSuchChain
@@ -183,3 +185,39 @@ def test_missing_file_is_refused(tmp_path: Path) -> None:
 def test_configurations_of_another_length_are_refused(small: Path) -> None:
     with pytest.raises(ValueError, match=r"expected configurations \(n, 3\)"):
         Chain.from_urdf(small, "a", "f").fk([0.0, 0.0])
+
+
+def test_a_chain_of_which_nothing_moves_has_a_tip_and_no_frames(chain_of: Callable[[str], Chain]) -> None:
+    moving = chain_of("amigo")
+    chain = moving.locked(dict.fromkeys(moving.names, 0.1))
+    np.testing.assert_allclose(chain.fk(np.zeros((2, 0))), moving.fk(np.full((2, moving.dof), 0.1)))
+    assert chain.frames(np.zeros((2, 0))).shape == (2, 0, 4, 4)
+    assert chain.jacobian(np.zeros((2, 0))).shape == (2, 6, 0)
+
+
+def test_kinematics_need_no_program_of_the_machine(urdf_of: Callable[[str], Path], tmp_path: Path) -> None:
+    code = f"""
+import numpy as np, pathlib
+from executive.motion import Chain, InverseKinematics
+chain = Chain.from_urdf(pathlib.Path({str(urdf_of("amigo"))!r}), "base_link", "grippoint_right")
+q = (chain.lower + chain.upper)[None] / 2
+assert InverseKinematics(chain).solve(chain.fk(q), q[:, None] + 0.02)[1].all()
+"""
+    bare = {"PATH": "", "CC": "/nonexistent", "XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(Path.cwd())}
+    subprocess.run([sys.executable, "-c", code], env=bare, check=True)
+    assert not list(tmp_path.rglob("*.so"))
+
+
+def test_a_row_is_the_same_alone_and_among_many(chain_of: Callable[[str], Chain]) -> None:
+    chain = chain_of("amigo")
+    q = chain.sample(np.random.default_rng(3), 300)
+    many, jacobians, frames = chain.fk(q), chain.jacobian(q), chain.frames(q)
+    for row in (0, 7, 150, 299):
+        np.testing.assert_array_equal(chain.fk(q[row])[0], many[row])
+        np.testing.assert_array_equal(chain.jacobian(q[row])[0], jacobians[row])
+        np.testing.assert_array_equal(chain.frames(q[row])[0], frames[row])
+    solver, seeds = InverseKinematics(chain), (q + 0.05)[:, None]
+    found, solved = solver.solve(many, seeds)
+    assert solved.all()
+    for row in (0, 299):
+        np.testing.assert_array_equal(solver.solve(many[row : row + 1], seeds[row : row + 1])[0][0], found[row])

@@ -16,7 +16,7 @@ from planlang.designators import Device
 from planlang.diagnostics import BadInput
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
-from sim import Body, PyBulletWorld, Scene
+from sim import Body, PlanningWorld, Scene
 
 ARM = ("shoulder_yaw", "shoulder_pitch", "shoulder_roll", "elbow_pitch", "elbow_roll", "wrist_pitch", "wrist_yaw")
 
@@ -28,10 +28,10 @@ def amigo() -> Robot:
 
 
 @pytest.fixture(scope="module")
-def world(amigo: Robot) -> PyBulletWorld:
+def world(amigo: Robot) -> PlanningWorld:
     """Amigo beside a bottle that is out of its way."""
     bottle = Body("bottle", Pose((3.0, 3.0, 0.1)), (0.065, 0.065, 0.2), "cylinder", movable=True)
-    return PyBulletWorld(Scene((bottle,)), amigo.body())
+    return PlanningWorld(Scene((bottle,)), amigo.body())
 
 
 def assert_is_amigo(robot: Robot) -> None:
@@ -113,7 +113,7 @@ def test_an_unknown_robot_is_refused_with_the_names_of_the_bundled_ones() -> Non
 @pytest.mark.parametrize("opened", [True, False], ids=["hands opened", "hands closed"])
 @pytest.mark.parametrize("posture", ["reset", "carrying", "prepare_grasp", "handover", "parking"])
 def test_amigo_does_not_touch_itself_in_its_postures(
-    amigo: Robot, world: PyBulletWorld, posture: str, opened: bool
+    amigo: Robot, world: PlanningWorld, posture: str, opened: bool
 ) -> None:
     joints = dict(amigo.postures[posture])
     for arm in amigo.arms:
@@ -123,7 +123,7 @@ def test_amigo_does_not_touch_itself_in_its_postures(
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_amigo_carries_a_bottle_upright_and_close(amigo: Robot, world: PyBulletWorld, side: str) -> None:
+def test_amigo_carries_a_bottle_upright_and_close(amigo: Robot, world: PlanningWorld, side: str) -> None:
     arm = amigo.arm(side)
     assert arm.gripper
     posture = {**amigo.postures["carrying"], **arm.gripper.opened}
@@ -268,7 +268,7 @@ def test_a_single_arm_without_torso_neck_and_camera_binds(tmp_path: Path) -> Non
     assert (robot.torso, robot.neck, robot.camera, robot.base_link) == (None, (), None, "panda_link0")
     assert [arm.joints for arm in robot.arms] == [tuple(f"panda_joint{k}" for k in range(1, 8))]
     assert robot.arms[0].base_link == "panda_link0"
-    world = PyBulletWorld(Scene(()), robot.body())
+    world = PlanningWorld(Scene(()), robot.body())
     fingers = set(robot.body().hands["panda_hand"])
     assert not any({contact.part, contact.body} == fingers for contact in world.contacts()), "fingers may touch"
     world.close()

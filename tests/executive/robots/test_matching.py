@@ -18,8 +18,8 @@ from executive.robots.self_model import read_self_model
 from executive.robots.tasks import Match, match
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, load
-from planlang.ontology.described import expression_of, text_of
 from planlang.ontology.expressions import Expression
+from planlang.ontology.writing.expression_text import expression_of, text_of
 from planlang.recipe import Actions, read_recipe
 
 RECIPES = {

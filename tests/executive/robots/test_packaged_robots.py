@@ -11,7 +11,7 @@ from executive.motion import Chain
 from executive.robots import Robot, bind_robot
 from executive.robots.urdf_source import Mount, composed
 from planlang.diagnostics import BadInput
-from sim import PyBulletWorld, Scene
+from sim import PlanningWorld, Scene
 
 
 @pytest.fixture(params=["panda", "pr2"])
@@ -28,7 +28,7 @@ def robot(request: pytest.FixtureRequest) -> Robot:
 def test_it_stands_free_of_contacts_in_its_carrying_posture_with_all_its_meshes(robot: Robot) -> None:
     assert "B013" not in [diagnostic.code for diagnostic in robot.diagnostics], "no mesh is absent"
     assert set(robot.postures["carrying"]) == {j for a in robot.arms for j in a.joints} | {robot.torso} - {None}
-    world = PyBulletWorld(Scene(()), robot.body())
+    world = PlanningWorld(Scene(()), robot.body())
     assert world.contacts() == ()
     lower, _ = world.robot.boxes()
     assert lower[:, 2].min() == pytest.approx(0.0, abs=0.06), "it stands on the floor"

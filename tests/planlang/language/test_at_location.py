@@ -286,8 +286,8 @@ def test_each_place_and_its_failure_is_in_the_trace(executive: Any) -> None:
 
     trace = Trace()
     go(partial(at_location, NEAR_CUP, body), executive, trace=trace)
-    told = [(e["event"], e["base"]) for e in trace.events if e["event"] in ("solution", "place failed")]
-    assert told == [("solution", [1.0, 0.0, 0.0]), ("place failed", [1.0, 0.0, 0.0]), ("solution", [2.0, 0.0, 0.0])]
+    told = [(e["event"], e["base"]) for e in trace.events if e["event"] in ("solution", "pose failed")]
+    assert told == [("solution", [1.0, 0.0, 0.0]), ("pose failed", [1.0, 0.0, 0.0]), ("solution", [2.0, 0.0, 0.0])]
 
 
 def opening(executive: Any, module: Any, log: list[str]) -> Any:

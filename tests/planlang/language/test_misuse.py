@@ -220,3 +220,26 @@ def test_a_future_of_another_loop_is_refused_at_its_line() -> None:
 def test_monitoring_what_is_no_request_is_refused() -> None:
     with pytest.raises(TypeError, match="request of monitor has to be a request"):
         go(functools.partial(monitor, "x"))
+
+
+async def look() -> None: ...
+
+
+@pytest.mark.parametrize(
+    ("call", "right"),
+    [
+        (lambda: par([reach, look]), "await par(*[reach, look])"),
+        (lambda: seq((reach, look)), "await seq(*(reach, look))"),
+        (lambda: pursue({"arm": reach}), "await pursue(**{'arm': reach})"),
+        (lambda: race([reach(), look()]), "await race(*[reach, look])"),
+        (lambda: try_in_order([partial(reach)]), "await try_in_order(*[partial(...)])"),
+    ],
+)
+def test_branches_in_a_list_are_refused_with_the_list_unpacked(call: Any, right: str) -> None:
+    with pytest.raises(TypeError, match="takes branches one by one, not in a") as caught:
+        go(call)
+    wrong = right.replace("**", "").replace("*", "")
+    assert str(caught.value).splitlines()[1:] in (
+        [f"  wrong: {wrong}", f"  right: {right}"],
+        [f"  wrong: {wrong.replace('reach', 'reach()').replace('look', 'look()')}", f"  right: {right}"],
+    )

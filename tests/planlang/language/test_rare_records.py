@@ -362,3 +362,15 @@ def test_a_record_behind_the_end_of_the_plan_is_not_repeated() -> None:
     found = replay(top, RecordedRun.of([*events, events[-1]]))
     assert found.difference is not None
     assert (found.difference.line, found.difference.found) == (len(events) + 1, "nothing: the plan has ended")
+
+
+def test_each_number_of_gauss_is_taken_over_also_where_it_takes_no_draw() -> None:
+    async def draws() -> float:
+        return rng().gauss(0, 1)
+
+    @plan
+    async def top() -> Any:
+        found = [await with_failure_handling(draws) for _ in range(4)]
+        return [*found, rng().random()]
+
+    assert len(list(resumed_everywhere(top, run_plan(top, resumable=True)))) == 4

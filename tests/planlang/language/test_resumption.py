@@ -39,6 +39,7 @@ from planlang import (
     rng,
     run,
     seq,
+    shield,
     sleep,
     state_machine,
     tag,
@@ -53,7 +54,7 @@ from planlang import (
     with_policies,
 )
 from planlang.designators import a_location, an_object
-from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, PlanFailure
+from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, PlanFailure, Timeout
 from planlang.runs import Different, Past, RecordedRun
 from planlang.testing import PlanRun, Script, replay, run_plan
 
@@ -797,3 +798,56 @@ def test_a_trace_that_goes_to_a_pipe_needs_no_disk(tmp_path: Path) -> None:
 
     with Trace.at("/dev/null") as trace:
         run(top, host=VirtualHost(), trace=trace, resumable=True)
+
+
+def test_a_step_that_ends_in_a_shield_while_its_plan_is_evaporated_has_not_completed() -> None:
+    @plan
+    async def top() -> None:
+        await seq(partial(sleep, 0.5), name="before")
+        with shield():
+            await par(partial(sleep, 2))
+
+    trace = Trace()
+    with pytest.raises(Timeout):
+        run(partial(timeout, 1, top), host=VirtualHost(), trace=trace, resumable=True)
+    completed = [event["name"] for event in trace.events if event["event"] == "completed"]
+    assert completed == ["sleep", "before"]
+
+
+def test_a_stream_that_the_plan_has_seeded_is_told_as_lost() -> None:
+    @plan
+    async def top() -> None:
+        await ignoring(seeds)
+        await seq(partial(sleep, 1))
+
+    async def ignoring(body: Branch) -> Any:
+        return await with_failure_handling(body)
+
+    async def seeds() -> float:
+        rng().seed(3)
+        return rng().random()
+
+    trace = Trace()
+    run(top, host=VirtualHost(), trace=trace, resumable=True)
+    lost = [event["lost"] for event in trace.events if "lost" in event]
+    assert "a stream of random numbers that was seeded by the plan" in lost[0]
+
+
+def test_draws_that_lie_behind_those_of_the_plan_cannot_be_taken_over() -> None:
+    @plan
+    async def top() -> None:
+        rng().random()
+        await with_failure_handling(partial(draws_again))
+        await seq(partial(sleep, 1))
+
+    async def draws_again() -> float:
+        return rng().random()
+
+    trace = Trace()
+    run(top, host=VirtualHost(), trace=trace, resumable=True)
+    for event in trace.events:
+        if "draws" in event:
+            event["draws"] = 1
+    past = Past(RecordedRun.of(trace.events))
+    with pytest.raises(PlanStructureError, match="cannot go back to 1 draws"):
+        run(top, host=VirtualHost(), resume=past)

@@ -167,3 +167,16 @@ def test_a_cleanup_that_was_cut_short_is_warned_of_in_the_same_run() -> None:
 
     with pytest.warns(CutShort):
         go(partial(pursue, body, partial(sleep, 1)))
+
+
+def test_a_branch_that_returns_a_coroutine_is_told_what_to_return() -> None:
+    async def body() -> Any:
+        return reach()
+
+    with pytest.raises(PlanStructureError) as caught:
+        go(partial(par, body))
+    assert str(caught.value).splitlines() == [
+        "branch par/par/body returned a call of reach() that was not awaited, so nothing was done",
+        "  wrong: return reach(...)",
+        "  right: return await reach(...)",
+    ]

@@ -6,6 +6,8 @@ from xml.sax.saxutils import escape, quoteattr
 
 import pyhornedowl
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from planlang.diagnostics import BadInput
 from planlang.ontology import BNode, Literal, Triple, load
@@ -259,3 +261,45 @@ def test_no_facet_of_a_datatype_is_an_unknown_term(tmp_path: Path) -> None:
     path = tmp_path / "facets.omn"
     path.write_text(f"{HEAD}Datatype: d\n    EquivalentTo: xsd:string[{facets}]\n", encoding="utf-8")
     assert load(path, builtin=False).diagnostics == ()
+
+
+NAMES = st.sampled_from(
+    [":a", "b", "owl:Thing", "x:some", "not", "some", "5a", "Facts", ":Types", "integer", "<http://x/i>"]
+)
+ITEMS = st.lists(
+    st.tuples(NAMES, st.sampled_from([" some ", " only ", "\n value ", " min 1 ", " "]), NAMES)
+    .map("".join)
+    .map(lambda text: text if len(text.split()) > 2 else text.split()[0])
+    | NAMES,
+    max_size=3,
+)
+FACTS = st.lists(st.tuples(NAMES, NAMES).map(" ".join), max_size=3)
+SIMPLE = "Prefix: : <http://x/#>\nPrefix: x: <http://y/#>\nPrefix: owl: <http://www.w3.org/2002/07/owl#>\n"
+
+
+def meant(text: str) -> object:
+    try:
+        return list(read(text, SIMPLE))
+    except BadInput as problem:
+        return [(one.code, one.span and one.span.line) for one in problem.diagnostics]
+
+
+@given(st.lists(st.tuples(st.booleans(), NAMES, ITEMS, FACTS)))
+@settings(max_examples=150, deadline=None)
+def test_what_is_read_as_one_word_means_what_the_grammar_says(
+    frames: list[tuple[bool, str, list[str], list[str]]],
+) -> None:
+    """A comment behind an item keeps it from being read so."""
+    text = ""
+    for is_class, name, items, facts in frames:
+        text += f"{'Class' if is_class else 'Individual'}: {name}@"
+        text += f" {'SubClassOf' if is_class else 'Types'}: {'@, '.join(items)}@" if items else ""
+        text += f" Facts: {'@, '.join(facts)}@" if facts and not is_class else ""
+    assert meant(text.replace("@", "\n")) == meant(text.replace("@", " #\n"))
+
+
+def test_runs_of_simple_items_have_the_positions_of_their_words() -> None:
+    text = "Class: :A\n  SubClassOf: :B,\n    :p some :C,  :q value\n  :d\nIndividual: :i Facts: :p :j,\n :q :k\n"
+    assert [(t.span.line - 3, t.span.column) for t in read(text, SIMPLE)] == [
+        (1, 8), (2, 15), (3, 5), (3, 5), (3, 5), (3, 13), (3, 18), (3, 18), (3, 18), (4, 3), (5, 13), (5, 23), (6, 2),
+    ]  # fmt: skip

@@ -11,8 +11,6 @@ from hypothesis import strategies as st
 
 from planlang.designators import (
     GRASPS,
-    MEASURED,
-    RELATIONS,
     Device,
     Location,
     Object,
@@ -26,11 +24,12 @@ from planlang.designators import (
 )
 from planlang.diagnostics import CODES, BadInput, Diagnostic
 from planlang.ontology import load
-from planlang.phrases import FORMS, Lexicon, read_location, read_thing, write_location
+from planlang.phrases import Lexicon, read_location, read_thing, write_location
 from planlang.phrases.lexicon import DEVICES
 from planlang.phrases.mistakes import SPOKEN
 from planlang.phrases.reading import parser
 from planlang.phrases.words import GRASP_FORMS, plain
+from planlang.relations import RELATIONS
 from planlang.resources import bundled
 
 WARD = "http://example.org/ward.owl#"
@@ -69,7 +68,7 @@ def relations(draw: st.DrawFn, depth: int = 0) -> Relation:
     """Any relation, bounded only where it has a distance, to a thing or to a place."""
     name = draw(st.sampled_from(list(RELATIONS)))
     least, most = None, None
-    if name in MEASURED:
+    if RELATIONS[name].measured:
         least, most = draw(st.none() | lengths), draw(st.none() | lengths)
         if least is not None and most is not None:
             least, most = sorted((least, most))
@@ -105,7 +104,7 @@ def any_relation(rng: Random, depth: int) -> Relation:
     """Any relation."""
     name = rng.choice(list(RELATIONS))
     least, most = None, None
-    if name in MEASURED:
+    if RELATIONS[name].measured:
         lengths = sorted(
             rng.choice((rng.uniform(0, 5), rng.randint(0, 500) / 100, 10 ** rng.uniform(-9, 9))) for _ in "ab"
         )
@@ -167,7 +166,7 @@ def test_any_text_is_a_location_or_has_a_diagnostic_at_a_place_inside_it(text: s
 
 @pytest.mark.parametrize("relation", RELATIONS)
 def test_every_form_of_a_relation_is_read_as_it(relation: str) -> None:
-    for form in FORMS[relation]:
+    for form in RELATIONS[relation].forms:
         assert read_location(f"{form} the bed", LEXICON) == a_location(**{relation: BED})
 
 
@@ -232,7 +231,7 @@ def only(phrase: str) -> Diagnostic:
         ("within 30 of the bed", "P004", 8, 'write "30 cm"'),
         ("3 m to 1 m left of the bed", "P004", 1, None),
         ("in reach of the bed with the left arm and near patient1 with the right arm", "P005", 57, None),
-        ("at most 3 m visible from the bed", "P006", 13, "what has a distance: above, in front of"),
+        ("at most 3 m visible from the bed", "P006", 13, "relations with a distance: above, in front of"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_told_at_its_column_with_what_would_be_valid(
@@ -341,4 +340,8 @@ def test_every_code_about_phrases_has_a_file() -> None:
 
 
 def test_words_are_lower_case_with_one_space_between() -> None:
-    assert all(form == plain(form) for forms in (*FORMS.values(), *GRASP_FORMS.values()) for form in forms)
+    assert all(
+        form == plain(form)
+        for forms in (*(one.forms for one in RELATIONS.values()), *GRASP_FORMS.values())
+        for form in forms
+    )

@@ -18,7 +18,10 @@ TABLE = re.compile(r"(?<=<!-- table of fixes -->\n).*?(?=<!-- end -->)", re.DOTA
 
 def table() -> str:
     """A row for each code that has fixes or a reason for having none."""
-    lines = ["| code | meaning | fixed unasked | with `--accept` | not fixed, because |", "|---|---|---|---|---|"]
+    lines = [
+        "| code | meaning | fixed without asking | with `--accept` | not fixed, because |",
+        "|---|---|---|---|---|",
+    ]
     for code in sorted({*SAFE, *ACCEPTABLE, *WITHOUT}):
         unasked, asked = ("yes" if code in codes else "" for codes in (SAFE, ACCEPTABLE))
         lines.append(f"| `{code}` | {CODES[code]} | {unasked} | {asked} | {WITHOUT.get(code, '')} |")

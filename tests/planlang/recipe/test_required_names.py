@@ -63,4 +63,4 @@ def test_a_name_that_is_like_another_in_what_tells_it_apart_is_a_guess(
 @pytest.mark.parametrize("said", ["FlyingCapability"], indirect=True)
 def test_whether_a_robot_has_what_nothing_defines_is_not_known(said: Diagnostic) -> None:
     assert (said.severity, "no robot" in said.message) == (Severity.WARNING, False)
-    assert said.message == "`Watch` depends on `FlyingCapability`, which nothing defines: what it takes is not known"
+    assert said.message == "`Watch` depends on `FlyingCapability`, which is not defined"

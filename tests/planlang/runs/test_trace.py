@@ -349,3 +349,16 @@ def test_a_pipe_is_written_to_and_not_renamed(tmp_path: Path) -> None:
     finally:
         os.close(reader)
     assert [path.name for path in tmp_path.iterdir()] == ["run.jsonl"]
+
+
+def test_long_and_deep_sequences_of_any_class_are_written_as_their_length() -> None:
+    deep: Any = [1]
+    for _ in range(30):
+        deep = [deep]
+    shallow = encode(deep)
+    for _ in range(20):
+        (shallow,) = shallow
+    assert shallow == {"length": 1}
+    long = range(1000)
+    assert [encode(one) for one in (long, list(long), tuple(long))] == [{"length": 1000}] * 3
+    assert encode(range(3)) == encode([0, 1, 2]) == [0, 1, 2]

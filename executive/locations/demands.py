@@ -1,0 +1,355 @@
+"""What a location demands of a base, a hand or a thing, bound to the bodies of the planning scene.
+
+The senses of :mod:`planlang.relations` become areas of the floor, things to see, and reaches: what a hand has to do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import NamedTuple
+
+from executive.belief.believed_bodies import BelievedBodies
+from executive.belief.planning_scene import PlanningScene, RobotArms
+from executive.locations.areas import Area, Clear, Facing, area_of
+from executive.locations.consistency import LocationMeaningless, bounds, check_consistent, contradictory, meaningless
+from planlang.designators import Location, Object, Relation
+from planlang.relations import HEIGHTS, RELATIONS, Bounds, Sense, Subject, meaningful
+
+Viewer = tuple[float, float]
+"""Where somebody looks from, in the map [m]."""
+HIGHEST = 1.0
+"""How much higher than it has to be a hand is held, where nothing bounds it [m]: no arm here reaches farther."""
+
+
+class ReachKind(Enum):
+    """What a hand does, in the order in which one of several conjuncts makes the hand poses that the others filter."""
+
+    RETREAT = "retreat"
+    """Go back, raised, with what it holds."""
+    GRASP = "grasp"
+    OFFER = "offer"
+    """Hold something where a person takes it."""
+    PLACE = "place"
+    ABOVE = "above"
+
+
+ORDER = tuple(ReachKind)
+
+
+class HandTerm(NamedTuple):
+    """One conjunct about a hand: relation, body, greatest and least distance if they are stated, whether negated."""
+
+    name: str
+    body: str
+    within: float | None = None
+    beyond: float | None = None
+    negated: bool = False
+    viewer: Viewer | None = None
+    """Whose left and right is meant, where the body has no front of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """What a hand has to be able to do about one body."""
+
+    kind: ReachKind
+    body: str
+    grasp: str | None = None
+    """The class of grasp that is asked for."""
+    arms: tuple[str, ...] | None = None
+    """Names of the arms that may do it; None: all."""
+    heights: Bounds = HEIGHTS
+    """Of the lowest point over the body's top, for ABOVE [m]."""
+    inside: bool = False
+    """For PLACE: in the body, not on it."""
+    also: tuple[HandTerm, ...] = ()
+    """What else holds of the hand."""
+    before: bool = False
+    """For GRASP and RETREAT: where the hand stands before the thing, not at it, is where that holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class BaseDemand:
+    """What a location asks of the base, each conjunct once."""
+
+    reaches: tuple[Reach, ...] = ()
+    seen: tuple[str, ...] = ()
+    areas: tuple[Area | Facing | Clear, ...] = ()
+    unreached: tuple[Reach, ...] = ()
+    """What must not be in reach."""
+    unseen: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ThingDemand:
+    """What a location asks of an object: one of where it rests, and areas."""
+
+    on: str | None = None
+    inside: str | None = None
+    areas: tuple[Area, ...] = ()
+    people: tuple[tuple[str, bool], ...] = ()
+    """Persons in whose comfort zone it is, or (False) is not."""
+    neither: tuple[tuple[str, bool], ...] = ()
+    """Bodies on which, or (True) in which, it does not rest."""
+
+
+def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> BaseDemand:
+    """Return what a location asks of the base; raises LocationMeaningless if that is nothing, or contradictory.
+
+    ``viewer``: whose left and right is meant where a thing has no front.
+    """
+    check_consistent(location, "base")
+    reaches: dict[Reach, None] = {}
+    unreached: dict[Reach, None] = {}
+    seen: dict[str, None] = {}
+    unseen: dict[str, None] = {}
+    areas: dict[Area | Facing | Clear, None] = {}
+    for relation in location.relations:
+        match RELATIONS[relation.name].sense("base"), relation.reference:
+            case Sense.REACH, Location() as hand:
+                reach = hand_demand(replace(hand, device=hand.device or location.device), scene, viewer)
+                if reach.kind is ReachKind.GRASP and reach.grasp is None:
+                    reach = replace(reach, grasp=location.grasp)
+                (unreached if relation.negated else reaches)[reach] = None
+            case Sense.REACH, Object() as what:
+                reach = _reach_of(_body(relation, what, scene.bodies), location, scene)
+                (unreached if relation.negated else reaches)[reach] = None
+            case Sense.SIGHT, Object() as what:
+                (unseen if relation.negated else seen)[_body(relation, what, scene.bodies)] = None
+            case Sense.HEADING, Object() as what:
+                body = _body(relation, what, scene.bodies)
+                areas[Facing(_words(relation, body), scene.bodies.block(body), relation.negated)] = None
+            case Sense.CLEARANCE, Object() as what:
+                areas[_clear(relation, _body(relation, what, scene.bodies), scene)] = None
+            case Sense.AREA, Object() as what:
+                body = _body(relation, what, scene.bodies)
+                areas[_area(relation, "base", body, viewer, scene.base_radius, scene.bodies)] = None
+            case _:
+                raise _without_meaning(relation, "base")
+    return BaseDemand(tuple(reaches), tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
+
+
+def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Reach:
+    """Return what a location asks of a hand; raises LocationMeaningless for what means nothing, and for a posture."""
+    if not location.relations:
+        raise meaningless(location, location, " is no place of a hand")
+    check_consistent(location, "hand")
+    made: dict[HandTerm, Reach] = {}
+    terms = hand_terms(location, scene.bodies, viewer)
+    for relation, term in zip(location.relations, terms, strict=True):
+        if not relation.negated and (reach := _made(relation, term.body, location, scene)) is not None:
+            made[term] = reach
+    if not made:
+        needed = tuple(name for name in meaningful("hand") if RELATIONS[name].sense("hand") is not Sense.AREA)
+        raise meaningless(location, location, " does not say what the hand is at: it needs one of ", needed)
+    first = min(made.values(), key=lambda reach: ORDER.index(reach.kind))
+    also = tuple(dict.fromkeys(term for term in terms if made.get(term) != first))
+    senses = {RELATIONS[term.name].sense("hand") for term, reach in made.items() if reach == first}
+    before = bool(also) and Sense.PRE_GRASP in senses and Sense.GRASP_POINT not in senses
+    arms = _arms(location, scene.arms)
+    if first.kind is ReachKind.OFFER:
+        arms = _holding(arms, scene.arms)
+    return replace(first, grasp=location.grasp, arms=arms, also=also, before=before)
+
+
+def hand_terms(location: Location, bodies: BelievedBodies, viewer: Viewer) -> tuple[HandTerm, ...]:
+    """Return what each conjunct of a location says of a hand; raises LocationMeaningless for what means nothing."""
+    terms = []
+    for relation in location.relations:
+        if not isinstance(relation.reference, Object) or RELATIONS[relation.name].hand is None:
+            raise _without_meaning(relation, "hand")
+        body = _body(relation, relation.reference, bodies)
+        from_there = viewer if RELATIONS[relation.name].directions and bodies.front(body) is None else None
+        terms.append(HandTerm(relation.name, body, relation.within, relation.beyond, relation.negated, from_there))
+    return tuple(terms)
+
+
+def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: Viewer) -> ThingDemand:
+    """Return what a location asks of an object, given by its name; raises LocationMeaningless as above.
+
+    Nothing is in a relation to itself; only what is in a hand can be near to, or far from, where it was taken.
+    """
+    check_consistent(location, "thing")
+    bodies = scene.bodies
+    radius, taken = max(bodies.size(thing)[:2]) / 2, scene.arms.is_held(thing)
+    on: list[str] = []
+    inside: list[str] = []
+    areas: list[Area] = []
+    people: list[tuple[str, bool]] = []
+    neither: list[tuple[str, bool]] = []
+    near: list[str] = []
+    for relation in location.relations:
+        meaning = RELATIONS[relation.name].thing
+        if not isinstance(relation.reference, Object) or meaning is None:
+            raise _without_meaning(relation, "thing")
+        body = _body(relation, relation.reference, bodies)
+        if meaning.sense is Sense.REACH and not bodies.is_person(body):
+            only = (" means nothing for an object: only ", (relation.name,), f" a person does, and {body} is none")
+            raise meaningless(relation, relation, *only)
+        if body == thing and not (taken and meaning.sense is Sense.AREA):
+            raise meaningless(relation, relation, f" means nothing for {thing} itself: other things tell a place")
+        match meaning.sense:
+            case Sense.SUPPORT if not relation.negated:
+                on.append(body)
+            case Sense.CONTAINMENT if not relation.negated:
+                inside.append(body)
+            case Sense.SUPPORT | Sense.CONTAINMENT:
+                neither.append((body, meaning.sense is Sense.CONTAINMENT))
+            case Sense.REACH:
+                people.append((body, not relation.negated))
+            case _:
+                areas.append(_area(relation, "thing", body, viewer, radius, bodies))
+                if meaning.bounds is not None and meaning.bounds[1] < float("inf"):
+                    near.append(body)
+    if len({*on, *inside}) > 1:
+        raise contradictory(location, f"a thing rests in one place, not in {' and '.join(dict.fromkeys(on + inside))}")
+    if not on and not inside and not people:  # beside something is on what that stands on
+        on.extend(support for body in near if (support := bodies.support(body)) is not None)
+    where = on[0] if on else None, inside[0] if inside else None
+    return ThingDemand(*where, tuple(areas), tuple(people), tuple(neither))
+
+
+def sides(demand: BaseDemand | ThingDemand, scene: PlanningScene) -> dict[str, str]:
+    """Return whose left, right, front and back is meant, for each conjunct that names a side."""
+    named = {term.words: term.body for term in demand.areas if isinstance(term, Area) and term.directions}
+    reaches = (*demand.reaches, *demand.unreached) if isinstance(demand, BaseDemand) else ()
+    for term in (term for reach in reaches for term in reach.also if RELATIONS[term.name].directions):
+        handled = scene.bodies.is_graspable(term.body) or scene.arms.is_held(term.body)
+        if not (RELATIONS[term.name].sense("hand") is Sense.PRE_GRASP and handled):
+            named[in_words(term.name, term.body, negated=term.negated)] = term.body
+    return {words: "the viewer's" if scene.bodies.front(body) is None else "its own" for words, body in named.items()}
+
+
+CHOSEN = (ReachKind.GRASP, ReachKind.ABOVE, ReachKind.OFFER)
+"""What a hand does that can be done with several grasps: what it holds already, it holds as it does."""
+
+
+def without_unused(location: Location, scene: PlanningScene, viewer: Viewer) -> Location:
+    """Return the location without arms and grasps that nothing in it uses; raises LocationMeaningless as demands do."""
+    uses_device = uses_grasp = False
+    relations = []
+    for relation in location.relations:
+        if RELATIONS[relation.name].sense("base") is Sense.REACH:
+            match relation.reference:
+                case Location() as hand:
+                    kind = hand_demand(hand, scene, viewer).kind
+                    uses_device |= hand.device is None
+                    uses_grasp |= hand.grasp is None and kind is ReachKind.GRASP
+                    if kind not in CHOSEN:
+                        relation = replace(relation, reference=replace(hand, grasp=None))
+                case Object() as what:
+                    uses_device = True
+                    uses_grasp |= not scene.bodies.is_person(scene.bodies.bind(what))
+        relations.append(relation)
+    device, grasp = location.device if uses_device else None, location.grasp if uses_grasp else None
+    return replace(location, relations=tuple(relations), device=device, grasp=grasp)
+
+
+def asks_for(location: Location, subject: Subject, sense: Sense) -> bool:
+    """Return whether one of the relations of a location has a sense for a subject."""
+    return any(RELATIONS[relation.name].sense(subject) is sense for relation in location.relations)
+
+
+def in_words(name: str, body: str, *, negated: bool) -> str:
+    """Return a relation to a body as reasons name it."""
+    words = f"{name.strip('_').replace('_', ' ')} {body}"
+    return f"not {words}" if negated else words
+
+
+def _words(relation: Relation, body: str) -> str:
+    return in_words(relation.name, body, negated=relation.negated)
+
+
+def _arms(location: Location, arms: RobotArms) -> tuple[str, ...] | None:
+    return None if location.device is None else tuple(arm.name for arm in arms.of(location.device))
+
+
+def _holding(names: tuple[str, ...] | None, arms: RobotArms) -> tuple[str, ...] | None:
+    """Return those of the arms that hold something, if any does: an empty hand offers nothing."""
+    return tuple(name for name in names or () if arms.held(name) is not None) or names
+
+
+def _reach_of(body: str, location: Location, scene: PlanningScene) -> Reach:
+    """Return what being in reach of a body asks of a hand."""
+    arms = _arms(location, scene.arms)
+    if scene.bodies.is_person(body):
+        return Reach(ReachKind.OFFER, body, None, _holding(arms, scene.arms))
+    if scene.arms.is_held(body):
+        return Reach(ReachKind.RETREAT, body, None, arms)
+    kind = ReachKind.GRASP if scene.bodies.is_graspable(body) else ReachKind.ABOVE
+    return Reach(kind, body, location.grasp, arms)
+
+
+def _made(relation: Relation, body: str, location: Location, scene: PlanningScene) -> Reach | None:
+    """Return the reach that a conjunct about a hand is, None for one that only filters."""
+    handling = ReachKind.RETREAT if scene.arms.is_held(body) else ReachKind.GRASP
+    match RELATIONS[relation.name].hand:
+        case None:
+            return None
+        case meaning if meaning.sense is Sense.OVER and meaning.bounds is not None:
+            low, high = bounds(relation.within, relation.beyond, meaning.bounds)
+            return Reach(ReachKind.ABOVE, body, heights=(low, min(high, low + HIGHEST)))
+        case meaning if meaning.sense is Sense.REACH:
+            return replace(_reach_of(body, location, scene), arms=None)
+        case meaning if meaning.sense in (Sense.SUPPORT, Sense.CONTAINMENT):
+            return Reach(ReachKind.PLACE, body, inside=meaning.sense is Sense.CONTAINMENT)
+        case meaning if meaning.sense is Sense.GRASP_POINT:
+            return Reach(handling, body)
+        case meaning if meaning.sense is Sense.PRE_GRASP and scene.bodies.is_graspable(body):
+            return Reach(handling, body)
+    return None
+
+
+def _body(relation: Relation, what: Object, bodies: BelievedBodies) -> str:
+    """Return the body that a relation is to; raises LocationMeaningless if it can be to no such body."""
+    body, meant = bodies.bind(what), RELATIONS[relation.name]
+    bodies.block(body)  # refuses what is at no possible pose
+    if bodies.is_room(body):
+        if not meant.of_rooms:
+            raise meaningless(relation, f"{body} is a room, and nothing is ", (relation.name,), " a room")
+        others = (name for name in bodies.names() if name != body)
+        if meant.from_outside and not any(map(bodies.is_room, others)):
+            raise meaningless(relation, f"{body} is the only room: in it nothing is ", (relation.name,), " it")
+    if meant.of_solids and not bodies.is_solid(body):
+        raise meaningless(relation, f"{body} has no size: it is a place, and nothing is ", (relation.name,), " a place")
+    senses = {meant.sense("hand"), meant.sense("thing")}
+    if Sense.SUPPORT in senses and not relation.negated and bodies.rests_at(body) is None:
+        raise meaningless(relation, f"{body} has no level top on which things rest")
+    if Sense.CONTAINMENT in senses and min(bodies.size(body)) <= 0:
+        raise meaningless(relation, f"{body} has no size: nothing is in it")
+    return body
+
+
+def _area(
+    relation: Relation, subject: Subject, body: str, viewer: Viewer, radius: float, bodies: BelievedBodies
+) -> Area:
+    meaning = RELATIONS[relation.name].meaning(subject)
+    if meaning is None or meaning.bounds is None:
+        raise _without_meaning(relation, subject)
+    return area_of(
+        _words(relation, body),
+        body,
+        bodies.block(body),
+        RELATIONS[relation.name].directions,
+        front=bodies.front(body),
+        viewer=viewer,
+        radius=radius,
+        bounds=bounds(relation.within, relation.beyond, meaning.bounds),
+        negated=relation.negated,
+    )
+
+
+def _clear(relation: Relation, body: str, scene: PlanningScene) -> Clear:
+    doors = tuple(scene.bodies.doors(body))
+    block = None if any(door.name == body for door in doors) else scene.bodies.block(body)
+    return Clear(_words(relation, body), block, doors, scene.base_radius, relation.negated)
+
+
+def _without_meaning(relation: Relation, subject: Subject) -> LocationMeaningless:
+    if isinstance(relation.reference, Location) and not RELATIONS[relation.name].of_locations:
+        of_locations = tuple(name for name, one in RELATIONS.items() if one.of_locations)
+        only = ((relation.name,), " is said of a thing or a person; of a location only ", of_locations)
+        return meaningless(relation, relation, ": ", *only)
+    meant = {"base": "a base", "hand": "a hand", "thing": "an object"}[subject]
+    return meaningless(relation, relation, f" means nothing for {meant}; what does: ", meaningful(subject))

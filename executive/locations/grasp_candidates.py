@@ -1,0 +1,370 @@
+"""Grasp candidates: tip poses, for what a relation asks of a hand, that do not depend on where the base stands.
+
+A candidate is a short series of tip poses of one rotation; all candidates of a reach are kept in arrays, so that
+reachability maps can be inverted for many at once. The *key* pose of a series is the one that the maps are asked about.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from executive.belief.believed_bodies import Block, ComfortZone
+from executive.locations.reachability import GraspClass
+from executive.robots.arms import HandFrame, Held
+from planlang.geometry import Array
+
+APPROACH = 0.08
+"""How far back along the approach direction the pre-grasp is [m] (rules of `in_front_of`)."""
+LIFT = 0.05
+"""How far up the hand goes with what it has grasped, then back [m]."""
+LIFTS = (LIFT, 0.08, 0.03)
+"""The same for a thing that is in the hand already."""
+LOWERING = 0.08
+"""From how far above the hand puts a thing down [m]."""
+SHARES = (0.4, 0.15, 0.75)
+"""Heights above a surface that are tried, as shares of what is allowed."""
+HEADINGS = 16
+"""Directions from which a hand may come, at first; for grasps twice as many when these lead to nothing, then again."""
+ARM_ROOM = 0.45
+"""How far over the edge of a surface a hand reaches for a place over it [m]."""
+COMFORTABLE = 0.2
+"""How far inside a comfort zone a place is as good as can be (see :meth:`ComfortZone.margins`)."""
+OBLIQUE = 0.4
+"""Weight of a grasp across the edges of a box, beside one across its faces."""
+
+CLASSES: tuple[GraspClass, ...] = tuple(GraspClass)
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class HandPoses:
+    """One way to satisfy a reach: tip poses (k, 4, 4) in order, a label for people, which body the hand may touch."""
+
+    label: str
+    poses: Array
+    touches: str | None = None
+    opened: bool = False
+    """Whether the fingers are open meanwhile."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraspCandidates:
+    """n ways; ``key`` is the number of the key pose in each series."""
+
+    text: str
+    """What they do, for labels."""
+    points: Array
+    """Tip position at the key pose in the map, (n, 3)."""
+    rotations: Array
+    """Of the tip in the map, (n, 3, 3)."""
+    offsets: Array
+    """From the key pose to each pose of the series, in the map, (n, k, 3)."""
+    key: int
+    grasps: Indices
+    """Class of each way, an index into CLASSES, (n,)."""
+    headings: Array
+    """Of the approach axis, or for the class "top" of what is ahead of the closing axis [rad], (n,)."""
+    rolls: Indices
+    """1 or -1, (n,)."""
+    weights: Array
+    """How natural each is, in (0, 1], (n,)."""
+    touches: str | None = None
+    opened: bool = False
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def poses(self, index: ArrayLike) -> Array:
+        """Return tip poses (m, k, 4, 4) of ways (m,)."""
+        chosen = np.asarray(index, np.intp)
+        poses = np.zeros((len(chosen), self.offsets.shape[1], 4, 4))
+        poses[..., :3, :3] = self.rotations[chosen][:, None]
+        poses[..., :3, 3] = self.points[chosen][:, None] + self.offsets[chosen]
+        poses[..., 3, 3] = 1.0
+        return poses
+
+    def plan(self, index: int) -> HandPoses:
+        """Return one way by itself."""
+        grasp = CLASSES[int(self.grasps[index])].value
+        label = f"{self.text}, {grasp}, heading {math.remainder(float(self.headings[index]), 2 * math.pi):.2f}"
+        return HandPoses(label, self.poses([index])[0], self.touches, self.opened)
+
+    def chosen(self, index: ArrayLike) -> GraspCandidates:
+        """Return some of them, by indices or a mask."""
+        rows = np.asarray(index)
+        return replace(
+            self,
+            points=self.points[rows],
+            rotations=self.rotations[rows],
+            offsets=self.offsets[rows],
+            grasps=self.grasps[rows],
+            headings=self.headings[rows],
+            rolls=self.rolls[rows],
+            weights=self.weights[rows],
+        )
+
+    def best(self, most: int) -> GraspCandidates:
+        """Return the most natural ones, in that order."""
+        return self.chosen(np.argsort(-self.weights.round(6), kind="stable")[:most])
+
+
+@lru_cache(maxsize=8)  # arms of one kind have the same
+def grasping(
+    name: str, block: Block, frame: HandFrame, max_opening: float, classes: tuple[GraspClass, ...], headings: int
+) -> GraspCandidates:
+    """Return candidates for pre-grasp, grasp, lift and retreat; the fingers close horizontally across the body."""
+    grasps, yaws, rolls, weights = [], [], [], []
+    for grasp in classes:
+        for number in range(headings):
+            turn = number * 2 * math.pi / headings
+            yaw = block.yaw + turn
+            if 2 * block.support(yaw + math.pi / 2) > max_opening:
+                continue
+            # across two faces the fingers lie flat
+            flat = block.round or abs(math.sin(2 * turn)) < 1e-6
+            for roll in grasp.rolls:
+                grasps.append(CLASSES.index(grasp))
+                yaws.append(yaw)
+                rolls.append(roll)
+                weights.append((1.0 if grasp is GraspClass.SIDE else 0.8) * (1.0 if flat else OBLIQUE))
+    count = len(yaws)
+    directions = _directions(grasps, yaws)
+    lift = np.array([0.0, 0.0, LIFT])
+    offsets = np.stack(
+        [-APPROACH * directions, np.zeros((count, 3)), np.tile(lift, (count, 1)), _raised_and_back(directions, LIFT)],
+        axis=1,
+    )
+    points = np.tile(block.centre, (count, 1))
+    return _ways(f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True)
+
+
+def held_above(
+    name: str,
+    block: Block,
+    frame: HandFrame,
+    held: Held | None,
+    lowest: Callable[[Array], Array],
+    heights: tuple[float, float],
+    *,
+    inset: float,
+    fine: bool,
+) -> GraspCandidates:
+    """Return candidates level over the block's top, so that what is held comes down whole on it; near the edges first.
+
+    ``heights``: of the lowest point over the top, least and greatest [m]; ``lowest``: where that is, relative to the
+    tip, for rotations (m, 3, 3); ``inset``: how far from the edges an empty hand stays [m].
+    """
+    places = block.grid(0.1 if fine else 0.2, (max(held.size[:2]) / 2 if held else inset) + 0.03)
+    count = HEADINGS if fine else HEADINGS // 2
+    turns = np.asarray(block.yaw + np.arange(count) * (2 * math.pi / count), np.float64)
+    over = _over_the_edge(block, places, turns)
+    at, turn = np.nonzero(over <= ARM_ROOM)
+    low, high = heights
+    found = []
+    for share in SHARES if fine else SHARES[:1]:
+        weights = np.exp(-((over[at, turn] / 0.3) ** 2)) * (1.0 if share == SHARES[0] else 0.8)
+        points = np.column_stack([places[at], np.full(len(at), block.high + low + share * (high - low))])
+        found.append(_level(f"above {name}", points, turns[turn], weights, frame, held, lowest))
+    return joined(found).best(1200 if fine else 64)
+
+
+def _over_the_edge(block: Block, places: Array, headings: Array) -> Array:
+    """Return how far inside the edge places (m, 2) are, along each heading (h,) of the hand, (m, h)."""
+    local = block.to_local(places)
+    candidates = headings - block.yaw
+    back = -np.stack([np.cos(candidates), np.sin(candidates)], axis=1)
+    half = np.array([block.half_x, block.half_y])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        out = (np.sign(back)[None] * half - local[:, None]) / back[None]
+    return np.asarray(np.where(np.abs(back)[None] < 1e-9, np.inf, out).min(axis=2))
+
+
+def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool) -> GraspCandidates:
+    """Return candidates level, with what is held inside the person's comfort zone, coming from where they face."""
+    points = zone.points()
+    points = points if fine else points[np.argsort(-zone.margins(points).round(6), kind="stable")[:16]]
+    turns = np.array([0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6] if fine else [0.0, 0.8, -0.8])
+    at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(points)), np.arange(len(turns)), indexing="ij"))
+    weights = (1.0 - 0.2 * np.abs(turns[turn])) * np.clip(zone.margins(points)[at] / COMFORTABLE, 0.05, 1.0)
+    headings = zone.facing + math.pi + turns[turn]
+    found = _level(f"offer to {name}", points[at], headings, weights, frame, held)
+    return found.best(1200 if fine else 64)
+
+
+def placing(name: str, centres: Array, frame: HandFrame, held: Held, *, fine: bool) -> GraspCandidates:
+    """Return candidates down onto a place for what is held: its centre comes to ``centres`` (m, 3), upright."""
+    count = HEADINGS if fine else HEADINGS // 2
+    turns: Array = np.asarray(np.arange(count) * (2 * math.pi / count), np.float64)
+    at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(centres)), np.arange(len(turns)), indexing="ij"))
+    weights = 1.0 - 0.5 * at / max(len(centres), 1)
+    base, grasp, heading, roll = _held_upright(frame, held)
+    rotations = _turned(turns[turn] - heading) @ base
+    points = centres[at] - held.offsets(rotations)
+    offsets = np.tile(np.array([[0.0, 0.0, LOWERING], [0.0, 0.0, 0.0]]), (len(at), 1, 1))
+    return GraspCandidates(
+        f"put on {name}",
+        points,
+        rotations,
+        offsets,
+        1,
+        np.full(len(at), grasp, np.intp),
+        turns[turn],
+        np.full(len(at), roll, np.intp),
+        weights,
+    ).best(1200 if fine else 64)
+
+
+def retreating(name: str, grasp: Array, frame: HandFrame) -> GraspCandidates:
+    """Return candidates that go back with what is held: along the approach, raised so that it clears its support.
+
+    ``grasp`` (4, 4) is the tip pose at which the object was grasped.
+    """
+    kind, heading, roll = classified(grasp[:3, :3], frame)
+    approach = grasp[:3, :3] @ np.asarray(frame.approach)
+    rises = np.array([[0.0, 0.0, rise] for rise in LIFTS])
+    count = len(rises)
+    return GraspCandidates(
+        f"lift {name}",
+        grasp[:3, 3] + rises,
+        np.tile(grasp[:3, :3], (count, 1, 1)),
+        np.stack([np.zeros((count, 3)), _raised_and_back(np.tile(approach, (count, 1)), rises[:, 2]) - rises], axis=1),
+        0,
+        np.full(count, kind, np.intp),
+        np.full(count, heading),
+        np.full(count, roll, np.intp),
+        np.array([1.0, 0.9, 0.8]),
+        touches=name,
+    )
+
+
+def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
+    """Return offsets (n, 3) back along approach directions (n, 3) with what is grasped, raised by ``rise`` [m].
+
+    What going back along a tilted approach raises counts.
+    """
+    back: Array = -APPROACH * approaches
+    back[:, 2] = np.maximum(back[:, 2], rise)
+    return back
+
+
+def joined(parts: list[GraspCandidates]) -> GraspCandidates:
+    """Return candidates of one kind together."""
+    first = parts[0]
+    return replace(
+        first,
+        points=np.concatenate([part.points for part in parts]),
+        rotations=np.concatenate([part.rotations for part in parts]),
+        offsets=np.concatenate([part.offsets for part in parts]),
+        grasps=np.concatenate([part.grasps for part in parts]),
+        headings=np.concatenate([part.headings for part in parts]),
+        rolls=np.concatenate([part.rolls for part in parts]),
+        weights=np.concatenate([part.weights for part in parts]),
+    )
+
+
+def classified(rotation: Array, frame: HandFrame) -> tuple[int, float, int]:
+    """Return the nearest class of a tip rotation (3, 3): its index in CLASSES, the heading [rad] and the roll."""
+    approach = rotation @ np.asarray(frame.approach)
+    closing = rotation @ np.asarray(frame.closing)
+    pitch = math.asin(float(np.clip(-approach[2], -1.0, 1.0)))
+    grasp = min(range(len(CLASSES)), key=lambda index: abs(CLASSES[index].pitch - pitch))
+    if CLASSES[grasp] is GraspClass.TOP:
+        return grasp, math.atan2(-closing[0], closing[1]), 1
+    heading = math.atan2(approach[1], approach[0])
+    left = -math.sin(heading) * closing[0] + math.cos(heading) * closing[1]
+    return grasp, heading, 1 if left >= 0 else -1
+
+
+def _level(
+    text: str,
+    places: Array,
+    headings: Array,
+    weights: Array,
+    frame: HandFrame,
+    held: Held | None,
+    lowest: Callable[[Array], Array] | None = None,
+) -> GraspCandidates:
+    """Return candidates level, with either roll, or what it holds upright, its middle at places (m, 3).
+
+    With ``lowest`` (see :func:`held_above`) it is the lowest point of hand and held object whose height they say.
+    """
+    count = len(places)
+    still = np.zeros((count, 1, 3))
+    if held is None:
+        side = [CLASSES.index(GraspClass.SIDE)] * count
+        candidates = joined(
+            [
+                _ways(text, places, still, 0, side, list(headings), [roll] * count, list(weights), frame)
+                for roll in (1, -1)
+            ]
+        )
+        return (
+            candidates
+            if lowest is None
+            else replace(candidates, points=_raised(candidates.points, lowest(candidates.rotations)))
+        )
+    base, grasp, heading, roll = _held_upright(frame, held)
+    rotations = _turned(headings - heading) @ base
+    points = places - held.offsets(rotations)
+    if lowest is not None:
+        points[:, 2] = places[:, 2]
+        points = _raised(points, lowest(rotations))
+    rolls, grasps = np.full(count, roll, np.intp), np.full(count, grasp, np.intp)
+    return GraspCandidates(text, points, rotations, still, 0, grasps, headings, rolls, weights)
+
+
+def _raised(points: Array, lowest: Array) -> Array:
+    """Return points (m, 3) higher by as much as the lowest point is below them (m,)."""
+    return np.asarray(points - lowest[:, None] * np.array([0.0, 0.0, 1.0]))
+
+
+def _held_upright(frame: HandFrame, held: Held) -> tuple[Array, int, float, int]:
+    """Return a tip rotation that keeps what is held as it stands, and its class, heading and roll."""
+    base: Array = held.pose.matrix()[:3, :3].T
+    return (base, *classified(base, frame))
+
+
+def _turned(angles: Array) -> Array:
+    """Return rotations (m, 3, 3) about the vertical."""
+    turns = np.zeros((len(angles), 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angles)
+    turns[:, 1, 0] = np.sin(angles)
+    turns[:, 0, 1] = -turns[:, 1, 0]
+    turns[:, 2, 2] = 1.0
+    return turns
+
+
+def _directions(grasps: list[int], yaws: list[float]) -> Array:
+    """Return approach directions (n, 3)."""
+    pitch = np.array([CLASSES[grasp].pitch for grasp in grasps])
+    yaw = np.array(yaws, float)
+    return np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)], axis=-1).reshape(-1, 3)
+
+
+def _ways(
+    text: str,
+    points: Array,
+    offsets: Array,
+    key: int,
+    grasps: list[int],
+    yaws: list[float],
+    rolls: list[int],
+    weights: list[float],
+    frame: HandFrame,
+    *,
+    touches: str | None = None,
+    opened: bool = False,
+) -> GraspCandidates:
+    kinds, heading, roll = np.array(grasps, np.intp), np.array(yaws, float), np.array(rolls, np.intp)
+    rotations = np.zeros((len(kinds), 3, 3))
+    for index, grasp in enumerate(CLASSES):
+        mine = np.flatnonzero(kinds == index)
+        rotations[mine] = grasp.rotations(heading[mine], roll[mine], frame)
+    natural = np.array(weights, float)
+    return GraspCandidates(text, points, rotations, offsets, key, kinds, heading, roll, natural, touches, opened)

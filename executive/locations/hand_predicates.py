@@ -1,0 +1,203 @@
+"""Hands: which candidates do what a location asks of a hand, and whether a hand is at a location."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.belief.planning_scene import PlanningScene
+from executive.locations.areas import area_of
+from executive.locations.consistency import bounds
+from executive.locations.demands import HandTerm, Reach, ReachKind, ThingDemand, hand_terms, in_words
+from executive.locations.grasp_candidates import (
+    APPROACH,
+    CLASSES,
+    HEADINGS,
+    LIFTS,
+    GraspCandidates,
+    classified,
+    grasping,
+    held_above,
+    offering,
+    placing,
+    retreating,
+)
+from executive.locations.reachability import GraspClass
+from executive.locations.rejections import Rejections
+from executive.locations.resting import thing_holds, thing_poses
+from executive.locations.search_budget import Stage
+from executive.robots.arms import ArmModel, Held
+from planlang.designators import Location
+from planlang.geometry import Array, Pose
+from planlang.relations import HEIGHTS, RELATIONS, Sense
+
+AT_CENTRE = 0.01
+"""How far from the centre a grip point may be [m]."""
+AT_POSE = 0.02
+"""How far the hand may be from where it stands before a thing [m]."""
+LEVEL = 0.2
+"""How far a level hand, or an upright thing in it, may lean [rad]."""
+HAIR = 1e-6
+
+Mask = NDArray[np.bool_]
+
+
+def hand_holds(location: Location, arm: ArmModel, scene: PlanningScene, viewer: tuple[float, float]) -> bool:
+    """Return whether an arm's hand is at a location now; raises LocationMeaningless for what means nothing."""
+    terms = hand_terms(location, scene.bodies, viewer)
+    tip = scene.arms.tip(arm)
+    points, rotations = tip[None, :3, 3], tip[None, :3, :3]
+    if location.grasp is not None and CLASSES[classified(tip[:3, :3], arm.frame)[0]] is not GraspClass(location.grasp):
+        return False
+    return all(bool(satisfied(term, points, rotations, arm, scene)[0]) for term in terms)
+
+
+def satisfied(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene: PlanningScene) -> Mask:
+    """Return for which tip poses, points (n, 3) and rotations (n, 3, 3) in the map, a conjunct holds, (n,)."""
+    return np.asarray(_holds(term, points, rotations, arm, scene) != term.negated)
+
+
+def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene: PlanningScene) -> Mask:
+    held = scene.arms.held(arm.name)
+    middles = points if held is None else points + held.offsets(rotations)
+    block = scene.bodies.block(term.body)
+    handled = scene.bodies.is_graspable(term.body) or scene.arms.is_held(term.body)
+    meaning = RELATIONS[term.name].hand
+    assert meaning is not None, f"{term.name} means nothing for a hand"
+    match meaning.sense:
+        case Sense.REACH if scene.bodies.is_person(term.body):
+            zone = scene.bodies.zone(term.body)
+            return np.array([zone.contains(point) for point in middles], bool)
+        case Sense.GRASP_POINT:
+            return _is_at(points, block.centre)
+        case Sense.REACH if handled:
+            return _is_at(points, block.centre)
+        case Sense.REACH | Sense.OVER:
+            low, high = bounds(term.within, term.beyond, meaning.bounds) if meaning.bounds else HEIGHTS
+            over = points[:, 2] + arm.lowest(rotations, held) - block.high
+            inside = block.distance(middles[:, :2]) <= 0
+            return np.asarray((over >= low - HAIR) & (over <= high + HAIR) & inside & _level(rotations, arm, held))
+        case Sense.SUPPORT | Sense.CONTAINMENT:
+            if held is None or held.name == term.body:
+                return np.zeros(len(points), bool)
+            demand = ThingDemand(term.body) if meaning.sense is Sense.SUPPORT else ThingDemand(None, term.body)
+            offset = held.pose.matrix()[:3, :3]
+            poses = (
+                Pose.from_matrix(_matrix(turn @ offset, middle))
+                for turn, middle in zip(rotations, middles, strict=True)
+            )
+            return np.array([thing_holds(held.name, pose, held.size, demand, scene) for pose in poses], bool)
+        case Sense.PRE_GRASP if handled:
+            ahead = points + APPROACH * (rotations @ np.asarray(arm.frame.approach)) - block.centre
+            raised = max(LIFTS) if scene.arms.is_held(term.body) else 0.0
+            near = np.linalg.norm(ahead[:, :2], axis=1) <= AT_POSE
+            return np.asarray(near & (ahead[:, 2] >= -AT_POSE) & (ahead[:, 2] <= raised + AT_POSE))
+    assert meaning.bounds is not None, f"{term.name} is no area for a hand"
+    area = area_of(
+        term.name,
+        term.body,
+        block,
+        RELATIONS[term.name].directions,
+        front=scene.bodies.front(term.body),
+        viewer=term.viewer or scene.base()[:2],
+        radius=0.0,
+        bounds=bounds(term.within, term.beyond, meaning.bounds),
+    )
+    return np.asarray(area.score(middles[:, :2]) > 0)
+
+
+def _is_at(points: Array, centre: Array) -> Mask:
+    return np.asarray(np.linalg.norm(points - centre, axis=1) <= AT_CENTRE)
+
+
+def _level(rotations: Array, arm: ArmModel, held: Held | None) -> Mask:
+    """Return whether the hand is level, or what it holds upright."""
+    if held is not None:
+        return np.asarray((rotations @ held.pose.matrix()[:3, 2])[:, 2] >= math.cos(LEVEL))
+    axes = [rotations @ np.asarray(axis) for axis in (arm.frame.approach, arm.frame.closing)]
+    return np.asarray(np.max([np.abs(axis[:, 2]) for axis in axes], axis=0) <= math.sin(LEVEL))
+
+
+def _matrix(rotation: Array, point: Array) -> Array:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, point
+    return matrix
+
+
+NATURAL = (GraspClass.SIDE,)
+"""Classes of grasps that are tried first."""
+MOST_SPOTS = 24
+"""Places on a surface that a hand is asked to put something on."""
+
+
+def candidates_of(
+    reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
+) -> GraspCandidates | None:
+    """Return candidates to satisfy a reach with an arm; None, with the reason counted, if there are none."""
+    candidates = _made(reach, arm, scene, rejections, stage)
+    if candidates is None or not len(candidates):
+        return None
+    step = candidates.key if not reach.before else 0 if reach.kind is ReachKind.GRASP else -1
+    for term in reach.also:
+        kept = satisfied(term, candidates.points + candidates.offsets[:, step], candidates.rotations, arm, scene)
+        if not kept.all():
+            unmet = in_words(term.name, term.body, negated=not term.negated)
+            rejections.add(unmet, int((~kept).sum()))
+        candidates = candidates.chosen(kept)
+    return candidates if len(candidates) else None
+
+
+def _made(
+    reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
+) -> GraspCandidates | None:
+    held, fine = scene.arms.held(arm.name), stage > Stage.NATURAL
+    match reach.kind:
+        case ReachKind.GRASP:
+            return _grasps(reach, arm, scene, rejections, stage)
+        case ReachKind.RETREAT:
+            return retreating(reach.body, scene.arms.grasped_at(reach.body), arm.frame)
+        case ReachKind.ABOVE:
+            block, lowest = scene.bodies.block(reach.body), partial(arm.lowest, held=held)
+            candidates = held_above(
+                reach.body, block, arm.frame, held, lowest, reach.heights, inset=arm.hand_radius, fine=fine
+            )
+            return _of_class(candidates, reach, rejections)
+        case ReachKind.OFFER:
+            return _of_class(
+                offering(reach.body, scene.bodies.zone(reach.body), arm.frame, held, fine=fine), reach, rejections
+            )
+    if held is None:
+        rejections.add("nothing in the hand to put down")
+        return None
+    if held.name == reach.body:
+        rejections.add("nothing rests on itself")
+        return None
+    demand = ThingDemand(None if reach.inside else reach.body, reach.body if reach.inside else None)
+    spots = islice(thing_poses(held.name, held.size, demand, scene, rejections), MOST_SPOTS)
+    centres = np.array([spot.position for spot in spots]).reshape(-1, 3)
+    return placing(reach.body, centres, arm.frame, held, fine=fine) if len(centres) else None
+
+
+def _grasps(
+    reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
+) -> GraspCandidates | None:
+    block = scene.bodies.block(reach.body)
+    classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if stage else NATURAL
+    headings = HEADINGS * 2**stage
+    candidates = grasping(reach.body, block, arm.frame, arm.max_opening, classes, headings)
+    if not len(candidates):
+        rejections.add("no gripper" if arm.max_opening <= 0 else "too wide for the gripper")
+        return None
+    return candidates
+
+
+def _of_class(candidates: GraspCandidates, reach: Reach, rejections: Rejections) -> GraspCandidates:
+    if reach.grasp is None:
+        return candidates
+    kept = candidates.grasps == CLASSES.index(GraspClass(reach.grasp))
+    rejections.add(f"not by a {reach.grasp} grasp", int((~kept).sum()))
+    return candidates.chosen(kept)

@@ -1,0 +1,338 @@
+"""Joint values for grasp candidates: inverse kinematics for many bases at once, and exact checks of one.
+
+Spheres rule out what would surely collide before anything is checked exactly in the planning scene.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.belief.free_floor import BasePose
+from executive.belief.planning_scene import PlanningScene
+from executive.locations.base_candidates import blocks
+from executive.locations.demands import Reach, ReachKind
+from executive.locations.grasp_candidates import CLASSES, GraspCandidates, HandPoses
+from executive.locations.inverse_map import InverseMaps
+from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Reason, Rejections, first_body
+from executive.motion import QuickCheck, cartesian_path
+from executive.robots.arms import ArmModel
+from planlang.geometry import Array
+
+FARTHEST = 1.2
+"""Largest move of a joint between neighbouring poses of a way [rad, m]."""
+BETWEEN = 1
+"""Places on the straight line from one pose of a way to the next at which the hand is looked at."""
+ON_LATTICE, OFF_LATTICE = 0.004, 0.039
+"""How much deeper inside something than elsewhere spheres of the arm must be to count, for a posture of a map whose
+height is that of the target, or is not [m].
+"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solved:
+    """Joint values (m, k, d) of m ways from m bases, and why others than those with None are impossible."""
+
+    joints: Array
+    reasons: list[Reason | None]
+
+
+def base_matrices(bases: Array) -> Array:
+    """Return poses (m, 4, 4) of the base frame in the map for bases (m, 3)."""
+    matrices = np.zeros((len(bases), 4, 4))
+    matrices[:, 0, 0] = matrices[:, 1, 1] = np.cos(bases[:, 2])
+    matrices[:, 1, 0] = np.sin(bases[:, 2])
+    matrices[:, 0, 1] = -matrices[:, 1, 0]
+    matrices[:, 0, 3], matrices[:, 1, 3] = bases[:, 0], bases[:, 1]
+    matrices[:, 2, 2] = matrices[:, 3, 3] = 1.0
+    return matrices
+
+
+def unblocked(candidates: GraspCandidates, check: QuickCheck, rejections: Rejections) -> GraspCandidates:
+    """Return candidates in which the hand itself, wherever the base stands, is inside nothing; others are counted.
+
+    It goes straight from pose to pose, so that what is in between counts as well.
+    """
+    if not len(candidates):
+        return candidates
+    poses = _with_between(candidates.poses(np.arange(len(candidates))))
+    bodies = _met(check.hand_hit(poses.reshape(-1, 4, 4)), len(candidates))
+    rejections.count(_in_the_way(bodies))
+    return candidates.chosen([body is None for body in bodies])
+
+
+def _with_between(poses: Array) -> Array:
+    """Return series of poses (n, k, 4, 4) of one rotation, then those :data:`BETWEEN` each and the next."""
+    shares = np.linspace(0.0, 1.0, BETWEEN + 2)[1:-1].tolist()
+    moved_to_room = [(1.0 - share) * poses[:, :-1] + share * poses[:, 1:] for share in shares]
+    return np.concatenate([poses, *moved_to_room], axis=1)
+
+
+def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> NDArray[np.bool_]:
+    """Return at which bases (n, 3) no arm, in its present posture, is inside something as far as spheres tell.
+
+    Others are counted.
+    """
+    bodies = check.hit(base_matrices(bases))
+    rejections.count(None if body is None else Reason(NO_ROOM, body) for body in bodies)
+    return np.array([body is None for body in bodies], bool)
+
+
+def solve(
+    candidates: GraspCandidates,
+    index: NDArray[np.intp],
+    bases: Array,
+    arm: ArmModel,
+    seeds: Array,
+    check: QuickCheck,
+    *,
+    slack: float | None = None,
+) -> Solved:
+    """Return joint values of ways (m,) from bases (m, 3), begun at seeds (m, s, d); spheres inside something rule out.
+
+    With ``slack`` the first seeds are within so many metres of solutions: where they are so much deeper in something
+    than solutions may be, nothing is solved.
+    """
+    count, steps = len(index), candidates.offsets.shape[1]
+    joints = np.zeros((count, steps, seeds.shape[2]))
+    reasons: list[Reason | None] = [None] * count
+
+    def left(rows: NDArray[np.intp], found: Iterable[Reason | None]) -> NDArray[np.intp]:
+        """Return those of some rows for which there is no reason."""
+        for row, reason in zip(rows.tolist(), found, strict=True):
+            reasons[row] = reason
+        return rows[[reasons[row] is None for row in rows.tolist()]]
+
+    to_base = np.linalg.inv(base_matrices(bases))
+    targets = to_base[:, None] @ candidates.poses(index)
+    alive = np.arange(count)
+    if slack is not None:
+        alive = left(alive, _in_the_way(_blocked(seeds[:, :1], bases, check, slack)))
+    q, solved = arm.solver.solve(targets[alive, candidates.key], seeds[alive])
+    joints[alive, candidates.key] = q
+    alive = left(alive, (None if good else OUT_OF_REACH for good in solved.tolist()))
+    others = [step for step in range(steps) if step != candidates.key]
+    if others and len(alive):
+        goals = targets[alive][:, others].reshape(-1, 4, 4)
+        starts = np.repeat(joints[alive, candidates.key], len(others), axis=0)
+        found, good = arm.solver.solve(goals, starts[:, None])
+        good &= np.abs(found - starts).max(axis=1) <= FARTHEST
+        joints[alive[:, None], others] = found.reshape(len(alive), len(others), -1)
+        whole = good.reshape(len(alive), len(others)).all(axis=1)
+        alive = left(alive, (None if good else OUT_OF_REACH for good in np.asarray(whole).tolist()))
+    postures = joints[alive][:, [candidates.key, *others]]
+    left(alive, _in_the_way(_blocked(postures, bases[alive], check)))
+    return Solved(joints, reasons)
+
+
+def _blocked(q: Array, bases: Array, check: QuickCheck, deeper: float = 0.0) -> list[str | None]:
+    """Return for each base (n, 3) what a sphere of the arm is inside of, by so much more, at some of q (n, s, d)."""
+    count, steps, size = q.shape
+    return _met(check.hit(np.repeat(base_matrices(bases), steps, axis=0), q.reshape(-1, size), deeper=deeper), count)
+
+
+def _met(bodies: Sequence[str | None], count: int) -> list[str | None]:
+    """Return for each of ``count`` places the first body that is met in one of its postures, None where none is."""
+    steps = len(bodies) // max(count, 1)
+    return [next(filter(None, bodies[k * steps : (k + 1) * steps]), None) for k in range(count)]
+
+
+def _in_the_way(bodies: Iterable[str | None]) -> list[Reason | None]:
+    return [None if body is None else Reason(COLLISION, body) for body in bodies]
+
+
+CHUNK = 48
+"""Candidates whose inverse kinematics is solved in one call."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandSolution:
+    """A hand plan with collision-free joint values (k, d) for each of its poses."""
+
+    reach: Reach
+    arm: ArmModel
+    plan: HandPoses
+    joints: Array
+
+
+def is_among(known: HandSolution, candidates: GraspCandidates) -> bool:
+    """Return whether a way's poses are those of one of some ways."""
+    poses = candidates.poses(np.arange(len(candidates)))
+    if poses.shape[1:] != known.plan.poses.shape:
+        return False
+    return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
+
+
+def stopped_by(
+    solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
+) -> Reason | None:
+    """Return why an arm cannot do what a solution says, judged exactly; None if it can.
+
+    ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
+    """
+    body = touched_at(solution.joints, solution, base, scene, check)
+    return _in_collision(body) or stopped_on_the_way(solution, base, scene, check)
+
+
+def stopped_on_the_way(
+    solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
+) -> Reason | None:
+    """Return why an arm cannot go from pose to pose, or the fingers cannot close on a thing; None if they can."""
+    line = straight(solution, base)
+    if line is None:
+        return OUT_OF_REACH
+    body = touched_at(line, solution, base, scene, check)
+    if body is None and solution.reach.kind is ReachKind.GRASP:
+        body = scene.collisions.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body)
+    return _in_collision(body)
+
+
+def straight(solution: HandSolution, base: BasePose) -> Array | None:
+    """Return joint values (n, d) with the tip on the lines from pose to pose, as it will move; None if it cannot.
+
+    Without those at the first pose, where the lines begin.
+    """
+    poses = np.linalg.inv(base_matrices(np.array([base]))[0]) @ solution.plan.poses
+    q, rows = solution.joints[0], [solution.joints[:0]]
+    for one, other in pairwise(poses):
+        line = cartesian_path(solution.arm.solver, q, one, other, lambda _: True)
+        if line.waypoints is None:
+            return None
+        rows.append(line.waypoints[1:])
+        q = line.waypoints[-1]
+    return np.concatenate(rows)
+
+
+def touched_at(
+    rows: Array, solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
+) -> str | None:
+    """Return the body that is in the way at some joint values (m, d) of a solution; None if all are free."""
+    plan = solution.plan
+    for q in rows if check is None else _unsure(rows, base, check):
+        if contacts := scene.collisions.contacts(base, solution.arm, q, plan.touches, plan.opened):
+            return first_body(contacts)
+    return None
+
+
+def _unsure(rows: Array, base: BasePose, check: QuickCheck) -> Array:
+    """Return those of some joint values (m, d) at which something may be hit, as far as a check of the arm tells."""
+    return rows[~check.clear(np.repeat(base_matrices(np.array([base])), len(rows), axis=0), rows)]
+
+
+def hand_is_stopped(solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck) -> bool:
+    """Return whether the hand itself is in something on the way, or when it closes: wherever the base stands.
+
+    ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
+    """
+    plan, hand, bodies = solution.plan, solution.arm.hand_links, scene.bodies.names()
+    line = straight(solution, base)
+    for q in _unsure(solution.joints if line is None else np.concatenate([solution.joints, line]), base, check):
+        contacts = scene.collisions.contacts(base, solution.arm, q, plan.touches, plan.opened)
+        if any(contact.part in hand and contact.body in bodies for contact in contacts):
+            return True
+    if solution.reach.kind is not ReachKind.GRASP:
+        return False
+    return scene.collisions.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body) is not None
+
+
+def _in_collision(body: str | None) -> Reason | None:
+    return None if body is None else Reason(COLLISION, body)
+
+
+def from_base(
+    reach: Reach,
+    base: BasePose,
+    arm: ArmModel,
+    candidates: GraspCandidates,
+    scene: PlanningScene,
+    inverse: InverseMaps,
+    rejections: Rejections,
+    *,
+    seed: Array | None = None,
+    generous: bool = False,
+) -> Iterator[HandSolution]:
+    """Yield collision-free solutions from one base, lazily, best first; other candidates are counted, each once.
+
+    Where the maps have postures these are the seeds; if ``generous``, ways beyond them are tried from the arm's own
+    postures at last. ``seed`` (d,) is tried before: with it, solutions near it are preferred.
+    """
+    there = np.array(base)
+    placed = base_matrices(there[None])[0]
+    check = scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened)
+    index, scores, seeds = _looked_up(candidates, there, arm, inverse)
+    order = np.argsort(-(scores * candidates.weights[index]).round(6), kind="stable")
+    index, seeds = index[order], seeds[order]
+    _, first = np.unique(index, return_index=True)
+    first = np.sort(first)  # of each way the best posture, then the others
+    later = np.setdiff1d(np.arange(len(index)), first, assume_unique=True)
+    passes = [(index[rows], seeds[rows][:, None]) for rows in (first, later) if len(rows)]
+    if seed is not None and passes:
+        chosen, known = passes[0]
+        present = np.broadcast_to(seed, (len(chosen), 1, len(seed)))
+        passes[0] = chosen, np.concatenate([present, known], axis=1)
+    if generous:
+        rest = np.setdiff1d(np.argsort(-candidates.weights.round(6), kind="stable"), index, assume_unique=True)
+        own_seeds = arm.seeds if seed is None else np.vstack([seed, arm.seeds])
+        rest = rest[within_reach(candidates, rest, placed, arm)]
+        passes.append((rest, np.broadcast_to(own_seeds, (len(rest), *own_seeds.shape))))
+    tried = np.concatenate([chosen for chosen, _ in passes]) if passes else np.zeros(0, np.intp)
+    rejections.add(OUT_OF_REACH.text, len(candidates) - len(np.unique(tried)))
+    done, counted = set[int](), set[int]()
+    for chosen, begun in passes:
+        for part in blocks(len(chosen), CHUNK):
+            rows = [row for row in range(part.start, part.stop) if int(chosen[row]) not in done]
+            mine = chosen[rows]
+            solved = solve(candidates, mine, np.repeat(there[None], len(mine), 0), arm, begun[rows], check)
+            for number, joints, reason in zip(mine.tolist(), solved.joints, solved.reasons, strict=True):
+                if number in done:
+                    continue
+                if reason is None:
+                    solution = HandSolution(reach, arm, candidates.plan(number), joints)
+                    reason = stopped_by(solution, base, scene, check)
+                    if reason is None:
+                        done.add(number)
+                        yield solution
+                        continue
+                if number not in counted:
+                    counted.add(number)
+                    rejections.count([reason])
+
+
+def _looked_up(
+    candidates: GraspCandidates, base: Array, arm: ArmModel, inverse: InverseMaps
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Return the candidates that the maps have a posture for from one base, by torso position: index, score, seed."""
+    c, s = math.cos(base[2]), math.sin(base[2])
+    local = candidates.points - np.array([base[0], base[1], 0.0])
+    local = np.stack([c * local[:, 0] + s * local[:, 1], c * local[:, 1] - s * local[:, 0], local[:, 2]], axis=1)
+    headings = candidates.headings - base[2]
+    index, scores, seeds = [], [], [np.zeros((0, len(arm.joints)))]
+    for number in sorted(set(candidates.grasps.tolist())):
+        forward = inverse(arm, CLASSES[number]).forward
+        mine = np.flatnonzero(candidates.grasps == number)
+        for z in np.unique(candidates.points[mine, 2].round(6)):
+            level = mine[candidates.points[mine, 2].round(6) == z]
+            for torso in forward.heights(float(z)):
+                rows = forward.find(local[level], headings[level], candidates.rolls[level], torso)
+                known = rows >= 0
+                index.append(level[known])
+                scores.append(forward.rows["score"][rows[known]].astype(float))
+                seeds.append(forward.seeds(rows[known], torso))
+    if not index:
+        return np.zeros(0, np.intp), np.zeros(0), seeds[0]
+    return np.concatenate(index), np.concatenate(scores), np.concatenate(seeds)
+
+
+def within_reach(
+    candidates: GraspCandidates, index: NDArray[np.intp], placed: Array, arm: ArmModel
+) -> NDArray[np.bool_]:
+    """Return whether key poses are no farther from a base at ``placed`` (4, 4) than the arm is long: a quick test."""
+    points = (candidates.points[index] - placed[:3, 3]) @ placed[:3, :3]
+    shoulders = np.repeat(((arm.shoulder_low + arm.shoulder_high) / 2)[None], len(points), 0)
+    shoulders[:, 2] = np.clip(points[:, 2], arm.shoulder_low[2], arm.shoulder_high[2])
+    return np.asarray(np.linalg.norm(points - shoulders, axis=1) <= arm.reach)

@@ -1,0 +1,304 @@
+"""Base poses from which a hand can do what is asked: candidates of the maps, validated block by block.
+
+Spheres inside the arm and warm-started inverse kinematics rule out most of them, the planning scene the rest, one by
+one, only as many as are asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.belief.free_floor import BasePose
+from executive.belief.visibility import Unseen
+from executive.locations.base_candidates import BaseCandidates, Conjunct, Misses, invert, moved_to_room
+from executive.locations.demands import BaseDemand, Reach
+from executive.locations.grasp_candidates import CLASSES, GraspCandidates
+from executive.locations.hand_predicates import candidates_of
+from executive.locations.hand_solutions import (
+    OFF_LATTICE,
+    ON_LATTICE,
+    HandSolution,
+    arms_have_room,
+    hand_is_stopped,
+    solve,
+    unblocked,
+)
+from executive.locations.rejections import Rejections
+from executive.locations.search_budget import SearchBudget
+from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion, scored, unmet
+from executive.motion import QuickCheck
+from executive.robots.arms import ArmModel
+from planlang.geometry import Array
+from planlang.protocols import Solution
+
+ALIKE = 0.06
+"""A candidate this near to one that failed exactly, with the hand from the same side, is judged last [m]."""
+AT_ONCE = 2048
+"""Places of which room is looked at in one go, at most."""
+TRAVEL = 8.0
+"""Distance over which a place loses most of its worth [m]."""
+
+
+class ReachSearch:
+    """One search for places from which all that is wanted can be reached."""
+
+    def __init__(
+        self,
+        validator: BaseValidator,
+        wanted: Sequence[Reach],
+        demand: BaseDemand,
+        arms: Sequence[ArmModel],
+        budget: SearchBudget,
+        log: Rejections,
+        is_taken: Callable[[BasePose], bool] | None = None,
+    ) -> None:
+        """``is_taken`` tells of which places nothing needs to be known any more."""
+        self.is_taken = is_taken
+        self.validator, self.scene, self.inverse = validator, validator.scene, validator.inverse
+        self.wanted, self.demand, self.arms, self.budget, self.log = wanted, demand, arms, budget, log
+
+    def places(self) -> Iterator[Solution]:
+        """Yield places from which the first reach is possible by the maps, judged block by block."""
+        scene, validator, budget, log = self.scene, self.validator, self.budget, self.log
+        first = self.wanted[0]
+        asked = [
+            (arm, candidates_of(first, arm, scene, log, budget.stage)) for arm in validator.arms_for(first, self.arms)
+        ]
+        possible = [(arm, candidates) for arm, candidates in asked if candidates is not None]
+        if not possible:
+            return
+        reach = max(
+            self.inverse(arm, CLASSES[g]).reach for arm, candidates in possible for g in set(candidates.grasps.tolist())
+        )
+        near = _sphere([candidates.points for _, candidates in possible], reach)
+        hands, checks = [], []
+        for arm, candidates in possible:
+            check = scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened, near=near)
+            if len(free := unblocked(candidates, check, log)):
+                hands.append((arm, free))
+                checks.append(check)
+        if not hands:
+            return
+        middle = np.mean([candidates.points.mean(axis=0) for _, candidates in hands], axis=0)
+        spread = max(
+            float(np.linalg.norm(candidates.points[:, :2] - middle[:2], axis=1).max()) for _, candidates in hands
+        )
+        floor = scene.collisions.floor()
+        room = floor.field((float(middle[0]), float(middle[1])), scene.bodies.block(first.body).yaw, spread + reach)
+        bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
+        conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
+        conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
+        found = invert(
+            hands,
+            self.inverse,
+            room,
+            conjuncts,
+            scene.collisions.lifted,
+            misses=self._unseen() if budget.fine else None,
+            least=budget.least,
+            rows=budget.rows,
+            each=budget.each,
+        )
+        log.scored.append((found.bases, found.scores))
+        log.add("no room for the base", found.without_room)
+        for reason, number in found.unwanted.items():
+            log.add(reason, number)
+        log.add("not visible", found.unseen)
+        if not len(found) and not found.without_room and not found.unwanted.total() and not found.unseen:
+            log.add("out of reach", sum(len(candidates) for _, candidates in hands))
+        if log.explained:
+            validator.name_crowding(found.crowded, log)
+        if len(found):
+            some, stance = False, scene.collisions.stance_check(near)
+            for solution in self._in_blocks(found, hands, checks, middle, stance):
+                some = True
+                yield solution
+            if budget.then is not None and not some and self.is_taken is None:
+                moved = moved_to_room(found, floor, middle[:2], room.yaw, budget.most)
+                then = self._between(budget.then)
+                yield from then._in_blocks(moved, hands, checks, middle, stance, self._unseen()) if len(moved) else ()
+        if not log.explained:
+            validator.name_crowding(found.crowded, log)
+
+    def _between(self, budget: SearchBudget) -> ReachSearch:
+        """Return the same search for candidates that were looked at elsewhere: they are not counted again."""
+        log = self.log
+        log = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
+        return ReachSearch(self.validator, self.wanted, self.demand, self.arms, budget, log)
+
+    def _unseen(self) -> Misses | None:
+        """Tells from which bases the robot itself is in the way of seeing what has to be seen."""
+        view = self.scene.visibility.own_view()
+        names = self.validator.to_see(self.demand)
+        if view is None or not names:
+            return None
+        each = [Unseen(view, self.scene.bodies.block(name)) for name in names]
+        return lambda bases: np.any([unseen(bases) for unseen in each], axis=0)
+
+    def _in_blocks(
+        self,
+        found: BaseCandidates,
+        hands: Sequence[tuple[ArmModel, GraspCandidates]],
+        checks: Sequence[QuickCheck],
+        middle: Array,
+        stance: QuickCheck,
+        misses: Misses | None = None,
+    ) -> Iterator[Solution]:
+        scene, budget, log = self.scene, self.budget, self.log
+        x, y, _ = scene.base()
+        order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), budget.most)
+        found = found.chosen(order)
+        bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
+        bases = bases.round(PLACES)  # as they are told
+        floor, judged, undecided = scene.collisions.floor(), 0, np.ones(len(found), bool)
+        occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
+        failed = _Failed()
+        failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
+        stopped: dict[tuple[int, int], bool] = {}
+        bodies_around = frozenset(scene.bodies.names())
+        postponed: list[tuple[int, HandSolution]] = []
+
+        def is_stopped(number: int, candidate: int) -> bool:
+            """Return whether the hand itself is in something: then no base pose of a candidate that failed will do."""
+            key = (number, candidate)
+            if key in failures and key not in stopped:
+                stopped[key] = hand_is_stopped(*failures[key], scene, checks[number])
+            return stopped.get(key, False)
+
+        def standing() -> Iterator[NDArray[np.intp]]:
+            """Yield candidates with room for base and arms, block by block; looked at in ever larger parts."""
+            waiting, first, size = np.zeros(0, np.intp), 0, budget.block
+            while first < len(found):
+                rows = np.arange(first, min(first + size, len(found)))
+                first, size = first + size, min(2 * size, AT_ONCE)
+                roomy = floor.holds(bases[rows])
+                log.add("no room for the base", int((~roomy).sum()))
+                undecided[rows] = roomy
+                rows = rows[roomy]
+                undecided[rows] = arms_have_room(bases[rows], stance, log)
+                waiting = np.append(waiting, rows[undecided[rows]])
+                while len(waiting) >= budget.block or (len(waiting) and first >= len(found)):
+                    yield waiting[: budget.block]
+                    waiting = waiting[budget.block :]
+
+        def looked_at() -> Iterator[tuple[int, HandSolution, bool]]:
+            """Yield candidates that spheres and inverse kinematics leave; at last those like others that failed."""
+            for rows in standing():
+                undecided[rows] = [not is_stopped(int(found.arms[row]), int(found.candidates[row])) for row in rows]
+                rows = rows[undecided[rows]]
+                undecided[rows], joints = self._solved(found, rows, bases, hands, checks)
+                rows = rows[undecided[rows]]
+                if misses is not None and len(rows):
+                    undecided[rows] = ~misses(bases[rows])
+                    rows = rows[undecided[rows]]
+                for row in rows.tolist():
+                    arm, candidates = hands[int(found.arms[row])]
+                    solution = HandSolution(
+                        self.wanted[0], arm, candidates.plan(int(found.candidates[row])), joints[row]
+                    )
+                    yield row, solution, True
+            if budget.fine:
+                for row, solution in postponed:
+                    yield row, solution, False
+
+        for row, solution, first in looked_at():
+            number, candidate = int(found.arms[row]), int(found.candidates[row])
+            base = bases[row]
+            place = (float(base[0]), float(base[1]), float(base[2]))
+            heading = float(hands[number][1].headings[candidate])
+            if (self.is_taken is not None and self.is_taken(place)) or is_stopped(number, candidate):
+                undecided[row] = False
+                continue
+            if first and (failed.near(number, base, heading) or occlusion.covers(base)):
+                postponed.append((row, solution))
+                continue
+            if judged >= budget.exact:
+                log.add("not looked at", int(undecided.sum()))
+                return
+            undecided[row] = False
+            score = float(found.scores[row])
+            answer = self.validator.complete(
+                place, score, solution, self.wanted, self.demand, occlusion, log, checks[number]
+            )
+            if isinstance(answer, Solution):
+                yield answer
+                continue
+            judged += 1
+            failed.add(number, base, heading)
+            if answer in bodies_around:
+                failures.setdefault((number, candidate), (solution, place))
+
+    def _solved(
+        self,
+        found: BaseCandidates,
+        rows: NDArray[np.intp],
+        bases: Array,
+        hands: Sequence[tuple[ArmModel, GraspCandidates]],
+        checks: Sequence[QuickCheck],
+    ) -> tuple[NDArray[np.bool_], dict[int, Array]]:
+        """Return which candidates (rows) have joint values as far as spheres tell, and these (k, d) by row."""
+        ok = np.zeros(len(rows), bool)
+        joints: dict[int, Array] = {}
+        for number, (arm, candidates) in enumerate(hands):
+            for grasp in np.unique(candidates.grasps):
+                mine = np.flatnonzero(
+                    (found.arms[rows] == number)
+                    & (candidates.grasps[found.candidates[rows] % len(candidates)] == grasp)
+                )
+                if not len(mine):
+                    continue
+                chosen = rows[mine]
+                forward = self.inverse(arm, CLASSES[int(grasp)]).forward
+                seeds = forward.seeds(found.rows[chosen], found.torsos[chosen])
+                slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
+                solved = solve(
+                    candidates,
+                    found.candidates[chosen],
+                    bases[chosen],
+                    arm,
+                    seeds[:, None],
+                    checks[number],
+                    slack=slack,
+                )
+                self.log.count(solved.reasons)
+                ok[mine] = [reason is None for reason in solved.reasons]
+                joints |= zip(chosen.tolist(), solved.joints, strict=True)
+        return ok, joints
+
+
+def _within(centre: tuple[float, float], least: float, most: float, bases: Array) -> Array:
+    """1 for bases (m, 3) between two distances [m] from a place, 0 for others."""
+    away = np.linalg.norm(bases[:, :2] - centre, axis=1)
+    return np.where((away >= least) & (away <= most), 1.0, 0.0)
+
+
+def _sphere(points: Sequence[Array], reach: float) -> tuple[Array, float]:
+    """Return middle (3,) and radius [m] of all that a robot may meet that reaches tip positions (n, 3)."""
+    every = np.concatenate(points)
+    return every[0], float(np.linalg.norm(every - every[0], axis=1).max()) + reach
+
+
+class _Failed:
+    """Places that failed exactly: those near to them, with the hand from the same side, are not judged next."""
+
+    def __init__(self) -> None:
+        self._places: list[tuple[int, float, float, float]] = []
+
+    def add(self, arm: int, base: Array, heading: float) -> None:
+        """One more."""
+        self._places.append((arm, float(base[0]), float(base[1]), heading))
+
+    def near(self, arm: int, base: Array, heading: float) -> bool:
+        """Return whether a place nearly like this one has failed."""
+        x, y = float(base[0]), float(base[1])
+        return any(
+            number == arm
+            and abs(other_x - x) + abs(other_y - y) < ALIKE
+            and abs(math.remainder(heading - before, 2 * math.pi)) < 0.3
+            for number, other_x, other_y, before in self._places
+        )

@@ -1,0 +1,53 @@
+"""How much is looked at before a resolution gives up: a natural choice first, then more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+ALL = 1_000_000
+"""More rows than a map has, more places than a way."""
+
+
+class Stage(IntEnum):
+    """How many of the ways of a hand are looked at; each has those of the ones before."""
+
+    NATURAL = 0
+    ALL = 1
+    CLOSEST = 2
+    """With twice as many directions of a grasp: between things that stand close a few degrees matter."""
+
+
+@dataclass(frozen=True, slots=True)
+class SearchBudget:
+    """Bounds of one search."""
+
+    stage: Stage
+    least: float
+    """Score of a map's rows that are used."""
+    rows: int
+    """So many of them for each height of the torso."""
+    each: int
+    """Places of one way."""
+    most: int
+    """Places in all."""
+    block: int
+    """Places whose inverse kinematics is solved at once."""
+    exact: int
+    """Places that are judged exactly."""
+    then: SearchBudget | None = None
+    """Bounds for places between those of the maps, when there is nothing at these: no more is looked for then."""
+
+    @property
+    def fine(self) -> bool:
+        """Whether not only natural ways are looked at."""
+        return self.stage > Stage.NATURAL
+
+
+BETWEEN = SearchBudget(Stage.CLOSEST, least=0.0, rows=2_000, each=ALL, most=12_000, block=512, exact=500)
+BUDGETS = (
+    SearchBudget(Stage.NATURAL, least=0.1, rows=400, each=16, most=384, block=48, exact=40),
+    SearchBudget(Stage.NATURAL, least=0.1, rows=400, each=256, most=6_000, block=48, exact=80),
+    SearchBudget(Stage.ALL, least=0.05, rows=400, each=128, most=12_000, block=128, exact=150),
+    SearchBudget(Stage.CLOSEST, least=0.0, rows=2_000, each=ALL, most=40_000, block=512, exact=500, then=BETWEEN),
+)

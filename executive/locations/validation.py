@@ -1,0 +1,326 @@
+"""Exact validation of base poses, conjunct by conjunct, cheapest first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from executive.belief.free_floor import BasePose
+from executive.belief.planning_scene import PlanningScene
+from executive.locations.areas import Area, Clear, Facing
+from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
+from executive.locations.hand_predicates import candidates_of
+from executive.locations.hand_solutions import (
+    HandSolution,
+    from_base,
+    is_among,
+    stopped_by,
+    stopped_on_the_way,
+    touched_at,
+    unblocked,
+)
+from executive.locations.inverse_map import InverseMaps
+from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
+from executive.locations.search_budget import Stage
+from executive.motion import QuickCheck
+from executive.robots.arms import ArmModel
+from planlang.designators import Location
+from planlang.failures import LocationUnresolvable
+from planlang.geometry import Array
+from planlang.protocols import Solution
+
+PLACES = 6
+"""Decimals of places [m, rad]: so few that two machines tell the same, so many that nothing depends on the origin."""
+ANOTHER_PLACE = 0.4
+"""Whatever was not seen from one place is looked for from places at least this far away [m]."""
+MOST_CROWDED = 48
+"""When there is no room, obstacles of so many promising places are named."""
+MOST_REMEMBERED = 64
+"""Places of which it is remembered how arms reach from them."""
+
+
+class SelfOcclusion:
+    """From where the robot's own body hides a thing: told by where the thing is for the robot.
+
+    What hides it at some distance hides what is nearer in that direction; if ``strict`` only places nearly like that
+    are taken as seen through.
+    """
+
+    def __init__(self, what: Array, *, strict: bool) -> None:
+        self._what, self._strict = what, strict
+        self._known: list[tuple[float, float]] = []
+
+    def _seen(self, base: Sequence[float] | Array) -> tuple[float, float]:
+        x, y = float(self._what[0] - base[0]), float(self._what[1] - base[1])
+        return math.hypot(x, y), math.remainder(math.atan2(y, x) - float(base[2]), 2 * math.pi)
+
+    def add(self, base: Sequence[float]) -> None:
+        """The robot hides it from there."""
+        self._known.append(self._seen(base))
+
+    def covers(self, base: Array) -> bool:
+        """Return whether it is probably hidden from a place as well."""
+        away, bearing = self._seen(base)
+        if self._strict:
+            return any(abs(away - d) < 0.03 and abs(bearing - b) < 0.1 for d, b in self._known)
+        return any(away < d + 0.03 and abs(bearing - b) < 0.25 for d, b in self._known)
+
+
+class BaseValidator:
+    """Judges places for the base in the believed world, and remembers how arms reach from those it accepts."""
+
+    def __init__(self, scene: PlanningScene, inverse: InverseMaps) -> None:
+        self.scene, self.inverse = scene, inverse
+        self._reached: dict[tuple[str, BasePose], dict[Reach, HandSolution]] = {}
+
+    def wanted(self, demand: BaseDemand) -> tuple[Reach, ...]:
+        """Return what has to be reached from the base: not what is in the hand already."""
+        free = (r for r in demand.reaches if r.kind is not ReachKind.RETREAT and not self.scene.arms.is_held(r.body))
+        return tuple(sorted(free, key=lambda reach: ORDER.index(reach.kind)))
+
+    def arms(self, demand: BaseDemand) -> Sequence[ArmModel]:
+        """Return the arms one of which does all that is asked, but for what only others can: see :meth:`arms_for`."""
+        wanted = self.wanted(demand)
+        open_choice = next((reach for reach in wanted if reach.arms is None), None)
+        if open_choice is not None:
+            return self.arms_for(open_choice, self.scene.arms.all)
+        named = {arm.name for reach in wanted for arm in self.arms_for(reach, ())}
+        return [arm for arm in self.scene.arms.all if arm.name in named]
+
+    def arms_for(self, reach: Reach, arms: Sequence[ArmModel]) -> Sequence[ArmModel]:
+        """Return those of some arms that may do a reach; the ones that it names, if it names any.
+
+        A thing is grasped with a free hand. All else is about what is held: the arms that hold something do it, if any
+        does and none is named.
+        """
+        if reach.arms is not None:
+            arms = [arm for arm in self.scene.arms.all if arm.name in reach.arms]
+        if reach.kind is ReachKind.GRASP:
+            return [arm for arm in arms if self.scene.arms.held(arm.name) is None]
+        full = [arm for arm in self.scene.arms.all if self.scene.arms.held(arm.name) is not None]
+        if reach.arms is not None or not full:
+            return arms
+        return [arm for arm in arms if self.scene.arms.held(arm.name) is not None] or full
+
+    def check_hands(self, reach: Reach, location: Location) -> None:
+        """Raises LocationUnresolvable if something is to be grasped and all hands that may do it are full."""
+        if self.arms_for(reach, self.scene.arms.all):
+            return
+        arms = [arm.name for arm in self.scene.arms.all if reach.arms is None or arm.name in reach.arms]
+        full = ", ".join(f"{arm} holds {held.name}" for arm in arms if (held := self.scene.arms.held(arm)) is not None)
+        raise LocationUnresolvable(f"no free hand to grasp {reach.body}: {full}", designator=str(location))
+
+    def at(
+        self, base: BasePose, score: float, demand: BaseDemand, arms: Sequence[ArmModel], log: Rejections
+    ) -> Solution | None:
+        """Return the solution at ``base`` with any of the arms, or None with the reason counted."""
+        wanted = self.wanted(demand)
+        if any(
+            math.dist(base[:2], centre) > most or math.dist(base[:2], centre) < least
+            for centre, least, most in (self.band(reach, arms) for reach in wanted)
+        ):
+            return None
+        if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log):
+            return None
+        if not wanted:
+            return self.answer(base, score, {}, demand, log)
+        for arm in arms:
+            reached: dict[Reach, HandSolution] = {}
+            for reach in wanted:
+                if (candidate := self._first(reach, base, self.arms_for(reach, [arm]), log)) is None:
+                    break
+                reached[reach] = candidate
+            else:
+                return self.answer(base, score, reached, demand, log)
+        log.remember(base, score, "out of reach")
+        return None
+
+    def complete(
+        self,
+        base: BasePose,
+        score: float,
+        solution: HandSolution,
+        wanted: Sequence[Reach],
+        demand: BaseDemand,
+        occlusion: SelfOcclusion,
+        log: Rejections,
+        check: QuickCheck,
+    ) -> Solution | str | None:
+        """Validate exactly a base pose whose first reach is solved as far as spheres tell, by a check of the arm.
+
+        If it will not do because the arm meets something, the name of that.
+        """
+        # the arm first, where it takes hold: it is what most often meets something
+        body = touched_at(np.roll(solution.joints, -1, axis=0), solution, base, self.scene, check)
+        reason = None if body is None else Reason(COLLISION, body)
+        if reason is None:
+            if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, occlusion):
+                return None
+            reason = stopped_on_the_way(solution, base, self.scene, check)
+        if reason is not None:
+            log.count([reason])
+            log.remember(base, score, reason.text, reason.body)
+            return reason.body
+        reached = {wanted[0]: solution}
+        for reach in wanted[1:]:
+            options = self.arms_for(reach, [solution.arm])
+            if (candidate := self._first(reach, base, options, log)) is None:
+                log.remember(base, score, "out of reach")
+                return None
+            reached[reach] = candidate
+        return self.answer(base, score, reached, demand, log)
+
+    def stands(self, base: BasePose, score: float, demand: BaseDemand, log: Rejections) -> bool:
+        """Return whether the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
+        scene = self.scene
+        place = np.array([base])
+        for term in demand.areas:
+            if scored(term, place)[0] <= 0:
+                return _reject(log, base, score, unmet(term))
+        if contacts := scene.collisions.contacts(base):
+            body = first_body(contacts)
+            log.crowded(body)
+            log.remember(base, score, "no room for the base", body)
+            return False
+        return True
+
+    def sees(
+        self, base: BasePose, score: float, demand: BaseDemand, log: Rejections, occlusion: SelfOcclusion | None = None
+    ) -> bool:
+        """Return whether what has to be seen from the base is: what is asked for, and what is going to be handled."""
+        scene = self.scene
+        for name in demand.seen:
+            if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in scene.visibility.looked_in_vain(name)):
+                return _reject(log, base, score, "looked from there in vain")
+        for name in self.to_see(demand):
+            occluder = scene.visibility.hidden(base, name)
+            if occluder is not None:
+                log.add("not visible")
+                if occluder:
+                    log.blocking[occluder] += 1
+                if occluder and occlusion is not None and occluder not in scene.bodies.names():
+                    occlusion.add(base)
+                log.remember(base, score, "not visible", occluder or None)
+                return False
+        for name in demand.unseen:
+            if scene.visibility.hidden(base, name) is None:
+                return _reject(log, base, score, f"{name} is visible")
+        return True
+
+    def to_see(self, demand: BaseDemand) -> tuple[str, ...]:
+        """Return what has to be seen from the base: what is asked for, and what is going to be handled."""
+        handled = [reach.body for reach in self.wanted(demand) if reach.kind in (ReachKind.GRASP, ReachKind.OFFER)]
+        return tuple(dict.fromkeys((*demand.seen, *(handled if self.scene.visibility.sighted() else ()))))
+
+    def answer(
+        self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, log: Rejections
+    ) -> Solution | None:
+        """Return a place that all else accepts, unless something is in reach that must not be."""
+        for reach in demand.unreached:
+            if self._first(reach, base, self.arms_for(reach, self.scene.arms.all), Rejections()) is not None:
+                _reject(log, base, score, f"{reach.body} is in reach")
+                return None
+        log.remember(base, score)
+        if not reached:
+            return Solution(base, self.scene.revision(), self._sides(demand))
+        arm = next(iter(reached.values())).arm.name
+        for reach, candidate in reached.items():
+            self._reached.setdefault((candidate.arm.name, rounded(base)), {})[reach] = candidate
+        while len(self._reached) > MOST_REMEMBERED:
+            del self._reached[next(iter(self._reached))]
+        detail = {
+            "arm": arm,
+            "reaches": [candidate.plan.label for candidate in reached.values()],
+            **self._sides(demand),
+        }
+        return Solution(base, self.scene.revision(), detail)
+
+    def _sides(self, demand: BaseDemand) -> dict[str, object]:
+        """Return whose left and right was meant, where a location names sides."""
+        return {"frame": said} if (said := sides(demand, self.scene)) else {}
+
+    def _first(self, reach: Reach, base: BasePose, arms: Sequence[ArmModel], log: Rejections) -> HandSolution | None:
+        """Return the best way to satisfy a reach from a base with one of some arms."""
+        for arm in arms:
+            for stage in (Stage.NATURAL, Stage.ALL):
+                counted = Rejections()
+                candidates = candidates_of(reach, arm, self.scene, counted, stage)
+                if candidates is None:
+                    continue
+                check = self.scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened)
+                candidates = unblocked(candidates, check, counted)
+                candidate = next(from_base(reach, base, arm, candidates, self.scene, self.inverse, counted), None)
+                candidate = candidate or self._known(reach, base, arm)
+                if candidate is not None:
+                    log.include(counted)
+                    return candidate
+            log.include(counted)  # all ways: the natural ones are among them
+        return None
+
+    def _known(self, reach: Reach, base: BasePose, arm: ArmModel) -> HandSolution | None:
+        """Return how an arm that can do little else from a base reaches from there, if it is known and still does."""
+        known = self.reached(arm.name, base).get(reach)
+        candidates = None if known is None else candidates_of(reach, arm, self.scene, Rejections(), Stage.CLOSEST)
+        if known is None or candidates is None or not is_among(known, candidates):
+            return None
+        return known if stopped_by(known, base, self.scene) is None else None
+
+    def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:
+        """Return a circle around what a reach is about, outside of which no base can satisfy it: middle, radii [m]."""
+        scene = self.scene
+        longest = max((float(np.hypot(*a.shoulder_low[:2])) + a.reach for a in self.arms_for(reach, arms)), default=0.0)
+        if reach.kind is ReachKind.OFFER:
+            zone = scene.bodies.zone(reach.body)
+            x, y, _ = np.mean(zone.shoulders, axis=0)
+            return (float(x), float(y)), 0.0, longest + zone.arm_length + 0.5
+        block = scene.bodies.block(reach.body)
+        stage = 0.0 if reach.kind is ReachKind.GRASP else math.hypot(block.half_x, block.half_y)
+        return (block.x, block.y), 0.0, longest + stage + 0.2
+
+    def name_crowding(self, crowded: Sequence[tuple[float, Array]], log: Rejections) -> None:
+        """Count which bodies take the room of promising places, with their scores; of the best of them."""
+        best = sorted(crowded, key=lambda place: -round(place[0], 6))[:MOST_CROWDED]
+        for score, place in best:
+            base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
+            body = first_body(contacts) if (contacts := self.scene.collisions.contacts(base)) else None
+            if body is not None:
+                log.blocking[body] += 1
+            log.remember(base, score, "no room for the base", body)
+
+    def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
+        """Return how arms reach from the last base pose that was found what it was found for."""
+        return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
+
+    def reached(self, arm: str, base: BasePose) -> Mapping[Reach, HandSolution]:
+        """Return how an arm can reach from a place."""
+        return self._reached.get((arm, rounded(base)), {})
+
+    def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[HandSolution]]) -> None:
+        """The inverse of :meth:`reached_from`; nothing else is remembered then."""
+        self._reached = {
+            key: {candidate.reach: candidate for candidate in candidates} for key, candidates in reached.items()
+        }
+
+
+def unmet(term: Area | Facing | Clear) -> str:
+    """Return what is said of places that a conjunct about the floor refuses."""
+    return f"not {term.words}".replace("not not ", "")
+
+
+def scored(term: object, bases: Array) -> Array:
+    """Return the score (n,) of a conjunct about the floor for bases (n, 3)."""
+    return term.score(bases if isinstance(term, Facing) else bases[:, :2])  # type: ignore[attr-defined,no-any-return]
+
+
+def _reject(log: Rejections, base: BasePose, score: float, reason: str) -> bool:
+    log.add(reason)
+    log.remember(base, score, reason)
+    return False
+
+
+def rounded(base: BasePose) -> BasePose:
+    """Return the same for a place and for where the base stands after it went there."""
+    x, y, yaw = base
+    return round(x, 4), round(y, 4), round(math.remainder(yaw, 2 * math.pi), 4)

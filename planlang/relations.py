@@ -1,0 +1,290 @@
+"""The relations of locations: one table of how each is written, said and meant.
+
+A new relation is a new row, here and nowhere else: recipes read its OWL property, plans its name, phrases its forms,
+and the executive resolves it by the :class:`Sense` that it has for a base, a hand or a thing. A relation that no sense
+describes needs a new one, which executive/locations then has to implement.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import Literal
+
+Bounds = tuple[float, float]
+"""Least and greatest distance [m]."""
+Subject = Literal["base", "hand", "thing"]
+"""What is in a relation to X: the robot's base, a hand with what it holds, an object."""
+
+HEIGHTS: Bounds = (0.02, 0.15)
+"""Height of the lowest point over a top that counts as above it [m]: clear of it, and near enough to put down."""
+BASE_SIDE: Bounds = (0.1, 1.1)
+"""Distance of a base on a side of X [m]: it does not touch X, and an arm of 0.7 m still reaches half a metre in."""
+THING_SIDE: Bounds = (0.0, 0.3)
+"""Distance of a hand or a thing on a side of X [m]: about as far as things on one tray are from each other."""
+
+
+class Sense(Enum):
+    """What a relation to X asks for; the executive has one implementation of each."""
+
+    REACH = "reach"
+    """A hand can do what X is for: grasp it, give it something, be above it, be at a location."""
+    SIGHT = "sight"
+    AREA = "area"
+    """Within bounds of X, on those sides of X that the relation names, or on any."""
+    HEADING = "heading"
+    CLEARANCE = "clearance"
+    OVER = "over"
+    SUPPORT = "support"
+    CONTAINMENT = "containment"
+    GRASP_POINT = "grasp point"
+    PRE_GRASP = "pre-grasp"
+    """Where the hand begins to grasp X; an area where X cannot be grasped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a relation to X means for one subject."""
+
+    sense: Sense
+    text: str
+    """The same for people, as docs/locations.md shows it."""
+    bounds: Bounds | None = None
+    """Distances unless the location states others; None for what has no distance."""
+
+
+@dataclass(frozen=True, slots=True)
+class RelationType:
+    """One row of the table; ``name`` is that of the keyword in ``a_location(...)``."""
+
+    name: str
+    owl: str
+    """The OWL property: a local name of the KnowRob vocabulary, or a whole IRI."""
+    forms: tuple[str, ...]
+    """How phrases say it, the written form first; "not X" lets X say the opposite."""
+    base: Meaning | None = None
+    hand: Meaning | None = None
+    thing: Meaning | None = None
+    directions: tuple[float, ...] = ()
+    """Sides of X, relative to its front [rad, left is positive]; empty: all."""
+    prose: str = ""
+    """How docstrings of compiled plans say it, with {} for X; by default the written form."""
+    synonyms: tuple[str, ...] = ()
+    """Other keywords for it."""
+    of_locations: bool = False
+    """X may be a location."""
+    of_solids: bool = False
+    """X must have a size: it is no mere place."""
+    of_rooms: bool = True
+    """X may be the room that everything is in."""
+    from_outside: bool = False
+    """Nothing in X can have it to X."""
+
+    def meaning(self, subject: Subject) -> Meaning | None:
+        """Return what it means for a subject, None if nothing."""
+        return {"base": self.base, "hand": self.hand, "thing": self.thing}[subject]
+
+    def sense(self, subject: Subject) -> Sense | None:
+        """Return what it asks of a subject, None if it means nothing for it."""
+        meaning = self.meaning(subject)
+        return None if meaning is None else meaning.sense
+
+    @property
+    def measured(self) -> bool:
+        """Whether it has a distance that a location can bound."""
+        return any(meaning is not None and meaning.bounds is not None for meaning in (self.base, self.hand, self.thing))
+
+    def is_opposite(self, other: RelationType) -> bool:
+        """Whether both name one side of X, and opposite ones."""
+        if len(self.directions) != 1 or len(other.directions) != 1:
+            return False
+        return math.cos(self.directions[0] - other.directions[0]) < -1 + 1e-9
+
+
+def _side(name: str, owl: str, forms: tuple[str, ...], *directions: float, prose: str = "") -> RelationType:
+    """A relation that is only a side of X."""
+    where = "within 45 degrees of that side of X: in X's frame if X has a front, else in the viewer's"
+    return RelationType(
+        name,
+        owl,
+        forms,
+        base=Meaning(Sense.AREA, f"{where}, 0.1 to 1.1 m away", BASE_SIDE),
+        hand=Meaning(Sense.AREA, where, THING_SIDE),
+        thing=Meaning(Sense.AREA, f"on the same support if no other is said, {where}", THING_SIDE),
+        directions=directions,
+        prose=prose,
+        from_outside=True,
+    )
+
+
+_BEFORE = _side("in_front_of", "inFrontOf-Generally", ("in front of", "before"), 0.0)
+
+_TABLE = (
+    RelationType(
+        "in_reach_of",
+        "inReachOf",
+        ("in reach of", "within reach of"),
+        base=Meaning(
+            Sense.REACH,
+            "X to grasp: pre-grasp, grasp and lift can be reached; a person: a place in their comfort zone; "
+            "a location of the hand: some pose of it; anything else: some pose above X",
+        ),
+        hand=Meaning(
+            Sense.REACH,
+            "X a person: what the hand holds, or the hand, is inside their comfort zone; else what the base would need",
+        ),
+        thing=Meaning(Sense.REACH, "X a person: inside their comfort zone"),
+        of_locations=True,
+        of_rooms=False,
+    ),
+    RelationType(
+        "visible_from",
+        "visibleFrom",
+        ("visible from", "in view of", "in sight of", "seeing"),
+        base=Meaning(
+            Sense.SIGHT,
+            "the camera, turned to X as far as the neck can, sees at least 30 % of the side of X that faces it",
+        ),
+        prose="where {} can be seen",
+        synonyms=("visible",),
+        of_solids=True,
+        of_rooms=False,
+    ),
+    RelationType(
+        "above",
+        "aboveOf",
+        ("above", "over"),
+        hand=Meaning(
+            Sense.OVER,
+            "level, lowest point of hand and held object 2 to 15 cm over X's top, what is held over X's footprint",
+            HEIGHTS,
+        ),
+        of_rooms=False,
+    ),
+    RelationType(
+        "on",
+        "on-Physical",
+        ("on", "on top of"),
+        hand=Meaning(Sense.SUPPORT, "puts what it holds on X, from above"),
+        thing=Meaning(Sense.SUPPORT, "rests on X's level top, of a room on its floor, the whole footprint supported"),
+    ),
+    RelationType(
+        "in_",
+        "in-ContGeneric",
+        ("in", "inside", "inside of"),
+        hand=Meaning(Sense.CONTAINMENT, "puts what it holds into X, from above"),
+        thing=Meaning(Sense.CONTAINMENT, "inside X's volume, resting; in a solid box there is no room"),
+    ),
+    RelationType(
+        "in_center_of",
+        "inCenterOf",
+        ("in the center of", "in the centre of", "in the middle of"),
+        hand=Meaning(Sense.GRASP_POINT, "the grip point within 1 cm of X's centre: the grasp"),
+        prose="at the centre of {}",
+        of_solids=True,
+        of_rooms=False,
+    ),
+    RelationType(
+        _BEFORE.name,
+        _BEFORE.owl,
+        _BEFORE.forms,
+        base=_BEFORE.base,
+        hand=Meaning(
+            Sense.PRE_GRASP,
+            "the pre-grasp: 8 cm back along the approach; with X in hand: raised and back as well",
+            THING_SIDE,
+        ),
+        thing=_BEFORE.thing,
+        directions=_BEFORE.directions,
+        from_outside=True,
+    ),
+    _side("behind", "behind-Generally", ("behind",), math.pi),
+    _side("left_of", "toTheLeftOf", ("left of", "to the left of"), math.pi / 2, prose="to the left of {}"),
+    _side("right_of", "toTheRightOf", ("right of", "to the right of"), -math.pi / 2, prose="to the right of {}"),
+    _side("next_to", "toTheSideOf", ("next to", "beside"), math.pi / 2, -math.pi / 2, prose="beside {}"),
+    RelationType(
+        "near",
+        "near",
+        ("near", "close to"),
+        base=Meaning(Sense.AREA, "within 1 m", (0.0, 1.0)),
+        hand=Meaning(Sense.AREA, "within 0.3 m", THING_SIDE),
+        thing=Meaning(Sense.AREA, "on the same support if no other is said, within 0.3 m", THING_SIDE),
+    ),
+    RelationType(
+        "far_from",
+        "farFrom",
+        ("far from", "away from"),
+        base=Meaning(Sense.AREA, "at least 2 m away", (2.0, math.inf)),
+        hand=Meaning(Sense.AREA, "at least 0.6 m away", (0.6, math.inf)),
+        thing=Meaning(Sense.AREA, "at least 0.6 m away", (0.6, math.inf)),
+    ),
+    RelationType(
+        "facing",
+        "facing",
+        ("facing",),
+        base=Meaning(Sense.HEADING, "the heading points at X within 30 degrees"),
+    ),
+    RelationType(
+        "clear_of",
+        "clearOf",
+        ("clear of", "not blocking", "not touching"),
+        base=Meaning(Sense.CLEARANCE, "neither touches X nor stands in the sweep of X's doors"),
+        of_solids=True,
+        from_outside=True,
+    ),
+)
+
+RELATIONS: dict[str, RelationType] = {}
+"""Every relation by name. A negated relation is the complement; distances are defaults that a location may override."""
+
+
+def add(relation: RelationType) -> None:
+    """Add a relation to the table; raises ValueError if it means nothing or its words mean another one already."""
+    for other in RELATIONS.values():
+        for mine, theirs in zip(_words(relation), _words(other), strict=True):
+            if mine & theirs:
+                raise ValueError(f"{min(mine & theirs)!r} of the relation {relation.name} means {other.name} already")
+    if not relation.name.isidentifier() or not relation.forms:
+        raise ValueError(f"the relation {relation.name!r} needs a Python name and at least one spoken form")
+    meanings = [meaning for meaning in (relation.base, relation.hand, relation.thing) if meaning is not None]
+    if not meanings:
+        raise ValueError(f"the relation {relation.name} means nothing for a base, a hand or a thing")
+    if any(meaning.sense in (Sense.AREA, Sense.OVER, Sense.PRE_GRASP) and not meaning.bounds for meaning in meanings):
+        raise ValueError(f"the relation {relation.name} has a distance: say its usual bounds")
+    RELATIONS[relation.name] = relation
+
+
+def _words(relation: RelationType) -> tuple[set[str], ...]:
+    """Return its keywords, its OWL property and its spoken forms."""
+    return {relation.name, *relation.synonyms}, {relation.owl}, set(relation.forms)
+
+
+for _row in _TABLE:
+    add(_row)
+
+
+def named(keyword: str) -> RelationType | None:
+    """Return the relation that a keyword of ``a_location`` names, None if none does."""
+    found = RELATIONS.get(keyword)
+    return found or next((one for one in RELATIONS.values() if keyword in one.synonyms), None)
+
+
+def measured() -> tuple[str, ...]:
+    """Return the names of the relations whose distance can be bounded."""
+    return tuple(name for name, one in RELATIONS.items() if one.measured)
+
+
+def owl_properties() -> tuple[str, ...]:
+    """Return the OWL properties of all relations."""
+    return tuple(one.owl for one in RELATIONS.values())
+
+
+def of_owl_property(owl: str) -> str | None:
+    """Return the name of the relation that an OWL property stands for, None if it stands for none."""
+    return next((name for name, one in RELATIONS.items() if one.owl == owl), None)
+
+
+def meaningful(subject: Subject) -> tuple[str, ...]:
+    """Return the names of the relations that mean something for a subject."""
+    return tuple(name for name, one in RELATIONS.items() if one.meaning(subject) is not None)

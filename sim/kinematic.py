@@ -1,0 +1,255 @@
+"""The common part of the true world and of the one that planning asks: a scene and a robot that are where they are put.
+
+Kinematic: nothing has mass, nothing is pushed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from planlang.geometry import Pose
+from planlang.protocols import Configuration, Contact
+from sim import snapshots
+from sim.bodies import Bodies, Part
+from sim.camera import Camera, Picture
+from sim.contact import PARTED, Contacts, Held, Query
+from sim.engine import bullet, connect
+from sim.falling import Falling
+from sim.people import People
+from sim.person import Reach, parts_of
+from sim.picture import Painter, View
+from sim.rays import Rays
+from sim.robot import Robot
+from sim.scene import CameraModel, RobotBody, Scene
+
+
+class KinematicScene:
+    """A scene and at most one robot in a physics client of its own, so that any number of them live side by side."""
+
+    def __init__(self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30) -> None:
+        """``rate``: steps per second.
+
+        Raises ``RuntimeError`` without a display for ``gui``, ``BadInput`` for a URDF that cannot be loaded.
+        """
+        self.scene, self.rate = scene, rate
+        self._client = connect(gui=gui)
+        persons = {body.name: parts_of(body) for body in scene.bodies if body.shape == "person"}
+        self._bodies = Bodies(self._client, scene, persons)
+        self._camera = Camera(self._client, self._bodies)
+        self._people = People(self._bodies, rate)
+        self._held: dict[str, Held] = {}
+        self._robot: Robot | None = None
+        self._now = Configuration(scene.start, {})
+        if robot is not None:
+            try:
+                self._robot = Robot(self._client, robot)
+            except BaseException:
+                self.close()
+                raise
+            self._now = Configuration(scene.start, dict(self._robot.shown))
+            self._contacts = Contacts(self._robot, self._bodies, self._held)
+        self._rays = Rays(self._client, self._bodies, self._robot)
+        self._falling = Falling(self._bodies, self._rays, rate)
+        self._show(self._now)
+
+    # The robot
+
+    @property
+    def robot(self) -> Robot:
+        """The robot; raises ``RuntimeError`` in a world without one."""
+        if self._robot is None:
+            raise RuntimeError("this world has no robot: it was made without a RobotBody")
+        return self._robot
+
+    def configuration(self) -> Configuration:
+        """Where the robot is."""
+        return Configuration(self._now.base, dict(self._now.joints))
+
+    def set_configuration(self, configuration: Configuration) -> None:
+        """Put the robot, with what it holds, somewhere; joints not named stay."""
+        there = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
+        self._show(there)
+        self._now = there
+        if self._robot is not None:
+            self._contacts.part()
+
+    def link_pose(self, link: str) -> Pose:
+        """Return the pose of a link frame in the map; ``KeyError`` for an unknown link."""
+        self._here()
+        return self.robot.link_pose(link)
+
+    def _here(self) -> None:
+        if self._bodies.hidden:  # a query was interrupted
+            self._bodies.show(sorted(self._bodies.hidden))
+        self._show(self._now)
+
+    def _show(self, configuration: Configuration) -> None:
+        if self._robot is None:
+            return
+        if configuration is not self._now and self._robot.shown.keys() != configuration.joints.keys():
+            configuration = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
+        self._robot.show(configuration)
+        for name, held in self._held.items():
+            if held.placed != self._robot.moves:
+                self._bodies.place(name, self._robot.link_pose(held.link) @ held.offset)
+                held.placed = self._robot.moves
+
+    def _find(self, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
+        self._show(configuration)
+        return self._contacts.find(query)
+
+    def _optics(self) -> CameraModel:
+        return self.robot.body.camera
+
+    # Bodies
+
+    def names(self) -> tuple[str, ...]:
+        """Names of all bodies, in the order of the scene; removed ones are left out."""
+        return tuple(body.name for body in self.scene.bodies if body.name not in self._bodies.removed)
+
+    def pose(self, name: str) -> Pose:
+        """Pose of the body's box centre in the map; ``KeyError`` for an unknown body."""
+        self._here()
+        self.scene.body(name)
+        return self._bodies.poses[name]
+
+    def size(self, name: str) -> tuple[float, float, float]:
+        """Extents of the body's box along its own axes [m]."""
+        return self.scene.body(name).size
+
+    def pieces(self, name: str) -> tuple[tuple[Part, Pose], ...]:
+        """The primitives that a body consists of, each with its pose in the body's frame; that of a limb changes."""
+        return tuple((self._bodies.pieces[k].part, self._bodies.pieces[k].offset) for k in self._bodies.of[name])
+
+    def set_pose(self, name: str, pose: Pose) -> None:
+        """Put a body somewhere, at rest; a held one is from now on held like that."""
+        self.scene.body(name)
+        self._here()
+        self._falling.stop(name)
+        self._bodies.place(name, pose)
+        if name not in self._held:
+            self._people.lose(name)
+        else:
+            held = self._held[name]
+            held.offset, held.placed = self.robot.link_pose(held.link).inverse() @ pose, None
+
+    def remove(self, name: str) -> None:
+        """Take a body out of the world until :meth:`restore`; a held one is let go first."""
+        self.scene.body(name)
+        self._held.pop(name, None)
+        self._falling.stop(name)
+        self._people.lose(name)
+        self._bodies.remove(name)
+
+    def restore(self, name: str) -> None:
+        """Bring a removed body back to its last pose."""
+        self.scene.body(name)
+        self._bodies.restore(name)
+
+    def attach(self, link: str, name: str) -> None:
+        """Fix a body to a link of the robot, where it is; a person who held it lets go."""
+        self.scene.body(name)
+        self._here()
+        offset = self.robot.link_pose(link).inverse() @ self._bodies.poses[name]
+        self._falling.stop(name)
+        self._people.lose(name)
+        touched = self._contacts.touching(name, PARTED)
+        self._held[name] = Held(link, offset, self.robot.hand_of(link), touched)
+
+    def release(self, name: str) -> None:
+        """Let a body go where it is; ``KeyError`` when it is not held."""
+        if name not in self._held:
+            raise KeyError(f"{name!r} is not held; held are {', '.join(self._held) or 'none'}")
+        self._here()
+        del self._held[name]
+
+    def attached(self) -> Mapping[str, str]:
+        """Body -> link of the robot that holds it."""
+        return {name: held.link for name, held in self._held.items()}
+
+    def support(self, name: str) -> str | None:
+        """What a body would rest on if it were let go here; None when that is nothing."""
+        self.scene.body(name)
+        self._here()
+        return self._falling.rest(name)[1]
+
+    def height_above_support(self, name: str) -> float:
+        """How far a body would sink if it were let go here [m]; ``inf`` when there is nothing below."""
+        self.scene.body(name)
+        self._here()
+        rest, support = self._falling.rest(name)
+        return self._bodies.poses[name].position[2] - rest.position[2] if support else float("inf")
+
+    def person(self, name: str) -> Reach:
+        """Shoulders, arm length and facing direction of a person; tells whether a point is comfortable for them."""
+        return self._people.reach(name)
+
+    def shoulder(self, name: str) -> tuple[float, float, float]:
+        """The point between a person's shoulders, in the map."""
+        return self._people.reach(name).shoulder
+
+    def arm_length(self, name: str) -> float:
+        """From a person's shoulder to the palm [m]."""
+        return self._people.reach(name).arm_length
+
+    def contacts(self) -> tuple[Contact, ...]:
+        """Return the penetrations of the robot and of what it holds, where they are; allowed ones are left out."""
+        return () if self._robot is None else self._find(self._now, Query())
+
+    def render(
+        self, width: int = 640, height: int = 480, view: View | None = None, of: Collection[str] = ()
+    ) -> Picture:
+        """Return a picture (height, width, 3) from an eye towards a target; walls in between are left out.
+
+        By default it is a close view of things that are asked for ``of``, with the hand and the people at them, else of
+        everything from above a corner.
+        """
+        self._here()
+        painter, aspect = Painter(self._bodies, self._people, self._robot), width / height
+        return painter.render(width, height, view or painter.closeup(of, aspect) or painter.overview(aspect))
+
+    def state(self) -> tuple[object, ...]:
+        """Return something hashable that is equal for worlds in which everything is at the same place."""
+        self._here()
+        return (
+            self._now.base,
+            tuple(sorted(self._now.joints.items())),
+            tuple((name, pose.position, pose.orientation) for name, pose in self._bodies.poses.items()),
+            tuple(self.attached().items()),
+            tuple(self._falling.on_the_way),
+            self._people.state(),
+        )
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the state as JSON, from which :meth:`restore_state` makes an equal one of the same scene and robot."""
+        self._here()
+        return {
+            **snapshots.configuration(self._now),
+            **snapshots.bodies(self._bodies, self._held),
+            "held": snapshots.held(self._held),
+            "falling": snapshots.falling(self._falling),
+            **snapshots.people(self._people),
+        }
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from a :meth:`snapshot`; raises ValueError for one of another scene or robot, or that is damaged."""
+        try:
+            now = snapshots.configuration_of(state)
+            if now.joints.keys() != self._now.joints.keys():
+                raise ValueError("the robot has other joints")
+            snapshots.restore_bodies(self._bodies, state)
+            if self._robot is not None:
+                snapshots.restore_held(self._held, self._robot, self._bodies, state["held"])
+            snapshots.restore_falling(self._falling, state["falling"])
+            snapshots.restore_people(self._people, state)
+            self._now = now
+        except (KeyError, TypeError, AttributeError) as problem:
+            raise ValueError(f"the state of the world is damaged: {problem!r}") from None
+        self._here()
+
+    def close(self) -> None:
+        """End the physics client; the world cannot be used afterwards. Closing twice does nothing."""
+        if self._client >= 0:
+            bullet.disconnect(physicsClientId=self._client)
+            self._client = -1

@@ -1,0 +1,157 @@
+"""The world that planning asks: contacts, room, visibility and rays for the robot at any configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import rotations
+from planlang.protocols import Configuration, Contact
+from sim.contact import Ignored, Query
+from sim.kinematic import KinematicScene
+from sim.outline import Band, Outline, Shape, Solid, held_bands, shape_of, solids
+from sim.playback import BASE
+
+
+class PlanningWorld(KinematicScene):
+    """A world in which nothing happens by itself: it is made equal to what is believed, and asked.
+
+    A query about another configuration (:meth:`contacts`, :meth:`link_pose`, :meth:`visible`) shows the robot there and
+    leaves it; whatever needs the robot where it is puts it back first, so that a series of queries costs no restoring.
+    The true world (:class:`sim.world.PyBulletWorld`) has none of this: what masses and motors move there may not be
+    moved by a question.
+    """
+
+    def link_pose(self, link: str, configuration: Configuration | None = None) -> Pose:
+        """Return the pose of a link frame in the map, now or at another configuration; ``KeyError`` if unknown."""
+        self._show(configuration or self._now)
+        return self.robot.link_pose(link)
+
+    def solid_frames(self, configuration: Configuration | None = None) -> Array:
+        """(n, 4, 4) frames in the map of the robot's solid links, in their order, now or at another configuration."""
+        self._show(configuration or self._now)
+        places = self.robot.frames()
+        frames = np.zeros((len(places), 4, 4))
+        frames[:, :3, :3], frames[:, :3, 3], frames[:, 3, 3] = rotations(places[:, 3:]), places[:, :3], 1.0
+        return frames
+
+    def contacts(
+        self,
+        configuration: Configuration | None = None,
+        moving: Collection[str] | None = None,
+        *,
+        ignore: Ignored = (),
+        among: Collection[tuple[str, str]] | None = None,
+    ) -> tuple[Contact, ...]:
+        """Penetrations of the robot and of what it holds, now or at another configuration; joints not named stay.
+
+        ``moving``: joint names, "x", "y", "yaw" or "base": look only at links that these move, and in self-collision
+        only at pairs that they move against each other. ``ignore``: names of
+        bodies or links, or (part, body) pairs, that may touch. In self-collision the body is a link's name as well.
+        ``among``: the only pairs that can touch at all, where somebody knows; they are looked at, nothing else.
+        Left out: penetrations up to 0.5 mm; a hand and what it holds; hands, or held objects, and a person's arms; up
+        to 2 cm between a held object and what it has touched since it was grasped.
+        """
+        if self._robot is None:
+            return ()
+        links, itself, apart = None, True, None
+        if moving is not None:
+            links = frozenset[int]().union(*(self._robot.moved_by(name) for name in moving))
+            itself = not set(moving) <= {*BASE, "base"}
+            apart = self._robot.moved_apart(frozenset(moving)) if itself else None
+        return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
+
+    def self_contacts(self, configuration: Configuration | None = None) -> tuple[Contact, ...]:
+        """Those of :meth:`contacts` that do not depend on where the robot is: with what it holds, in itself."""
+        return () if self._robot is None else self._find(configuration or self._now, Query(others=False))
+
+    def passed(self, start: Configuration, steps: Sequence[Mapping[str, float]]) -> frozenset[str]:
+        """Bodies that the links which some joints move may meet on a way; no others can be touched there.
+
+        ``start``: the configuration at the beginning; ``steps``: the joints' values, one after another.
+        """
+        self._show(start)
+        links = frozenset[int]().union(*(self.robot.moved_by(name) for step in steps for name in step))
+        lower, upper = self.robot.boxes_along(sorted(links), steps)
+        near = self._bodies.near(lower, upper).any(axis=0)
+        return frozenset(self._bodies.pieces[index].body for index in np.flatnonzero(near).tolist())
+
+    def silhouette(self, without: Collection[str] = ()) -> tuple[Band, ...]:
+        """What the robot, with what it holds, needs of room when it turns on the spot in its present posture.
+
+        Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object;
+        what a joint of ``without`` moves is left out.
+        """
+        found = self._shape(without).bands
+        if self._held:
+            self._at_origin()
+            found = (*found, *held_bands(self.robot, self._bodies, self._held, without))
+        self._here()
+        return found
+
+    def outlines(self, without: Collection[str] = ()) -> tuple[Outline, ...]:
+        """The robot from above in its present posture: z_low, z_high [m] and a convex polygon for each solid link.
+
+        Polygons (n, 2) are in the frame of the base, counter-clockwise, and hold no more than the link does; what a
+        joint of ``without`` moves is left out.
+        """
+        found = self._shape(without).outlines
+        self._here()
+        return found
+
+    def _shape(self, without: Collection[str]) -> Shape:
+        return shape_of(self.robot, self._now.joints, without, self._at_origin)
+
+    def _at_origin(self) -> None:
+        self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
+
+    def solids(self) -> tuple[Solid, ...]:
+        """The convex pieces of all bodies not held, where they are, floors left out."""
+        self._here()
+        return tuple(solids(self._bodies, self._held))
+
+    def touched_since_grasp(self, name: str) -> frozenset[str]:
+        """Bodies that a held one has touched ever since it was grasped: it may go on touching them a little."""
+        return frozenset(self._held[name].touched)
+
+    def clearance(self, first: str, second: str, within: float = 1.0) -> float:
+        """Distance of two bodies' surfaces [m], negative in penetration, ``inf`` beyond ``within``."""
+        self._here()
+        pieces = [self._bodies.of[self.scene.body(name).name] for name in (first, second)]
+        return self._bodies.gap(pieces[0], pieces[1], within)
+
+    def visible(self, name: str, camera: Pose | str | None = None, configuration: Configuration | None = None) -> float:
+        """Share (0..1) of a body that the camera would see without obstruction, by rays.
+
+        ``camera``: a link (default: the camera's), at the robot's configuration or another; or a pose of the camera's
+        link in the map, from where the robot itself hides nothing.
+        """
+        self.scene.body(name)
+        if isinstance(camera, Pose):
+            self._here()
+            return self._camera.sight(name, self._optics(), camera, self._rays.seeing_through_the_robot)[0]
+        self._show(configuration or self._now)
+        pose = self.robot.link_pose(camera or self._optics().link)
+        return self._camera.sight(name, self._optics(), pose, self._rays.cast)[0]
+
+    def sight(self, name: str, configuration: Configuration | None = None) -> tuple[float, Mapping[str, int]]:
+        """What is :meth:`visible` of a body by the robot's camera, and what lines to the side that faces it hit first.
+
+        The latter as name -> lines; the robot's own links are told by their names, and lines that reach the body count
+        for it.
+        """
+        self.scene.body(name)
+        self._show(configuration or self._now)
+        pose = self.robot.link_pose(self._optics().link)
+        return self._camera.sight(name, self._optics(), pose, self._rays.cast)
+
+    def ray(self, start: Sequence[float], end: Sequence[float]) -> str | None:
+        """Name of the body, or of the robot's link, that a segment hits first; None when it is free."""
+        return self.rays(np.asarray([start], dtype=float), np.asarray([end], dtype=float))[0]
+
+    def rays(self, starts: Array, ends: Array) -> tuple[str | None, ...]:
+        """As :meth:`ray` for (n, 3) starts and ends, any number of them."""
+        self._here()
+        return self._rays.cast(starts, ends)

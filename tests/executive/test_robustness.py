@@ -1,0 +1,215 @@
+"""What no user's files, streams and signals may do to the command: nothing is lost, nothing hangs, no traceback."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from executive.cli.app import app
+from executive.cli.console import show
+from planlang.diagnostics import note, warning
+from planlang.resources import Bundled
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+ROOM = Bundled.ENVIRONMENT.find("hospital_room")
+
+
+def invoke(*arguments: str | Path) -> Result:
+    """Run the command in this process."""
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="planlang")
+
+
+def planlang(arguments: str, folder: Path, *, first: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the command by a shell in a folder; Python looks for packages in ``first`` before it looks for ours."""
+    path = os.pathsep.join(map(str, (first, CHECKOUT) if first else (CHECKOUT,)))
+    command = f"exec {sys.executable} -m planlang_command {arguments}"
+    environment = {**os.environ, "PYTHONPATH": path}
+    return subprocess.run(
+        command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+# Files that are written
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "run serve_a_drink --environment {file} --trace {file} --force",
+        "run serve_a_drink --robot {file} --picture {file} --force",
+        "locate bed --robot amigo --environment {file} --explain {file} --force",
+        "robot inspect {file} --picture {file} --force",
+        "convert {file} --to turtle -o {file} --force",
+        "compile {file} --graph {file} --force",
+    ],
+)
+def test_an_input_is_never_replaced_not_even_by_force(command: str, tmp_path: Path) -> None:
+    file = tmp_path / "map.png"
+    file.write_bytes(ROOM.read_bytes())
+    result = invoke(*command.format(file=file).split())
+    assert result.exit_code == 2
+    assert "would overwrite" in result.stderr, result.stderr
+    assert file.read_bytes() == ROOM.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        ("compile serve_a_drink -o", "a.py"),
+        ("compile serve_a_drink --graph", "a.svg"),
+        ("convert serve_a_drink --to turtle -o", "a.ttl"),
+        ("run serve_a_drink --trace", "a.jsonl"),
+        ("robot inspect amigo --picture", "a.png"),
+    ],
+)
+def test_a_file_that_planlang_did_not_write_is_overwritten_only_by_force(
+    command: str, name: str, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    path.write_text("what a person wrote\n")
+    result = invoke(*command.split(), path)
+    assert (result.exit_code, "error C005" in result.stderr) == (2, True), result.stderr
+    assert path.read_text() == "what a person wrote\n"
+    if not command.startswith("r"):
+        assert invoke(*command.split(), path, "--force").exit_code == 0
+        assert "what a person wrote" not in path.read_text()
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".dot", ".mmd"])
+def test_a_graph_carries_a_mark_and_is_replaced(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"graph{suffix}"
+    for _ in range(2):
+        assert invoke("compile", "serve_a_drink", "--graph", path).exit_code == 0
+    assert "written by planlang" in path.read_text()
+
+
+# Files that are no files
+
+
+@pytest.mark.parametrize(
+    "command", ["replay {}", "run --resume {}", "run {}", "check {}", "run serve_a_drink --robot {}"]
+)
+def test_a_pipe_without_a_writer_is_not_waited_for(command: str, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    result = planlang(command.format("pipe"), tmp_path)
+    assert (result.returncode, "error C001" in result.stderr) == (2, True), result.stderr
+
+
+@pytest.mark.parametrize(
+    "command", ["run serve_a_drink --trace {}", "check serve_a_drink --ontologies {}", "replay {}"]
+)
+def test_a_link_to_itself_is_bad_input(command: str, tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    result = invoke(*command.format(tmp_path / "loop").split())
+    assert (result.exit_code, "error C00" in result.stderr) == (2, True), result.stderr
+
+
+def test_a_robot_file_without_end_is_read_as_far_as_its_bound(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text('name = "large"\n')
+    os.truncate(path, 200_000_000)  # sparse
+    result = invoke("robot", "inspect", path)
+    assert (result.exit_code, "error B001 the file is larger than 16 MB" in result.stderr) == (2, True), result.stderr
+
+
+def test_the_end_of_a_full_disk_is_told_and_devices_are_not_read(tmp_path: Path) -> None:
+    told = planlang("compile serve_a_drink > /dev/full", tmp_path)
+    assert (told.returncode, "stdout cannot be written: No space left" in told.stderr) == (2, True), told.stderr
+    assert "Traceback" not in told.stderr
+    full = planlang("compile serve_a_drink -o /dev/full", tmp_path)
+    assert (full.returncode, "error C004" in full.stderr) == (2, True), full.stderr
+
+
+def test_closed_streams_are_dev_null(tmp_path: Path) -> None:
+    assert planlang("compile serve_a_drink -o plan.py <&- >&- 2>&-", tmp_path).returncode == 0
+    assert (tmp_path / "plan.py").read_text().startswith('"""')
+
+
+# Signals
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_signal_ends_a_run_with_cleanup_and_a_complete_trace(number: int, code: int, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "planlang_command", "run", "serve_a_drink", "--trace", "run.jsonl"]
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stderr is not None
+        next(line for line in process.stderr if "Reaching" in line)
+        process.send_signal(number)
+        _, rest = process.communicate()
+    assert process.returncode == code
+    assert "Traceback" not in rest
+    records = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
+    ended = {record["node"] for record in records if record["event"] == "ended"}
+    assert {record["node"] for record in records if record["event"] == "started"} <= ended, "no task is left open"
+
+
+def test_ctrl_c_while_modules_are_imported_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "typer.py").write_text("import time\nprint('importing', flush=True)\ntime.sleep(60)\n")
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{CHECKOUT}"}
+    command = [sys.executable, "-m", "planlang_command", "--version"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "importing\n"
+        process.send_signal(signal.SIGINT)
+        _, rest = process.communicate()
+    assert (process.returncode, rest) == (130, "interrupted\n")
+
+
+# Other packages of our names
+
+
+@pytest.mark.parametrize("name", ["sim", "executive", "planlang"])
+def test_another_package_of_one_of_our_names_is_named(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).mkdir()
+    (tmp_path / name / "__init__.py").touch()
+    result = planlang("--version", tmp_path, first=tmp_path)
+    assert (result.returncode, str(tmp_path / name / "__init__.py") in result.stderr) == (2, True), result.stderr
+    assert "Traceback" not in result.stderr
+
+
+# What is printed
+
+
+def test_a_usage_error_is_a_json_object_too(tmp_path: Path) -> None:
+    result = planlang("run serve_a_drink --seed x --json", tmp_path)
+    found = json.loads(result.stdout)
+    assert (result.returncode, found["command"], found["exit_code"]) == (2, "run", 2)
+    assert "--seed" in found["error"]
+    assert result.stderr == ""
+
+
+def test_many_notes_before_a_result_are_counted_by_code(capsys: pytest.CaptureFixture[str]) -> None:
+    notes = [*(note("M005", f"size {number}") for number in range(9)), note("B010", "assumed"), note("B010", "too")]
+    show([*notes, warning("M014", "inside")], all_notes=False)
+    assert capsys.readouterr().err.splitlines() == [
+        "warning M014 inside",
+        "11 notes: 9 M005, 2 B010 (--verbose lists them)",
+        "1 warning, 11 notes",
+    ]
+    show(notes[:10], all_notes=False)
+    assert len(capsys.readouterr().err.splitlines()) == 10, "few are listed"
+
+
+def test_summaries_of_commands_are_whole_sentences() -> None:
+    lines = " ".join(invoke("--help").stdout.split())
+    assert "Find poses that match a phrase, for the robot's base or for a thing." in lines
+    assert "..." not in lines.replace("[ARGS]...", "")
+
+
+def test_a_misspelt_parameter_is_told_before_the_robot_is_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    def bound(*arguments: object, **options: object) -> None:
+        raise AssertionError("the robot is bound")
+
+    monkeypatch.setattr("executive.runs.plan_run.bind_robot", bound)
+    result = invoke("run", "serve_a_drink", "--set", "botle=bottle1")
+    assert (result.exit_code, "did you mean bottle?" in result.stderr) == (2, True), result.stderr
