@@ -18,6 +18,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from planlang.files import from_printable
 from planlang.resources import bundled
 
 LONGEST = 10_000
@@ -57,8 +58,8 @@ class PlanHeader:
 
     def find_recipe(self, plan: Path, folders: Iterable[Path] = ()) -> Path | None:
         """Return the recipe: the first file of its name beside the plan, in ``folders``, among the bundled ones."""
-        for folder in (plan.parent, *folders, bundled("recipes")):
-            path = folder / self.recipe
+        names = dict.fromkeys((self.recipe, from_printable(self.recipe)))
+        for path in (folder / name for folder in (plan.parent, *folders, bundled("recipes")) for name in names):
             try:
                 if path.is_file():
                     return path

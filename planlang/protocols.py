@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, Protocol, runtime_checkable
 
 from planlang.geometry import Array, Pose
@@ -42,11 +43,22 @@ class Trajectory:
     positions: Array
 
 
+class MotionState(StrEnum):
+    """How a commanded motion stands."""
+
+    MOVING = "moving"
+    DONE = "done"
+    BLOCKED = "blocked"
+    """It ended where it would have touched something."""
+    HALTED = "halted"
+    """It was stopped by command, or by a newer motion of the same joints."""
+
+
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """State of a commanded motion: ``state`` is "moving", "done", "blocked" or "halted"; what blocks it by name."""
+    """State of a commanded motion, and what blocks it by name."""
 
-    state: str
+    state: MotionState
     blocked_by: str | None = None
 
 

@@ -14,10 +14,11 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.box import corners
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.outline import area, outline_of
+from planlang.geometry.solid import SolidKind
 from planlang.protocols import Detection
 from sim.bodies import Bodies
 from sim.engine import bullet
-from sim.scene import CameraModel
+from sim.scene import BodyShape, CameraModel
 
 LEAST_PIXELS = 4
 """An object with fewer pixels in the picture is not recognised."""
@@ -25,7 +26,7 @@ LEAST_PIXELS = 4
 _CLIP = 0.02
 _FAR = 60.0
 _SIDES = 12
-_UNSEEN = ("marker", "room")
+_UNSEEN = (BodyShape.MARKER, BodyShape.ROOM)
 Picture = NDArray[np.uint8]
 
 
@@ -85,12 +86,12 @@ class Camera:
         piece = self.bodies.pieces[index]
         place = piece.pose
         size = piece.part.size
-        if piece.part.kind == "box":
+        if piece.part.kind == SolidKind.BOX:
             return corners(place, size)
         angles = np.arange(_SIDES) * (2 * math.pi / _SIDES)
         radius = max(size[:2]) / 2
         ring = np.column_stack([np.cos(angles) * radius, np.sin(angles) * radius, np.zeros(_SIDES)])
-        if piece.part.kind == "cylinder":
+        if piece.part.kind == SolidKind.CYLINDER:
             rings = [np.add(ring, (0.0, 0.0, height)) for height in (-size[2] / 2, size[2] / 2)]
         else:
             rings = [ring, ring[:, [2, 0, 1]], ring[:, [1, 2, 0]]]
@@ -186,13 +187,13 @@ def _framed(offset: Array, model: CameraModel, axes: tuple[Array, Array, Array])
 
 
 @lru_cache(maxsize=256)
-def _surface(kind: str, size: tuple[float, float, float], per_side: int = 5) -> tuple[Array, Array, Array]:
+def _surface(kind: SolidKind, size: tuple[float, float, float], per_side: int = 5) -> tuple[Array, Array, Array]:
     """Points, outward normals and areas of patches of a primitive's surface, in its frame."""
     grid = (np.arange(per_side) + 0.5) / per_side - 0.5
     points: list[Array] = []
     normals: list[Array] = []
     areas: list[Array] = []
-    if kind == "box":
+    if kind == SolidKind.BOX:
         for axis in range(3):
             first, second = [k for k in range(3) if k != axis]
             for sign in (-1.0, 1.0):
@@ -212,7 +213,7 @@ def _surface(kind: str, size: tuple[float, float, float], per_side: int = 5) -> 
     radius = max(size[:2]) / 2
     around = np.arange(_SIDES) * (2 * math.pi / _SIDES)
     ring = np.column_stack([np.cos(around), np.sin(around), np.zeros(_SIDES)])
-    if kind == "cylinder":
+    if kind == SolidKind.CYLINDER:
         for height in grid:
             points.append(ring * radius + [0.0, 0.0, height * size[2]])
             normals.append(ring)

@@ -16,12 +16,11 @@ from sim.camera import Camera, Picture
 from sim.contact import PARTED, Contacts, Held, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
-from sim.people import People
-from sim.person import Reach, parts_of
+from sim.people import People, Reach, parts_of
 from sim.picture import Painter, View
 from sim.rays import Rays
 from sim.robot import Robot
-from sim.scene import CameraModel, RobotBody, Scene
+from sim.scene import BodyShape, CameraModel, RobotBody, Scene
 
 
 class KinematicScene:
@@ -34,7 +33,7 @@ class KinematicScene:
         """
         self.scene, self.rate = scene, rate
         self._client = connect(gui=gui)
-        persons = {body.name: parts_of(body) for body in scene.bodies if body.shape == "person"}
+        persons = {body.name: parts_of(body) for body in scene.bodies if body.shape is BodyShape.PERSON}
         self._bodies = Bodies(self._client, scene, persons)
         self._camera = Camera(self._client, self._bodies)
         self._people = People(self._bodies, rate)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planlang.geometry import Array
-from planlang.protocols import Configuration, Contact, Motion, Trajectory
+from planlang.protocols import Configuration, Contact, Motion, MotionState, Trajectory
 from sim.contact import Query
 from sim.robot import Robot
 
@@ -43,11 +43,11 @@ class Playback:
         """See :class:`planlang.protocols.Motion`."""
         blocked = next((strand.blocked_by for strand in self.strands if strand.blocked_by), None)
         if self.halted:
-            return Motion("halted")
+            return Motion(MotionState.HALTED)
         over = self.row + 1 >= len(self.trajectory.positions)
         if blocked and (over or all(strand.blocked_by for strand in self.strands)):
-            return Motion("blocked", blocked)
-        return Motion("done") if over else Motion("moving")
+            return Motion(MotionState.BLOCKED, blocked)
+        return Motion(MotionState.DONE) if over else Motion(MotionState.MOVING)
 
 
 @dataclass(slots=True)

@@ -13,13 +13,11 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.geometry import Array, Pose
 from planlang.geometry.box import corners
 from planlang.geometry.matrices import moved, product, rotated, rotations
+from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
 from planlang.protocols import Configuration
 from sim.description import Follower, loadable, read_description
 from sim.engine import bullet, quiet
-from sim.hulls import Hulled, hulls_of
 from sim.scene import RobotBody
-from sim.self_contact import TOLERANCE as TOLERANCE
-from sim.self_contact import watched_pairs
 
 WITHIN = 0.001
 """Distance up to which links of one body are looked at [m]: asked for 0, PyBullet 3.2.7 tells no point of some that are
@@ -69,7 +67,7 @@ class Robot:
         self.uid = self._load()
         self._read_joints()
         self._read_links()
-        self._hulls: dict[int, list[Hulled]] = {}
+        self._hulls: dict[int, list[ConvexSolid]] = {}
         while len(_spanning) > MOST_ROBOTS:
             del _spanning[next(iter(_spanning))]
         self._points = _spanning.setdefault(self.key, {})
@@ -90,7 +88,6 @@ class Robot:
         )
         """Numbers of the solid links that no joint lifts: the floor is no obstacle to them."""
         self.show(Configuration(self.base, {**self.shown, **self._known(body.posture)}))
-        self.self_pairs = watched_pairs(self)
 
     def _load(self) -> int:
         """The body in the client; raises BadInput if PyBullet refuses the URDF."""
@@ -362,19 +359,19 @@ class Robot:
             at = frame.inverse() @ place @ Pose(shape[5], shape[6])
             match shape[2]:
                 case bullet.GEOM_BOX:
-                    found.append(("box", (a, b, c), at))
+                    found.append((SolidKind.BOX, (a, b, c), at))
                 case bullet.GEOM_SPHERE:
-                    found.append(("sphere", (2 * a, 2 * a, 2 * a), at))
+                    found.append((SolidKind.SPHERE, (2 * a, 2 * a, 2 * a), at))
                 case bullet.GEOM_CYLINDER | bullet.GEOM_CAPSULE:
-                    found.append(("cylinder", (2 * b, 2 * b, a), at))
+                    found.append((SolidKind.CYLINDER, (2 * b, 2 * b, a), at))
                 case _:
                     matrix = np.eye(4)
                     matrix[:3, :3], matrix[:3, 3] = self._axes[number], self._center[number]
                     x, y, z = (2 * self._half[number]).tolist()
-                    return (("mesh", (x, y, z), Pose.from_matrix(matrix)),)
+                    return ((SolidKind.MESH, (x, y, z), Pose.from_matrix(matrix)),)
         return tuple(found)
 
-    def hulls(self, number: int) -> list[Hulled]:
+    def hulls(self, number: int) -> list[ConvexSolid]:
         """The convex shapes of a solid link, in the link's frame."""
         if number in self._hulls:
             return self._hulls[number]
@@ -385,7 +382,7 @@ class Robot:
         else:
             state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
             place = Pose(state[0], state[1])
-        self._hulls[number] = hulls_of(self.client, self.uid, index, frame @ place)
+        self._hulls[number] = _solids_of(self.client, self.uid, index, frame @ place)
         return self._hulls[number]
 
     def points(self, numbers: Sequence[int]) -> list[Array]:
@@ -461,3 +458,25 @@ def _support(kind: int, size: Sequence[float]) -> tuple[Array | None, float]:
 
 def _text(name: bytes) -> str:
     return name.decode()
+
+
+def _solids_of(client: int, uid: int, index: int, at: Pose) -> list[ConvexSolid]:
+    """The shapes of a link whose frame of mass is at a pose."""
+    shapes = bullet.getCollisionShapeData(uid, index, physicsClientId=client)
+    found = []
+    for shape in shapes:
+        a, b, c = shape[3]
+        pose = at @ Pose(shape[5], shape[6])
+        match shape[2]:
+            case bullet.GEOM_BOX:
+                found.append(convex_solid(SolidKind.BOX, (a, b, c), pose))
+            case bullet.GEOM_SPHERE:
+                found.append(convex_solid(SolidKind.SPHERE, (2 * a, 2 * a, 2 * a), pose))
+            case bullet.GEOM_CYLINDER:
+                found.append(convex_solid(SolidKind.CYLINDER, (2 * b, 2 * b, a), pose))
+            case bullet.GEOM_CAPSULE:
+                found.append(convex_solid(SolidKind.CAPSULE, (2 * b, 2 * b, a), pose))
+    if any(shape[2] == bullet.GEOM_MESH for shape in shapes):  # the vertices of all meshes of a link come at once
+        points = np.array(bullet.getMeshData(uid, index, physicsClientId=client)[1]).reshape(-1, 3)
+        found.append(ConvexSolid(SolidKind.MESH, (0.0, 0.0, 0.0), at, points))
+    return found

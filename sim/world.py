@@ -6,12 +6,17 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from planlang.protocols import Configuration, Detection, Motion, Trajectory
+from planlang.protocols import Configuration, Detection, Motion, MotionState, Trajectory
 from sim import snapshots
 from sim.kinematic import KinematicScene
 from sim.picture import save_png
 from sim.playback import Playback, advance, begin
 from sim.scene import RobotBody, Scene
+
+ROBOT = "robot"
+"""What :func:`held_by` calls the robot."""
+
+_RESTS = 0.005
 
 
 class PyBulletWorld(KinematicScene):
@@ -33,7 +38,7 @@ class PyBulletWorld(KinematicScene):
     def step(self) -> None:
         """Advance by one step: motions in the order of their groups' first start, then people, then what falls."""
         for playback in self._motions.values():
-            if playback.state().state == "moving":
+            if playback.state().state is MotionState.MOVING:
                 self._now = advance(playback, self._find, self._now)
         self._here()
         if self._robot is not None:
@@ -56,11 +61,11 @@ class PyBulletWorld(KinematicScene):
 
     def motion(self, group: str) -> Motion:
         """State of the group's last motion; a group that has never moved is done."""
-        return self._motions[group].state() if group in self._motions else Motion("done")
+        return self._motions[group].state() if group in self._motions else Motion(MotionState.DONE)
 
     def halt(self, group: str) -> None:
         """Stop the group where it is; nothing happens when it does not move."""
-        if group in self._motions and self._motions[group].state().state == "moving":
+        if group in self._motions and self._motions[group].state().state is MotionState.MOVING:
             self._motions[group].halted = True
 
     def set_configuration(self, configuration: Configuration) -> None:
@@ -122,3 +127,15 @@ class PyBulletWorld(KinematicScene):
         super().restore_state(state)
         self._motions = {group: snapshots.at_rest() for group in groups}
         self.steps = steps
+
+
+def held_by(world: PyBulletWorld, name: str) -> str | None:
+    """Who holds a body: "robot" as long as it does, else the person who has taken it, else None."""
+    return ROBOT if name in world.attached() else world.taken(name)
+
+
+def at_rest_on(world: PyBulletWorld, name: str) -> str | None:
+    """The body that a body stands on; None while it is held, falls, or has nothing below it within 5 mm."""
+    if held_by(world, name) or world.falling(name):
+        return None
+    return world.support(name) if world.height_above_support(name) <= _RESTS else None

@@ -14,6 +14,7 @@ from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.ontology import expand
 from sim import PlanningWorld
+from sim.scene import BodyShape
 
 LEANING = 0.05
 """How far a top may lean and still count as level [rad]: a bottle put down on it stays where it is."""
@@ -174,11 +175,11 @@ class BelievedBodies:
 
     def is_person(self, name: str) -> bool:
         """Return whether the body is a person."""
-        return self._world.scene.body(name).shape == "person"
+        return self._world.scene.body(name).shape is BodyShape.PERSON
 
     def is_room(self, name: str) -> bool:
         """Return whether the body is a room: everything is in it."""
-        return self._world.scene.body(name).shape == "room"
+        return self._world.scene.body(name).shape is BodyShape.ROOM
 
     def is_graspable(self, name: str) -> bool:
         """Return whether the body can be taken into a hand."""
@@ -186,11 +187,11 @@ class BelievedBodies:
 
     def is_round(self, name: str) -> bool:
         """Return whether a body is a cylinder."""
-        return self._world.scene.body(name).shape == "cylinder"
+        return self._world.scene.body(name).shape is BodyShape.CYLINDER
 
     def is_solid(self, name: str) -> bool:
         """Return whether a body can be touched: a marker cannot."""
-        return self._world.scene.body(name).shape != "marker"
+        return self._world.scene.body(name).shape is not BodyShape.MARKER
 
     def names(self) -> Sequence[str]:
         """Return all bodies."""
@@ -212,11 +213,11 @@ class BelievedBodies:
     def rests_at(self, name: str) -> float | None:
         """Return height of the level top on which things can rest, of a room its floor [m]; None for what has none."""
         shape, block = self._world.scene.body(name).shape, self.block(name)
-        if shape == "room":
+        if shape is BodyShape.ROOM:
             return block.low
         leans = np.abs(self.pose(name).matrix()[2, :3]).max() < math.cos(LEANING)
-        lying = shape == "cylinder" and not block.round
-        return None if shape in ("person", "marker") or leans or lying else block.high
+        lying = shape is BodyShape.CYLINDER and not block.round
+        return None if shape in (BodyShape.PERSON, BodyShape.MARKER) or leans or lying else block.high
 
     def front(self, name: str) -> float | None:
         """Return the heading of a body's front: where a person faces, where a door is, else the x axis of furniture.
@@ -224,9 +225,9 @@ class BelievedBodies:
         What a hand can take, round things, rooms and mere places have none.
         """
         body = self._world.scene.body(name)
-        if body.shape == "person":
+        if body.shape is BodyShape.PERSON:
             return self.zone(name).facing
-        if body.graspable or body.shape in ("cylinder", "marker", "room"):
+        if body.graspable or body.shape in (BodyShape.CYLINDER, BodyShape.MARKER, BodyShape.ROOM):
             return None
         block = self.block(name)
         for door in self.doors(name):

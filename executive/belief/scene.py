@@ -13,7 +13,7 @@ from planlang.geometry import Pose
 from planlang.geometry.box import corners
 from planlang.ontology import expand, shorten
 from sim import Body, Scene
-from sim.scene import GRASPABLE_WIDTH
+from sim.scene import GRASPABLE_WIDTH, BodyShape
 
 ROUND = ("DrinkingVessel", "Bottle", "Vase", "Can", "Jar-Container", "DrinkingCan", "CookingVessel")
 """Classes of things that are cylinders about their z axis."""
@@ -67,7 +67,7 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
 def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
     shape = _shape(thing, semantic_map)
     cls = next((cls for cls in thing.types if not cls.endswith("#NamedIndividual")), "")
-    movable = shape in ("box", "cylinder") and _movable(thing, semantic_map)
+    movable = shape in (BodyShape.BOX, BodyShape.CYLINDER) and _movable(thing, semantic_map)
     size = thing.size or (0.0, 0.0, 0.0)
     return Body(thing.name, pose, size, shape, thing.iri, shorten(cls), movable)
 
@@ -76,16 +76,16 @@ def _is_a(thing: MapObject, semantic_map: SemanticMap, classes: Iterable[str]) -
     return any(semantic_map.ontology.is_a(cls, expand(name)) for cls in thing.types for name in classes)
 
 
-def _shape(thing: MapObject, semantic_map: SemanticMap) -> str:
+def _shape(thing: MapObject, semantic_map: SemanticMap) -> BodyShape:
     if thing.size is None:
-        return "marker"
+        return BodyShape.MARKER
     if _is_a(thing, semantic_map, ("RoomInAConstruction",)):
-        return "room"
+        return BodyShape.ROOM
     if _is_a(thing, semantic_map, ("Person",)):
-        return "person"
+        return BodyShape.PERSON
     if _is_a(thing, semantic_map, ROUND) and 0.8 < thing.size[0] / thing.size[1] < 1.25:
-        return "cylinder"
-    return "box"
+        return BodyShape.CYLINDER
+    return BodyShape.BOX
 
 
 def _movable(thing: MapObject, semantic_map: SemanticMap) -> bool:
@@ -104,13 +104,13 @@ def _opened(bodies: list[Body], semantic_map: SemanticMap, found: list[Diagnosti
     for body in bodies:
         thing = semantic_map.find(body.iri)
         inside = [other.name for other in bodies if other.movable and other.name != body.name and holds(body, other)]
-        if thing is None or body.shape != "box" or body.movable or not inside:
+        if thing is None or body.shape is not BodyShape.BOX or body.movable or not inside:
             opened.append(body)
             continue
         holder = semantic_map.holder(thing)
         if holder is not None and _is_a(thing, semantic_map, CONTAINERS):
             found.append(note("M013", f"{body.name} is a compartment of {holder.name}: a place, not a box", thing.span))
-            opened.append(Body(body.name, body.pose, body.size, "marker", body.iri, body.type))
+            opened.append(Body(body.name, body.pose, body.size, BodyShape.MARKER, body.iri, body.type))
             continue
         message = f"{', '.join(inside)} inside {body.name}, which is modelled as a solid box: out of reach"
         found.append(warning("M014", message, thing.span, f"place it on {body.name}, or leave {body.name} out"))
@@ -122,7 +122,7 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnost
     """Things that stand nowhere are reported: the simulator keeps them in the air, but it is rarely meant."""
     for body in scene.bodies:
         thing = semantic_map.find(body.iri)
-        if not body.movable or thing is None or any(holds(b, body) for b in scene.bodies if b.shape == "box"):
+        if not body.movable or thing is None or any(holds(b, body) for b in scene.bodies if b.shape is BodyShape.BOX):
             continue
         if support_of(scene, body.name) is None:
             low = float(corners(body.pose, body.size)[:, 2].min())
@@ -134,8 +134,8 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnost
 def _bounds(bodies: Iterable[Body]) -> tuple[float, float, float, float]:
     """Rectangle around the rooms, or around everything with a margin."""
     bodies = tuple(bodies)
-    rooms = [body for body in bodies if body.shape == "room"]
-    points = [footprint(body) for body in (rooms or [b for b in bodies if b.shape != "marker"] or bodies)]
+    rooms = [body for body in bodies if body.shape is BodyShape.ROOM]
+    points = [footprint(body) for body in (rooms or [b for b in bodies if b.shape is not BodyShape.MARKER] or bodies)]
     if not points:
         return (-5.0, -5.0, 5.0, 5.0)
     margin = 0.0 if rooms else MARGIN

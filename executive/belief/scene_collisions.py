@@ -21,6 +21,7 @@ from planlang.geometry.matrices import moved
 from planlang.protocols import Configuration, Contact
 from sim import PlanningWorld
 from sim.bodies import FLOOR
+from sim.scene import BodyShape
 
 CLOSING_STEPS = 24
 """In how many steps closing fingers are looked at: with Amigo's gripper, which opens 10 cm, about 2 mm each."""
@@ -227,7 +228,7 @@ class SceneCollisions:
         """Return all bodies as obstacles."""
         solids = self.solids()
         if self._obstacles is None or self._obstacles[0] is not solids:
-            floor = next((body.name for body in self._world.scene.bodies if body.shape == "room"), FLOOR)
+            floor = next((body.name for body in self._world.scene.bodies if body.shape is BodyShape.ROOM), FLOOR)
             self._obstacles = solids, Room.of(solids, floor)
         return self._obstacles[1]
 

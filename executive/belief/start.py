@@ -11,6 +11,7 @@ from executive.belief.support import footprint
 from planlang.geometry import Array
 from planlang.geometry.box import corners
 from sim import Scene
+from sim.scene import BodyShape
 
 GRIDS = ((10.0, 0.05), (50.0, 0.25), (1000.0, 5.0))
 """How far from the centre places are looked for, and how far apart they are [m]; coarser only when there is none."""
@@ -31,14 +32,14 @@ def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, 
     Free: a disc of ``radius`` and :data:`CLEARANCE` [m] touches no body and lies within the room. Of equally near
     places the one with the smallest x, then y is the first. A coarser grid is looked at only when a finer has none.
     """
-    rooms = [body for body in scene.bodies if body.shape == "room"]
+    rooms = [body for body in scene.bodies if body.shape is BodyShape.ROOM]
     x_min, y_min, x_max, y_max = scene.bounds
     centre = np.array(rooms[0].pose.position[:2] if rooms else ((x_min + x_max) / 2, (y_min + y_max) / 2))
     inner = [footprint(room) for room in rooms]
     outer = [
         footprint(body)
         for body in scene.bodies
-        if body.shape not in ("marker", "room") and corners(body.pose, body.size)[:, 2].min() < HEADROOM
+        if body.shape not in (BodyShape.MARKER, BodyShape.ROOM) and corners(body.pose, body.size)[:, 2].min() < HEADROOM
     ]
     found = False
     for reach, spacing in GRIDS:

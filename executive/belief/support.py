@@ -10,6 +10,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.box import corners
 from planlang.geometry.outline import inside, outline_of
 from sim import Body, Scene
+from sim.scene import BodyShape
 
 PENETRATION = 0.02
 """How far a thing may sink into what it stands on [m]."""
@@ -38,7 +39,7 @@ def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None)
     low = float(corners(pose, body.size)[:, 2].min())
     best: tuple[float, str] | None = (0.0, FLOOR) if -PENETRATION <= low <= GAP else None
     for other in scene.bodies:
-        if other.name == name or other.shape in ("marker", "room"):
+        if other.name == name or other.shape in (BodyShape.MARKER, BodyShape.ROOM):
             continue
         place = poses.get(other.name, other.pose)
         top = float(corners(place, other.size)[:, 2].max())
@@ -49,7 +50,7 @@ def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None)
 
 def holds(container: Body, body: Body) -> bool:
     """Whether the centre of a body lies inside the box of another, below its top."""
-    if container.shape in ("marker", "room", "person"):
+    if container.shape in (BodyShape.MARKER, BodyShape.ROOM, BodyShape.PERSON):
         return False
     local = container.pose.inverse() @ body.pose
     half = np.asarray(container.size) / 2

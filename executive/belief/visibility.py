@@ -17,6 +17,7 @@ from executive.motion.solids import Solids
 from executive.robots import Robot
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
+from planlang.geometry.solid import SolidKind
 from planlang.protocols import Configuration
 from sim import PlanningWorld
 
@@ -133,7 +134,7 @@ def still_pieces(world: PlanningWorld, neck: Iterable[str]) -> Solids:
 def _surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tuple[float, float, float]]:
     """Return a primitive, kind and size [m], that is surely filled: of a mesh the core of the box around it."""
     x, y, z = size
-    return ("box", (CORE * x, CORE * y, CORE * z)) if kind == "mesh" else (kind, size)
+    return (SolidKind.BOX, (CORE * x, CORE * y, CORE * z)) if kind == SolidKind.MESH else (kind, size)
 
 
 class Visibility:

@@ -15,7 +15,7 @@ from executive.robots import Robot
 from executive.robots.arms import ArmModel
 from planlang import Fluent, wait_for
 from planlang.geometry import Array
-from planlang.protocols import Motion, Trajectory, World
+from planlang.protocols import Motion, MotionState, Trajectory, World
 
 
 @dataclass
@@ -49,7 +49,9 @@ class Control:
         """Command a motion and wait for its end; it is halted when the caller is evaporated or suspended."""
         self.world.start(group, trajectory)
         try:
-            await wait_for(Fluent(read=lambda: self.world.motion(group).state != "moving", name=f"{group} at rest"))
+            await wait_for(
+                Fluent(read=lambda: self.world.motion(group).state is not MotionState.MOVING, name=f"{group} at rest")
+            )
             return self.world.motion(group)
         finally:
             self.world.halt(group)

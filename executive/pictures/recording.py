@@ -12,6 +12,7 @@ import numpy as np
 from executive.pictures.shapes import Drawn, Shape
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.geometry import Pose
+from planlang.geometry.solid import SolidKind
 
 if TYPE_CHECKING:
     import rerun
@@ -132,9 +133,9 @@ def _drawings(entity: str, shapes: Sequence[Shape]) -> list[tuple[str, Any]]:
             "fill_mode": "solid",
         }
         match kind:
-            case "box":
+            case SolidKind.BOX:
                 drawing: Any = rerun.Boxes3D(sizes=sizes, **placed)
-            case "cylinder":
+            case SolidKind.CYLINDER:
                 drawing = rerun.Cylinders3D(lengths=sizes[:, 2], radii=sizes[:, 0] / 2, **placed)
             case _:
                 drawing = rerun.Ellipsoids3D(half_sizes=sizes / 2, **placed)

@@ -16,6 +16,7 @@ from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.box import corners
 from planlang.geometry.outline import outline_of
+from sim.scene import BodyShape
 
 
 def scenery_of(
@@ -27,17 +28,19 @@ def scenery_of(
     tops = {name: float(corners(world.pose(name), world.scene.body(name).size)[:, 2].max()) for name in world.names()}
     for name in sorted(tops, key=lambda name: tops[name]):  # what is on top is drawn last
         body = world.scene.body(name)
-        if body.shape == "room" or name in world.attached():
+        if body.shape is BodyShape.ROOM or name in world.attached():
             continue
-        if body.shape == "cylinder":
+        if body.shape is BodyShape.CYLINDER:
             block = scene.bodies.block(name)
             turns = np.arange(32) * 2 * np.pi / 32
             circle = np.column_stack([block.half_x * np.cos(turns), block.half_y * np.sin(turns)])
             points = block.to_map(circle)
         else:
             points = outline_of(corners(world.pose(name), body.size)[:, :2])
-        kind = "meant" if name in meant else body.shape if body.shape in ("person", "marker") else "solid"
-        facing = scene.bodies.front(name) if body.shape == "person" else None
+        kind = (
+            "meant" if name in meant else body.shape if body.shape in (BodyShape.PERSON, BodyShape.MARKER) else "solid"
+        )
+        facing = scene.bodies.front(name) if body.shape is BodyShape.PERSON else None
         bodies.append(Outline(name, points, kind, facing))
     robot = scene.base_radius
     size = robot if placed_thing is None else max(world.size(placed_thing)[:2]) / 2

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from planlang.geometry import Pose
+from planlang.geometry.solid import SolidKind
 
 if TYPE_CHECKING:
     from sim.bodies import Part
@@ -70,9 +71,9 @@ def _piece(part: Part, color: tuple[float, float, float, float] | None, pose: Po
     red, green, blue, opacity = part.color or color or (0.7, 0.65, 0.55, 1.0)
     colour = (round(255 * red), round(255 * green), round(255 * blue), round(255 * opacity))
     x, y, z = part.size
-    if part.kind != "box":
+    if part.kind != SolidKind.BOX:
         x = y = max(x, y)
-    return Shape(part.kind, (x, y, x if part.kind == "sphere" else z), pose, colour)
+    return Shape(part.kind, (x, y, x if part.kind == SolidKind.SPHERE else z), pose, colour)
 
 
 def link_shapes(urdf: Path) -> dict[str, tuple[Shape, ...]]:

@@ -41,7 +41,7 @@ from planlang.outputs import replace as write_complete
 from planlang.runs import Different, Past, RecordedRun, restore
 from planlang.runs.codec import dump
 from sim import PyBulletWorld
-from sim.oracle import at_rest_on, held_by
+from sim.world import at_rest_on, held_by
 
 if TYPE_CHECKING:
     from executive.pictures.recording import Recording

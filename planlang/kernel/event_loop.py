@@ -266,7 +266,7 @@ def _returned(scheduler: Scheduler, task: Task, value: Any) -> None:
 
 
 def _returned_coroutine(task: Task, coroutine: CoroutineType[Any, Any, Any]) -> PlanStructureError:
-    """The error of a branch that returned a coroutine instead of its result."""
+    """Return the error of a branch that returned a coroutine instead of its result."""
     name = coroutine.__name__
     coroutine.close()
     message = f"branch {task.path} returned a call of {name}() that was not awaited, so nothing was done"
@@ -359,7 +359,7 @@ async def _close(
 
 
 def _unfinished(generators: list[AsyncGenerator[Any, Any]]) -> list[AsyncGenerator[Any, Any]]:
-    """Those that still have something to run."""
+    """Return those that still have something to run."""
     return [generator for generator in generators if getattr(generator, "ag_frame", None) is not None]
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from xml.parsers import expat
+from xml.sax.saxutils import quoteattr
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.ontology.terms import ONTOLOGY
 
 LARGEST_EXPANSION = 10_000_000
 """Characters that all references of a file may expand to together, if the file itself is not longer."""
@@ -25,9 +27,10 @@ class EntityTable:
     lengths are computed when the document type is complete.
     """
 
-    def __init__(self, text: str, file: str) -> None:
+    def __init__(self, text: str, file: str, here: Callable[[], Span]) -> None:
         self._text = text
         self._file = file
+        self._here = here
         self._values: dict[str, tuple[str, Span]] = {}
         self._lengths: dict[str, int] = {"amp": 1, "lt": 1, "gt": 1, "apos": 1, "quot": 1}
 
@@ -41,9 +44,26 @@ class EntityTable:
         """What may be referred to: declared entities and those of XML itself."""
         return frozenset(self._values) | frozenset(("amp", "lt", "gt", "apos", "quot"))
 
-    def declare(self, name: str, value: str, span: Span) -> None:
-        """Note an entity; of two declarations the first counts, as XML has it."""
-        self._values.setdefault(name, (value, span))
+    def begin(self, name: str, system: str | None, public: str | None, internal: bool) -> None:
+        """Refuse a document type in another file; called by expat."""
+        if system or public:
+            advice = "declare the entities in the file itself"
+            raise BadInput([error("O009", f"an external document type is refused: {system}", self._here(), advice)])
+
+    def declare(
+        self, name: str, is_parameter: bool, value: str | None, base: str | None, system: str | None, *_: object
+    ) -> None:
+        """Note an entity; of two declarations the first counts, as XML has it; called by expat."""
+        if is_parameter:
+            raise BadInput([error("O009", f"a parameter entity is refused: %{name};", self._here())])
+        if value is None:
+            advice = "write its value into the file"
+            raise BadInput([error("O009", f"an external entity is refused: &{name}; {system}", self._here(), advice)])
+        self._values.setdefault(name, (value, self._here()))
+
+    def skip(self, name: str, is_parameter: bool) -> None:
+        """Refuse an entity that is not in the file; called by expat."""
+        raise BadInput([error("O009", f"an entity that is not in the file is refused: &{name};", self._here())])
 
     def check(self) -> None:
         """Raise BadInput if the references of the file expand to more than the limit, or into themselves."""
@@ -180,3 +200,25 @@ def explain(
     elif reason.startswith("mismatched tag") and open_lines:
         advice = f"the innermost open element begins in line {open_lines[-1]}"
     return error("O005", f"this is not XML: {reason}", span, advice)
+
+
+def must_be_rdf(tag: str, span: Span) -> None:
+    """Raise BadInput if the first element of a file, as expat names it, is that of another language."""
+    namespace, _, local = tag.rpartition(" ")
+    if tag.replace(" ", "") == ONTOLOGY:
+        message, advice = "this is OWL/XML, another syntax", "save it as RDF/XML or in Manchester syntax"
+    elif not namespace or namespace == "http://www.w3.org/1999/xhtml":
+        message = f"this is XML, but not RDF: its first element is {local}"
+        advice = "an ontology begins with rdf:RDF or in Manchester syntax"
+    else:
+        return
+    raise BadInput([error("O001", message, span, advice)])
+
+
+def opening_tag(tag: str, attributes: Sequence[str], *, is_outermost: bool) -> str:
+    """Write an element inside a value again that is XML; the outermost one with its namespace."""
+    namespace, _, local = tag.rpartition(" ")
+    parts = [local, *([f"xmlns={quoteattr(namespace)}"] if is_outermost and namespace else [])]
+    pairs = zip(attributes[::2], attributes[1::2], strict=True)
+    parts += (f"{key.rpartition(' ')[2]}={quoteattr(value)}" for key, value in pairs)
+    return f"<{' '.join(parts)}>"

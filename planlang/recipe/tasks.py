@@ -9,6 +9,7 @@ from graphlib import CycleError, TopologicalSorter
 
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Span, error
+from planlang.files import printable
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import check
@@ -127,7 +128,7 @@ def read_recipes(actions: Actions, task: str) -> RecipeSet:
         below = [callee for step in recipe.steps for callee in step.recipes]
         waiting += [(callee, callee) for callee in reversed(below) if callee not in found]
     document = actions.ontology.documents[0]
-    return RecipeSet(task, found, Source(document.path.name, document.sha256))
+    return RecipeSet(task, found, Source(printable(document.path.name), document.sha256))
 
 
 def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
