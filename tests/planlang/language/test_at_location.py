@@ -52,7 +52,7 @@ def test_another_arm_than_that_of_the_place_is_said_of_what_it_shall_reach(execu
     place = NEAR_CUP & a_location(near=BED, using=right)
     go(partial(at_location, place, body, reaching=(grasp,), device=left), executive)
     assert executive.asked == [place & a_location(in_reach_of=a_location(in_center_of=CUP, using=left))]
-    with pytest.raises(ValueError, match="two arms are said of one location"):
+    with pytest.raises(ValueError, match="one location names two arms"):
         go(partial(at_location, place, body, reaching=(CUP,), device=left), executive)
 
 
