@@ -96,7 +96,7 @@ class Relation:
         _RELATION.instance("reference", self.reference, (Object, Location), "an object or a location")
 
     def __invert__(self) -> Relation:
-        """The relation that holds where this one does not."""
+        """Return the relation that holds where this one does not."""
         return replace(self, negated=not self.negated)
 
     def __str__(self) -> str:
@@ -132,7 +132,7 @@ class Location:
             raise _LOCATION.wrong("grasp", self.grasp, f"one of {', '.join(GRASPS)}", WrongValue)
 
     def __and__(self, other: Location) -> Location:
-        """The poses in both; raises ValueError for two arms, two grasps, and for a posture."""
+        """Return the poses in both; raises ValueError for two arms, two grasps, and for a posture."""
         if not isinstance(other, Location):
             code = written(other)
             message = f"& joins two locations, not a location and {code}"
@@ -150,7 +150,7 @@ class Location:
         return Location(self.relations + more, self.name, self.device or other.device, self.grasp or other.grasp)
 
     def __invert__(self) -> Location:
-        """The poses that are not in it; ValueError unless it is one relation, with any arm and any grasp."""
+        """Return the poses that are not in it; ValueError unless it is one relation, with any arm and any grasp."""
         if len(self.relations) != 1 or self.device is not None or self.grasp is not None:
             raise ValueError(f"only a location of one relation, whatever reaches, can be negated; this is {self}")
         return Location((~self.relations[0],))
@@ -181,7 +181,7 @@ class Situation:
         _check_described(_SITUATION, self.type, self.properties)
 
     def get(self, property_name: str) -> Value | None:
-        """The filler of a property, or None."""
+        """Return the filler of a property, or None."""
         return dict(self.properties).get(property_name)
 
     def __str__(self) -> str:
@@ -210,7 +210,7 @@ class Action:
             _ACTION.text("name", self.name)
 
     def get(self, property_name: str) -> Value | None:
-        """The filler of a property, or None."""
+        """Return the filler of a property, or None."""
         return dict(self.properties).get(property_name)
 
     def __str__(self) -> str:
@@ -360,11 +360,11 @@ def located(where: Location, what: Object | None = None) -> Condition:
 
 
 def local_name(iri: str) -> str:
-    """The part of an IRI after ``#`` or the last ``/``."""
+    """Return the part of an IRI after ``#`` or the last ``/``."""
     return iri.rsplit("#", 1)[-1].rsplit("/", 1)[-1]
 
 
 def told_apart(first: str, second: str) -> tuple[str, str]:
-    """What two things (IRIs) are called beside each other: local names, or the whole IRIs if these are equal."""
+    """Return what two things (IRIs) are called beside each other: local names, or the whole IRIs if these are equal."""
     short = local_name(first), local_name(second)
     return short if short[0] != short[1] else (f"<{first}>", f"<{second}>")

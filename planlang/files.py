@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import stat
 from pathlib import Path
 from typing import BinaryIO
+from urllib.parse import unquote_to_bytes
 
 from planlang.diagnostics import BadInput, Span, error
 
@@ -63,5 +65,10 @@ def read_file(path: Path, code: str = "C001", *, largest: int = LARGEST, code_if
 
 
 def printable(name: str) -> str:
-    r"""A file's name as text that every file and terminal takes; bytes that are not UTF-8 are written as ``\xe9``."""
-    return os.fsencode(name).decode("utf-8", errors="backslashreplace")
+    """Return a file's name as text that every file and terminal takes; bytes that are not UTF-8 are written as %E9."""
+    return re.sub("[\udc80-\udcff]", lambda byte: f"%{ord(byte[0]) - 0xDC00:02X}", name)
+
+
+def from_printable(name: str) -> str:
+    """Return the file's name that :func:`printable` wrote."""
+    return os.fsdecode(unquote_to_bytes(name))

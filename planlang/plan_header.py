@@ -18,6 +18,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from planlang.files import from_printable
 from planlang.resources import bundled
 
 LONGEST = 10_000
@@ -34,7 +35,7 @@ _HEADER = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class PlanHeader:
-    """Where a plan came from."""
+    """The origin of a plan."""
 
     version: str
     recipe: str
@@ -57,8 +58,8 @@ class PlanHeader:
 
     def find_recipe(self, plan: Path, folders: Iterable[Path] = ()) -> Path | None:
         """Return the recipe: the first file of its name beside the plan, in ``folders``, among the bundled ones."""
-        for folder in (plan.parent, *folders, bundled("recipes")):
-            path = folder / self.recipe
+        names = dict.fromkeys((self.recipe, from_printable(self.recipe)))
+        for path in (folder / name for folder in (plan.parent, *folders, bundled("recipes")) for name in names):
             try:
                 if path.is_file():
                     return path
@@ -67,7 +68,7 @@ class PlanHeader:
         return None
 
     def paragraphs(self) -> list[str]:
-        """What the header says, as lines of the docstring."""
+        """Return the header as lines of the docstring."""
         lines = [
             f"Compiled by planlang {self.version} from {self.recipe}",
             f"(sha256 {self.sha256}), task {self.task}.",
@@ -85,7 +86,7 @@ def digest(source: str) -> str:
 
 
 def header(source: str) -> PlanHeader | None:
-    """Where a plan's source says it came from, at its start; None if it does not say. The source need not be valid."""
+    """Return the origin that a plan's source states at its start, or None. The source need not be valid."""
     found = _HEADER.search(" ".join(source[:LONGEST].split()))
     if found is None:
         return None

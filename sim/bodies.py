@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.box import half_extents, overlaps
+from planlang.geometry.solid import SolidKind
 from sim.engine import bullet
-from sim.scene import Body, Scene
+from sim.scene import Body, BodyShape, Scene
 
 FLOOR = "floor"
 """Name that the ground has in a scene without a room."""
@@ -25,11 +26,11 @@ WALL = 0.1
 AT_REST = 1e-3
 """A limb that is not farther from where it was at first rests there [m]."""
 _AWAY = (0.0, 0.0, -500.0)
-_COLORS: dict[str, tuple[float, float, float, float]] = {
-    "box": (0.72, 0.60, 0.45, 1.0),
-    "cylinder": (0.20, 0.50, 0.85, 1.0),
-    "person": (0.86, 0.68, 0.56, 1.0),
-    "room": (0.90, 0.90, 0.87, 1.0),
+_COLORS: dict[BodyShape, tuple[float, float, float, float]] = {
+    BodyShape.BOX: (0.72, 0.60, 0.45, 1.0),
+    BodyShape.CYLINDER: (0.20, 0.50, 0.85, 1.0),
+    BodyShape.PERSON: (0.86, 0.68, 0.56, 1.0),
+    BodyShape.ROOM: (0.90, 0.90, 0.87, 1.0),
 }
 Color = tuple[float, float, float, float]
 
@@ -38,7 +39,7 @@ Color = tuple[float, float, float, float]
 class Part:
     """A convex primitive in the frame of its body: a box of ``size``, or a cylinder or sphere inscribed in it."""
 
-    kind: str
+    kind: SolidKind
     size: tuple[float, float, float]
     offset: Pose
     color: Color | None = None
@@ -79,8 +80,8 @@ class Bodies:
         for body in scene.bodies:
             for part in parts.get(body.name) or plain(body):
                 self._add(body, part)
-        if not any(body.shape == "room" for body in scene.bodies):
-            ground = Body(FLOOR, Pose((0.0, 0.0, -0.05)), (60.0, 60.0, 0.1), color=_COLORS["room"])
+        if not any(body.shape is BodyShape.ROOM for body in scene.bodies):
+            ground = Body(FLOOR, Pose((0.0, 0.0, -0.05)), (60.0, 60.0, 0.1), color=_COLORS[BodyShape.ROOM])
             self.bodies[FLOOR], self.poses[FLOOR], self.of[FLOOR] = ground, ground.pose, []
             self._add(ground, *plain(ground))
         self.lower = np.full((len(self.pieces), 3), np.inf)
@@ -94,11 +95,11 @@ class Bodies:
         solid: dict[str, Any] = {"physicsClientId": self.client}
         seen: dict[str, Any] = {"physicsClientId": self.client, "rgbaColor": color}
         match part.kind:
-            case "box":
+            case SolidKind.BOX:
                 shape = bullet.GEOM_BOX
                 solid |= {"halfExtents": (x / 2, y / 2, z / 2)}
                 seen |= {"halfExtents": (x / 2, y / 2, z / 2)}
-            case "cylinder":
+            case SolidKind.CYLINDER:
                 shape = bullet.GEOM_CYLINDER
                 solid |= {"radius": max(x, y) / 2, "height": z}
                 seen |= {"radius": max(x, y) / 2, "length": z}
@@ -137,7 +138,7 @@ class Bodies:
             return
         bullet.resetBasePositionAndOrientation(piece.uid, pose.position, pose.orientation, physicsClientId=self.client)
         x, y, z = piece.part.size
-        if piece.part.kind != "box":
+        if piece.part.kind != SolidKind.BOX:
             x = y = max(x, y)
         reach = half_extents(pose, (x, y, z))
         self.lower[index] = np.asarray(pose.position) - reach
@@ -170,7 +171,7 @@ class Bodies:
         self.hidden.difference_update(indices)
 
     def name_of(self, uid: int) -> str | None:
-        """Name of the body that a piece of this id belongs to."""
+        """Return the name of the body that a piece of this id belongs to."""
         index = self._index.get(uid)
         return None if index is None else self.pieces[index].body
 
@@ -179,14 +180,14 @@ class Bodies:
         return overlaps(lower, upper, self.lower, self.upper)
 
     def box_of(self, name: str) -> tuple[Array, Array]:
-        """Lower and upper corner of the box around the body along the map's axes; a removed one has none (inf)."""
+        """Return the lower and upper corner of the box around a body, along the map's axes; inf for a removed one."""
         indices = self.of[name]
         if not indices:
             return np.full(3, np.inf), np.full(3, -np.inf)
         return self.lower[indices].min(axis=0), self.upper[indices].max(axis=0)
 
     def gap(self, first: Sequence[int], second: Sequence[int], within: float) -> float:
-        """Smallest distance between two sets of pieces [m], negative in penetration, ``inf`` beyond ``within``."""
+        """Return the distance of two sets of pieces [m], negative in penetration, ``inf`` beyond ``within``."""
         smallest = float("inf")
         for a in first:
             for b in second:
@@ -201,25 +202,25 @@ _HERE = Pose((0.0, 0.0, 0.0))
 
 
 def plain(body: Body) -> tuple[Part, ...]:
-    """Parts of a body that is no person."""
+    """Return parts of a body that is no person."""
     match body.shape:
-        case "marker" | "person":
+        case BodyShape.MARKER | BodyShape.PERSON:
             return ()
-        case "room":
+        case BodyShape.ROOM:
             return _room(body)
         case shape:
-            return (Part(shape, body.size, _HERE),)
+            return (Part(SolidKind(shape), body.size, _HERE),)
 
 
 def _room(body: Body) -> tuple[Part, ...]:
-    """A slab under the interior and four walls around it."""
+    """Return a slab under the interior and four walls around it."""
     x, y, z = body.size
     floor = Part(
-        "box", (x + 2 * WALL, y + 2 * WALL, WALL), Pose((0.0, 0.0, -z / 2 - WALL / 2)), (0.62, 0.64, 0.66, 1.0)
+        SolidKind.BOX, (x + 2 * WALL, y + 2 * WALL, WALL), Pose((0.0, 0.0, -z / 2 - WALL / 2)), (0.62, 0.64, 0.66, 1.0)
     )
     walls = [
         Part(
-            "box",
+            SolidKind.BOX,
             (WALL, y, z) if axis == 0 else (x + 2 * WALL, WALL, z),
             Pose((sign * (x + WALL) / 2, 0.0, 0.0) if axis == 0 else (0.0, sign * (y + WALL) / 2, 0.0)),
             outward=(sign, 0.0, 0.0) if axis == 0 else (0.0, sign, 0.0),

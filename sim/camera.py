@@ -14,11 +14,11 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.box import corners
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.outline import area, outline_of
+from planlang.geometry.solid import SolidKind
 from planlang.protocols import Detection
 from sim.bodies import Bodies
 from sim.engine import bullet
-from sim.scene import CameraModel
-from sim.view import FIELD
+from sim.scene import BodyShape, CameraModel
 
 LEAST_PIXELS = 4
 """An object with fewer pixels in the picture is not recognised."""
@@ -26,7 +26,7 @@ LEAST_PIXELS = 4
 _CLIP = 0.02
 _FAR = 60.0
 _SIDES = 12
-_UNSEEN = ("marker", "room")
+_UNSEEN = (BodyShape.MARKER, BodyShape.ROOM)
 Picture = NDArray[np.uint8]
 
 
@@ -37,7 +37,7 @@ class Camera:
         self.client, self.bodies = client, bodies
 
     def detect(self, model: CameraModel, pose: Pose) -> tuple[Detection, ...]:
-        """Objects with enough pixels in a segmentation picture taken at the pose of the camera's link.
+        """Return objects with enough pixels in a segmentation picture taken at the pose of the camera's link.
 
         The visible share is the number of pixels over the area of the silhouette that an unoccluded view would have,
         parts beyond the border of the picture included.
@@ -61,7 +61,7 @@ class Camera:
         eye, forward, up = _axes(model, pose)
         view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
         vertical = 2 * math.atan(math.tan(model.fov / 2) * model.height / model.width)
-        mask = self._picture(model.width, model.height, view, math.degrees(vertical))[4]
+        mask = raster(self.client, model.width, model.height, view, vertical)[4]
         counts: dict[str, int] = {}
         for uid, count in zip(*np.unique(np.asarray(mask), return_counts=True), strict=True):
             name = self.bodies.name_of(int(uid))
@@ -70,7 +70,7 @@ class Camera:
         return counts
 
     def _silhouette(self, name: str, model: CameraModel, pose: Pose) -> float:
-        """Pixels that the body would have without anything in front of it."""
+        """Return pixels that the body would have without anything in front of it."""
         eye, forward, up = _axes(model, pose)
         right = np.cross(forward, up)
         focal = model.width / 2 / math.tan(model.fov / 2)
@@ -82,23 +82,23 @@ class Camera:
         return total
 
     def _outline(self, index: int) -> Array:
-        """Points in the map whose convex hull is the piece (a polygonal one for round pieces)."""
+        """Return points in the map whose convex hull is the piece (a polygonal one for round pieces)."""
         piece = self.bodies.pieces[index]
         place = piece.pose
         size = piece.part.size
-        if piece.part.kind == "box":
+        if piece.part.kind == SolidKind.BOX:
             return corners(place, size)
         angles = np.arange(_SIDES) * (2 * math.pi / _SIDES)
         radius = max(size[:2]) / 2
         ring = np.column_stack([np.cos(angles) * radius, np.sin(angles) * radius, np.zeros(_SIDES)])
-        if piece.part.kind == "cylinder":
+        if piece.part.kind == SolidKind.CYLINDER:
             rings = [np.add(ring, (0.0, 0.0, height)) for height in (-size[2] / 2, size[2] / 2)]
         else:
             rings = [ring, ring[:, [2, 0, 1]], ring[:, [1, 2, 0]]]
         return moved(place.matrix(), np.vstack(rings))
 
     def sight(self, name: str, model: CameraModel, pose: Pose, cast: Any) -> tuple[float, dict[str, int]]:
-        """Share (0..1) of a body's surface facing the camera that a straight line of sight reaches; what lines hit.
+        """Return the share (0..1) of a body's surface facing the camera that a line of sight reaches; what lines hit.
 
         0 when its centre is beyond the camera's distances; points outside the field of view count as hidden, but their
         lines are told as well. ``cast`` is the world's batch of rays.
@@ -120,7 +120,7 @@ class Camera:
         return round(float(weights[seen].sum() / weights.sum()), 3), found
 
     def _facing(self, name: str, eye: Array) -> tuple[Array, Array]:
-        """Points on the surface that face the eye, and their shares of the silhouette."""
+        """Return points on the surface that face the eye, and their shares of the silhouette."""
         points, weights = [], []
         for index in self.bodies.of[name]:
             piece = self.bodies.pieces[index]
@@ -137,47 +137,34 @@ class Camera:
             return np.zeros((0, 3)), np.zeros(0)
         return np.vstack(points), np.concatenate(weights)
 
-    def render(self, width: int, height: int, eye: Sequence[float], target: Sequence[float]) -> Picture:
-        """(height, width, 3) picture; walls that stand between the eye and the room are left out."""
-        hidden = [index for index in range(len(self.bodies.pieces)) if self._in_the_way(index, eye)]
-        self.bodies.hide(hidden)
-        try:
-            view = bullet.computeViewMatrix(list(eye), list(target), [0.0, 0.0, 1.0])
-            image = self._picture(width, height, view, math.degrees(FIELD), shadow=1, light=(-2.0, -3.0, 6.0))
-        finally:
-            self.bodies.show(hidden)
-        pixels: Picture = np.asarray(image[2], dtype=np.uint8).reshape(height, width, 4)[:, :, :3].copy()
-        return pixels
 
-    def _in_the_way(self, index: int, eye: Sequence[float]) -> bool:
-        piece = self.bodies.pieces[index]
-        if piece.part.outward is None or piece.body in self.bodies.removed:
-            return False
-        wall = piece.pose
-        normal = rotated(wall.rotation, np.asarray(piece.part.outward))
-        return float((np.asarray(eye) - np.asarray(wall.position)) @ normal) > 0.0
+def raster(
+    client: int,
+    width: int,
+    height: int,
+    view: Any,
+    vertical: float,
+    *,
+    shadow: int = 0,
+    light: tuple[float, float, float] = (0.0, 0.0, 5.0),
+    links: bool = False,
+) -> Any:
+    """Return PyBullet's picture [2] and its mask of bodies [4], by its software renderer, the same on every machine.
 
-    def _picture(
-        self,
-        width: int,
-        height: int,
-        view: Any,
-        vertical: float,
-        *,
-        shadow: int = 0,
-        light: tuple[float, float, float] = (0.0, 0.0, 5.0),
-    ) -> Any:
-        lens = bullet.computeProjectionMatrixFOV(vertical, width / height, _CLIP, _FAR)
-        return bullet.getCameraImage(
-            width,
-            height,
-            view,
-            lens,
-            shadow=shadow,
-            lightDirection=light,
-            renderer=bullet.ER_TINY_RENDERER,
-            physicsClientId=self.client,
-        )
+    ``vertical``: opening angle [rad]. ``links``: the mask counts the links of a robot apart.
+    """
+    lens = bullet.computeProjectionMatrixFOV(math.degrees(vertical), width / height, _CLIP, _FAR)
+    return bullet.getCameraImage(
+        width,
+        height,
+        view,
+        lens,
+        shadow=shadow,
+        lightDirection=light,
+        flags=bullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX if links else 0,
+        renderer=bullet.ER_TINY_RENDERER,
+        physicsClientId=client,
+    )
 
 
 def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
@@ -187,7 +174,7 @@ def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
 
 
 def _framed(offset: Array, model: CameraModel, axes: tuple[Array, Array, Array]) -> NDArray[np.bool_]:
-    """Which points, told by their offsets from the camera, are in its field of view."""
+    """Return which points, told by their offsets from the camera, are in its field of view."""
     _, forward, up = axes
     right = np.cross(forward, up)
     depth = offset @ forward
@@ -200,13 +187,13 @@ def _framed(offset: Array, model: CameraModel, axes: tuple[Array, Array, Array])
 
 
 @lru_cache(maxsize=256)
-def _surface(kind: str, size: tuple[float, float, float], per_side: int = 5) -> tuple[Array, Array, Array]:
-    """Points, outward normals and areas of patches of a primitive's surface, in its frame."""
+def _surface(kind: SolidKind, size: tuple[float, float, float], per_side: int = 5) -> tuple[Array, Array, Array]:
+    """Return points, outward normals and areas of patches of a primitive's surface, in its frame."""
     grid = (np.arange(per_side) + 0.5) / per_side - 0.5
     points: list[Array] = []
     normals: list[Array] = []
     areas: list[Array] = []
-    if kind == "box":
+    if kind == SolidKind.BOX:
         for axis in range(3):
             first, second = [k for k in range(3) if k != axis]
             for sign in (-1.0, 1.0):
@@ -226,7 +213,7 @@ def _surface(kind: str, size: tuple[float, float, float], per_side: int = 5) -> 
     radius = max(size[:2]) / 2
     around = np.arange(_SIDES) * (2 * math.pi / _SIDES)
     ring = np.column_stack([np.cos(around), np.sin(around), np.zeros(_SIDES)])
-    if kind == "cylinder":
+    if kind == SolidKind.CYLINDER:
         for height in grid:
             points.append(ring * radius + [0.0, 0.0, height * size[2]])
             normals.append(ring)

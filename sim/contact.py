@@ -6,7 +6,9 @@ machine's kind of core a query with Amigo in a furnished room takes about 0.1 ms
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import contextlib
+import hashlib
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,10 +16,18 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.box import overlaps
-from planlang.protocols import Contact
+from planlang.protocols import Configuration, Contact
 from sim.bodies import Bodies
 from sim.engine import bullet
-from sim.robot import TOLERANCE, Robot
+from sim.robot import Robot
+
+TOLERANCE = 0.0005
+"""Penetrations not deeper than this are touching, not contact [m]."""
+
+_SAMPLES = 120
+_ALWAYS = 0.95
+_COINCIDENT = 0.03
+_pairs_of: dict[str, tuple[tuple[int, int], ...]] = {}
 
 SUPPORT_DEPTH = 0.02
 """How deep a held object may be in what it touched when it was grasped [m]."""
@@ -69,14 +79,16 @@ class Contacts:
 
     def __init__(self, robot: Robot, bodies: Bodies, held: dict[str, Held]) -> None:
         self.robot, self.bodies, self.held = robot, bodies, held
+        self.self_pairs = watched_pairs(robot)
+        """Numbers of the pairs of solid links that must not touch."""
         self._pairs = np.zeros((len(robot.solid), len(robot.solid)), bool)
-        for pair in robot.self_pairs:
+        for pair in self.self_pairs:
             self._pairs[pair] = True
         hands = [robot.hand_of(link) for link in robot.body.hands]
         self._hands = frozenset().union(*hands)
 
     def find(self, query: Query) -> tuple[Contact, ...]:
-        """All contacts: links first, in the order of the URDF, then held objects in the order of grasping."""
+        """Return all contacts: links first, in the order of the URDF, then held objects in the order of grasping."""
         found: dict[tuple[str, str], float] = {}
         if query.among is not None:
             for part, body in query.among:
@@ -180,7 +192,7 @@ class Contacts:
                 _deepen(found, name, link, self.robot.depth_with(number, self.bodies.pieces[mine].uid))
 
     def touching(self, name: str, within: float) -> set[str]:
-        """Bodies not farther than ``within`` [m] from a body; the robot is none."""
+        """Return bodies not farther than ``within`` [m] from a body; the robot is none."""
         mine = self.bodies.of[name]
         lower, upper = self.bodies.box_of(name)
         near = self.bodies.near(lower[None] - within, upper[None] + within)[0]
@@ -197,7 +209,7 @@ class Contacts:
                 held.touched &= self.touching(name, PARTED)
 
     def between(self, fingers: Collection[str], reach: float = 0.01) -> str | None:
-        """The body that two or more finger links, of all that are given, have between them within ``reach`` [m]."""
+        """Return the body that two or more of these finger links have between them within ``reach`` [m]."""
         numbers = [self.robot.number[link] for link in fingers if link in self.robot.number]
         if len(numbers) < 2:
             return None
@@ -216,7 +228,7 @@ class Contacts:
         return None if best is None else best[1]
 
     def _normal(self, number: int, name: str, reach: float) -> Array | None:
-        """Direction from a body towards a link where they are nearest."""
+        """Return the direction from a body towards a link where they are nearest."""
         nearest: tuple[float, Array] | None = None
         for index in self.bodies.of[name]:
             for point in bullet.getClosestPoints(
@@ -235,3 +247,71 @@ class Contacts:
 def _deepen(found: dict[tuple[str, str], float], part: str, body: str, depth: float) -> None:
     if depth > TOLERANCE and depth > found.get((part, body), 0.0):
         found[part, body] = depth
+
+
+def watched_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
+    """Return pairs of solid links that must not touch, computed once per URDF and robot's body.
+
+    Left out are pairs that may touch, that are rigidly connected or joined by one joint, that touch nearly always, and
+    those that touch in the posture that is said to begin with: there the model is wrong, not the robot.
+    """
+    body = robot.body
+    allowed = sorted(tuple(sorted(pair)) for pair in body.allowed)
+    moving = None if body.moving is None else sorted(body.moving)
+    text = robot.description.text + repr((allowed, moving, sorted(robot.shown.items())))
+    key = hashlib.sha256(text.encode()).hexdigest()
+    if key not in _pairs_of:
+        _pairs_of[key] = _find_pairs(robot)
+    return _pairs_of[key]
+
+
+def _find_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
+    allowed = {frozenset(pair) for pair in robot.body.allowed}
+    names = robot.solid_names
+    pairs = [
+        (a, b)
+        for a in range(len(names))
+        for b in range(a + 1, len(names))
+        if frozenset((names[a], names[b])) not in allowed and not _adjacent(robot, robot.solid[a], robot.solid[b])
+    ]
+    if robot.body.posture:
+        touching = {pair for pair in robot.near_pairs(pairs) if robot.depth_between(*pair) > TOLERANCE}
+        pairs = [pair for pair in pairs if pair not in touching]
+    spans = {
+        name: (max(low, -np.pi), min(high, np.pi))
+        for name, (low, high) in robot.limits.items()
+        if robot.joints[name] not in robot.fixed
+    }
+    lower, upper = np.array([*spans.values()]).reshape(-1, 2).T
+    touched = dict.fromkeys(pairs, _SAMPLES)
+    always = pairs
+    with _kept(robot):
+        for values in np.random.default_rng(0).uniform(lower, upper, (_SAMPLES, len(spans))).tolist():
+            robot.show(Configuration(robot.base, dict(zip(spans, values, strict=True))))
+            touching = {pair for pair in robot.near_pairs(always) if robot.depth_between(*pair) > TOLERANCE}
+            for pair in always:
+                touched[pair] -= pair not in touching
+            always = [pair for pair in always if touched[pair] >= _ALWAYS * _SAMPLES]
+            if not always:  # nothing is left that the other postures could tell
+                break
+    return tuple(pair for pair in pairs if pair not in always)
+
+
+@contextlib.contextmanager
+def _kept(robot: Robot) -> Iterator[None]:
+    before = robot.configuration()
+    yield
+    robot.show(before)
+
+
+def _adjacent(robot: Robot, a: int, b: int) -> bool:
+    """Rigidly connected, or joined by one joint or by several whose frames coincide (a shoulder, a wrist)."""
+    up_a, up_b = robot.ancestors(a), robot.ancestors(b)
+    between = [i for i in up_a if i not in up_b] + [i for i in up_b if i not in up_a]
+    moving = [index for index in between if index not in robot.fixed]
+    if len(moving) <= 1:
+        return True
+    if a not in up_b and b not in up_a:
+        return False
+    frames = np.array([bullet.getLinkState(robot.uid, i, physicsClientId=robot.client)[4] for i in moving], dtype=float)
+    return bool(np.all(np.linalg.norm(frames - frames[0], axis=1) < _COINCIDENT))

@@ -1,11 +1,28 @@
-"""Bodies on their way down, and what they would rest on."""
+"""Bodies that were let go: they fall straight down on the first surface that bears their centre of mass."""
 
 from __future__ import annotations
 
-from planlang.geometry import Pose
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from planlang.geometry import Array, Pose
+from planlang.geometry.box import half_extents
+from planlang.geometry.outline import footprint, inside, outline_of
 from sim.bodies import Bodies
 from sim.rays import Rays
-from sim.sinking import fall, resting
+from sim.scene import BodyShape
+
+GRAVITY = 9.81
+"""[m/s^2]"""
+
+_LEVEL = 0.01
+_STEP = 0.01
+_UP = 0.021  # above the lowest point of the body: a support may be penetrated by 2 cm
+_DEPTH = 100.0
+Cast = Callable[[Array, Array], tuple[Sequence[str | None], Array]]
+"""(n, 3) from, (n, 3) to -> names hit (or None) and heights z (n,) of the hits."""
 
 
 class Falling:
@@ -17,10 +34,12 @@ class Falling:
         """Body -> speed [m/s] and where it will rest."""
 
     def rest(self, name: str) -> tuple[Pose, str | None]:
-        """Where a body would come to rest if it were let go here, and on what (None: there is nothing below)."""
+        """Return where a body would come to rest if it were let go here, and on what (None: there is nothing below)."""
         body = self.bodies.bodies[name]
         with self.rays.without(name):
-            return resting(self.bodies.poses[name], body.size, self.rays.down, cylinder=body.shape == "cylinder")
+            return resting(
+                self.bodies.poses[name], body.size, self.rays.down, cylinder=body.shape is BodyShape.CYLINDER
+            )
 
     def begin(self, name: str) -> None:
         """Let a body go; one with nothing below it stays in the air."""
@@ -29,7 +48,7 @@ class Falling:
             self.on_the_way[name] = (0.0, rest)
 
     def stop(self, name: str) -> None:
-        """The body is held, or was put somewhere."""
+        """Forget that a body falls: it is held, or was put somewhere."""
         self.on_the_way.pop(name, None)
 
     def step(self) -> None:
@@ -43,3 +62,55 @@ class Falling:
             else:
                 self.bodies.place(name, Pose((x, y, height), rest.orientation))
                 self.on_the_way[name] = (speed, rest)
+
+
+def upright(pose: Pose) -> Pose:
+    """Return the pose turned so that its axis nearest to the vertical is vertical."""
+    axes = pose.rotation
+    k = int(np.argmax(np.abs(axes[2])))
+    axis, goal = axes[:, k], np.array([0.0, 0.0, math.copysign(1.0, axes[2, k])])
+    cross = np.cross(axis, goal)
+    sine, cosine = float(np.linalg.norm(cross)), float(axis @ goal)
+    if sine < 1e-9:
+        return pose
+    half = math.atan2(sine, cosine) / 2
+    x, y, z = (cross / sine * math.sin(half)).tolist()
+    turn = Pose((0.0, 0.0, 0.0), (x, y, z, math.cos(half)))
+    turned = turn @ Pose((0.0, 0.0, 0.0), pose.orientation)
+    return Pose(pose.position, turned.orientation)
+
+
+def resting(pose: Pose, size: Sequence[float], rays: Cast, *, cylinder: bool = False) -> tuple[Pose, str | None]:
+    """Return where the body comes to rest below ``pose`` and on what (None: there is nothing below).
+
+    A surface bears the body when its centre lies in the hull of the points of the footprint that are on the surface.
+    One that does not is left behind: the body slips off, away from that surface's points, just far enough.
+    """
+    pose = upright(pose)
+    half = float(half_extents(pose, size)[2])
+    for _ in range(50):
+        outline = footprint(pose, size, cylinder=cylinder)
+        center = np.asarray(pose.position[:2])
+        points = np.vstack([center] + [center + (outline - center) * share for share in (0.33, 0.66, 0.98)])
+        top = np.column_stack([points, np.full(len(points), pose.position[2] - half + _UP)])
+        names, heights = rays(top, top - np.array([0.0, 0.0, _DEPTH]))
+        hits = np.array([name is not None for name in names])
+        if not hits.any():
+            return pose, None
+        level = float(heights[hits].max())
+        bearing = points[hits & (heights > level - _LEVEL)]
+        if inside(outline_of(bearing), center):
+            best = int(np.argmax(np.where(hits, heights, -np.inf)))
+            return Pose((pose.position[0], pose.position[1], level + half), pose.orientation), names[best]
+        away = center - bearing.mean(axis=0)
+        length = float(np.linalg.norm(away))
+        direction = away / length if length > 1e-6 else np.array([1.0, 0.0])
+        x, y = (center + direction * _STEP).tolist()
+        pose = Pose((x, y, pose.position[2]), pose.orientation)
+    return pose, None
+
+
+def fall(height: float, speed: float, rate: int) -> tuple[float, float]:
+    """One step of free fall: new height [m] and speed [m/s]."""
+    speed += GRAVITY / rate
+    return height - speed / rate, speed

@@ -5,7 +5,7 @@ Kinematic: nothing has mass, nothing is pushed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from planlang.geometry import Pose
@@ -16,12 +16,11 @@ from sim.camera import Camera, Picture
 from sim.contact import PARTED, Contacts, Held, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
-from sim.people import People
-from sim.person import Reach, parts_of
+from sim.people import People, Reach, parts_of
+from sim.picture import Painter, View
 from sim.rays import Rays
 from sim.robot import Robot
-from sim.scene import CameraModel, RobotBody, Scene
-from sim.view import viewpoint
+from sim.scene import BodyShape, CameraModel, RobotBody, Scene
 
 
 class KinematicScene:
@@ -34,7 +33,7 @@ class KinematicScene:
         """
         self.scene, self.rate = scene, rate
         self._client = connect(gui=gui)
-        persons = {body.name: parts_of(body) for body in scene.bodies if body.shape == "person"}
+        persons = {body.name: parts_of(body) for body in scene.bodies if body.shape is BodyShape.PERSON}
         self._bodies = Bodies(self._client, scene, persons)
         self._camera = Camera(self._client, self._bodies)
         self._people = People(self._bodies, rate)
@@ -63,7 +62,7 @@ class KinematicScene:
         return self._robot
 
     def configuration(self) -> Configuration:
-        """Where the robot is."""
+        """Return where the robot is."""
         return Configuration(self._now.base, dict(self._now.joints))
 
     def set_configuration(self, configuration: Configuration) -> None:
@@ -105,21 +104,21 @@ class KinematicScene:
     # Bodies
 
     def names(self) -> tuple[str, ...]:
-        """Names of all bodies, in the order of the scene; removed ones are left out."""
+        """Return the names of all bodies, in the order of the scene; removed ones are left out."""
         return tuple(body.name for body in self.scene.bodies if body.name not in self._bodies.removed)
 
     def pose(self, name: str) -> Pose:
-        """Pose of the body's box centre in the map; ``KeyError`` for an unknown body."""
+        """Return the pose of the body's box centre in the map; ``KeyError`` for an unknown body."""
         self._here()
         self.scene.body(name)
         return self._bodies.poses[name]
 
     def size(self, name: str) -> tuple[float, float, float]:
-        """Extents of the body's box along its own axes [m]."""
+        """Return the extents of the body's box along its own axes [m]."""
         return self.scene.body(name).size
 
     def pieces(self, name: str) -> tuple[tuple[Part, Pose], ...]:
-        """The primitives that a body consists of, each with its pose in the body's frame; that of a limb changes."""
+        """Return the primitives of a body, each with its pose in the body's frame; that of a limb changes."""
         return tuple((self._bodies.pieces[k].part, self._bodies.pieces[k].offset) for k in self._bodies.of[name])
 
     def set_pose(self, name: str, pose: Pose) -> None:
@@ -169,13 +168,13 @@ class KinematicScene:
         return {name: held.link for name, held in self._held.items()}
 
     def support(self, name: str) -> str | None:
-        """What a body would rest on if it were let go here; None when that is nothing."""
+        """Return what a body would rest on if it were let go here; None when that is nothing."""
         self.scene.body(name)
         self._here()
         return self._falling.rest(name)[1]
 
     def height_above_support(self, name: str) -> float:
-        """How far a body would sink if it were let go here [m]; ``inf`` when there is nothing below."""
+        """Return how far a body would sink if it were let go here [m]; ``inf`` when there is nothing below."""
         self.scene.body(name)
         self._here()
         rest, support = self._falling.rest(name)
@@ -186,7 +185,7 @@ class KinematicScene:
         return self._people.reach(name)
 
     def shoulder(self, name: str) -> tuple[float, float, float]:
-        """The point between a person's shoulders, in the map."""
+        """Return the point between a person's shoulders, in the map."""
         return self._people.reach(name).shoulder
 
     def arm_length(self, name: str) -> float:
@@ -198,16 +197,16 @@ class KinematicScene:
         return () if self._robot is None else self._find(self._now, Query())
 
     def render(
-        self,
-        width: int = 640,
-        height: int = 480,
-        eye: Sequence[float] | None = None,
-        target: Sequence[float] | None = None,
+        self, width: int = 640, height: int = 480, view: View | None = None, of: Collection[str] = ()
     ) -> Picture:
-        """(height, width, 3) picture, by default of everything from above a corner; walls in between are left out."""
+        """Return a picture (height, width, 3) from an eye towards a target; walls in between are left out.
+
+        By default it is a close view of things that are asked for ``of``, with the hand and the people at them, else of
+        everything from above a corner.
+        """
         self._here()
-        default_eye, default_target = viewpoint(self._bodies, width / height)
-        return self._camera.render(width, height, eye or default_eye, target or default_target)
+        painter, aspect = Painter(self._bodies, self._people, self._robot), width / height
+        return painter.render(width, height, view or painter.closeup(of, aspect) or painter.overview(aspect))
 
     def state(self) -> tuple[object, ...]:
         """Return something hashable that is equal for worlds in which everything is at the same place."""

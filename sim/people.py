@@ -2,14 +2,259 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.matrices import moved
-from sim.bodies import Bodies
-from sim.person import TAKING_DISTANCE, TAKING_TIME, Person, Reach, arm_parts, reach_from, taking_point
+from planlang.geometry.box import half_extents
+from planlang.geometry.matrices import moved, rotated
+from planlang.geometry.pose import facing
+from planlang.geometry.solid import SolidKind
+from sim.bodies import Bodies, Part
+from sim.scene import Body, BodyShape
+
+HAND_SPEED = 0.4
+"""How fast a hand moves [m/s]."""
+TAKING_DISTANCE = 0.05
+"""A hand takes what is not farther from it [m]."""
+TAKING_TIME = 1.0
+"""How long an object must have been offered within that distance [s]."""
+COMFORT_ANGLE = math.radians(60)
+"""Half opening angle of the cone in front of a shoulder in which a person likes to take things."""
+
+_SKIN = (0.86, 0.68, 0.56, 1.0)
+_CLOTHES = (0.45, 0.62, 0.78, 1.0)
+_UPPER, _FORE, _HAND = 0.30, 0.27, 0.09
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """What a person reaches: shoulders in the map, arm length to the palm [m], horizontal direction they face."""
+
+    shoulders: tuple[tuple[float, float, float], tuple[float, float, float]]
+    """Right, left."""
+    arm_length: float
+    facing: tuple[float, float, float]
+
+    @property
+    def shoulder(self) -> tuple[float, float, float]:
+        """The point between the shoulders."""
+        (a, b, c), (d, e, f) = self.shoulders
+        return ((a + d) / 2, (b + e) / 2, (c + f) / 2)
+
+    def arm_for(self, point: Sequence[float]) -> int | None:
+        """0 (right) or 1 (left): the arm that has the point in its comfort zone, the nearer one of two; else None.
+
+        The zone: from a quarter to all of the arm length, within 60 degrees of where the person faces.
+        """
+        best: tuple[float, int] | None = None
+        for k, shoulder in enumerate(self.shoulders):
+            offset = np.asarray(point, dtype=float) - np.asarray(shoulder)
+            distance = float(np.linalg.norm(offset))
+            if not 0.25 * self.arm_length <= distance <= self.arm_length:
+                continue
+            if float(offset @ np.asarray(self.facing)) < distance * math.cos(COMFORT_ANGLE):
+                continue
+            if best is None or distance < best[0] - 1e-9:
+                best = (distance, k)
+        return None if best is None else best[1]
+
+    def comfortable(self, point: Sequence[float]) -> bool:
+        """Return whether the person would take something at this point of the map."""
+        return self.arm_for(point) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """Parts and proportions in the frame of the body's box; ``turn`` leads from that frame to one with x ahead."""
+
+    trunk: tuple[Part, ...]
+    shoulders: tuple[Array, Array]
+    hands: tuple[Array, Array]
+    """Where the hands rest."""
+    scale: float
+    turn: Pose
+
+    @property
+    def arm_length(self) -> float:
+        """From the shoulder to the palm [m]."""
+        return (_UPPER + _FORE + _HAND / 2) * self.scale
+
+
+def figure_of(body: Body) -> Figure:
+    """Lying (long and low: raised upper body as far as the box is high), seated or standing."""
+    length, width, height = body.size
+    along = max(length, width)
+    if along >= 1.2 and along > height:
+        return _lying(along, height, Pose.planar(0.0, 0.0, 0.0 if length >= width else math.pi / 2))
+    return _upright(length, height, seated=height < 1.45)
+
+
+def _lying(length: float, height: float, turn: Pose) -> Figure:
+    scale, lean = length / 1.75, 0.0
+    for _ in range(20):  # a fixed point: the more upright the upper body, the longer the legs may be
+        lean = math.asin(min(max((height - 0.2 * scale) / (0.80 * scale), 0.0), 0.94))
+        scale = min(max(length / (0.92 + 0.80 * math.cos(lean) + 0.05), 0.5), 1.15)
+    pelvis = np.array([length / 2 - 0.92 * scale, 0.0, -height / 2 + 0.10 * scale])
+    up = np.array([-math.cos(lean), 0.0, math.sin(lean)])
+    legs = _box(np.add(pelvis, (0.46 * scale, 0.0, 0.0)), (0.92, 0.34, 0.17), scale, _CLOTHES)
+    return _figure(pelvis, up, scale, turn, [legs], np.array([0.18, 0.27, 0.03]))
+
+
+def _upright(length: float, height: float, *, seated: bool) -> Figure:
+    turn = Pose((0.0, 0.0, 0.0))
+    scale = height / (1.28 if seated else 1.75)
+    ground = -height / 2
+    if not seated:
+        pelvis = np.array([0.0, 0.0, ground + 0.93 * scale])
+        legs = [_box([0, 0, ground + 0.465 * scale], (0.2, 0.32, 0.93), scale, _CLOTHES)]
+        return _figure(pelvis, np.array([0.0, 0.0, 1.0]), scale, turn, legs, np.array([0.05, 0.25, -0.05]))
+    pelvis = np.array([-length / 2 + 0.12 * scale, 0.0, ground + 0.47 * scale])
+    shins = _box([pelvis[0] + 0.45 * scale, 0, ground + 0.22 * scale], (0.14, 0.32, 0.44), scale, _CLOTHES)
+    thighs = _box(np.add(pelvis, (0.25 * scale, 0.0, 0.0)), (0.5, 0.34, 0.16), scale, _CLOTHES)
+    return _figure(pelvis, np.array([0.0, 0.0, 1.0]), scale, turn, [shins, thighs], np.array([0.35, 0.2, 0.14]))
+
+
+def _figure(pelvis: Array, up: Array, scale: float, turn: Pose, legs: list[Part], rest: Array) -> Figure:
+    """Torso and head on top of the legs; ``rest`` is where the left hand lies, from the pelvis."""
+    front = np.array([up[2], 0.0, -up[0]])
+    torso = _posed(pelvis + up * 0.29 * scale, front, up, (0.2, 0.34, 0.52), scale, _CLOTHES)
+    head = Part(SolidKind.SPHERE, (0.2 * scale,) * 3, turn @ Pose(_triple(pelvis + up * 0.68 * scale)), _SKIN)
+    parts = [Part(p.kind, p.size, turn @ p.offset, p.color) for p in [*legs, torso]]
+    spin = turn.rotation
+    side = np.array([0.0, 0.21 * scale, 0.0])
+    shoulder = pelvis + up * 0.48 * scale
+    rest = rest * scale
+    return Figure(
+        (*parts, head),
+        (rotated(spin, shoulder - side), rotated(spin, shoulder + side)),
+        (rotated(spin, pelvis + rest * [1, -1, 1]), rotated(spin, pelvis + rest)),
+        scale,
+        turn,
+    )
+
+
+def _box(center: Array | Sequence[float], size: Sequence[float], scale: float, color: Sequence[float]) -> Part:
+    return _posed(np.asarray(center, dtype=float), np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), size, scale, color)
+
+
+def _posed(center: Array, front: Array, up: Array, size: Sequence[float], scale: float, color: Sequence[float]) -> Part:
+    scaled = (size[0] * scale, size[1] * scale, size[2] * scale)
+    return Part(SolidKind.BOX, scaled, facing(center.tolist(), front, up), (color[0], color[1], color[2], color[3]))
+
+
+def _triple(vector: Array) -> tuple[float, float, float]:
+    return (float(vector[0]), float(vector[1]), float(vector[2]))
+
+
+def reach_of(body: Body, pose: Pose | None = None) -> Reach:
+    """Return what a person of the scene reaches, at the body's pose or another."""
+    return reach_from(figure_of(body), pose or body.pose)
+
+
+def reach_from(figure: Figure, pose: Pose) -> Reach:
+    """As :func:`reach_of`, for a figure at hand."""
+    matrix = pose.matrix()
+    shoulders = [moved(matrix, shoulder) for shoulder in figure.shoulders]
+    ahead = rotated(matrix[:3, :3], figure.turn.rotation[:, 0])
+    ahead[2] = 0.0
+    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+    return Reach((_triple(shoulders[0]), _triple(shoulders[1])), figure.arm_length, _triple(ahead))
+
+
+def parts_of(body: Body) -> tuple[Part, ...]:
+    """Return the trunk first, then upper arm, fore arm and hand of the right arm and of the left, hands at rest."""
+    figure = figure_of(body)
+    parts = list(figure.trunk)
+    for k in (0, 1):
+        parts += arm_parts(figure, k, figure.hands[k])
+    return tuple(parts)
+
+
+def arm_parts(figure: Figure, k: int, hand: Array) -> list[Part]:
+    """Arm ``k`` with its palm at a point of the body's frame, or as near to it as it reaches; elbow down and out."""
+    scale, shoulder = figure.scale, figure.shoulders[k]
+    upper, fore = _UPPER * scale, (_FORE + _HAND / 2) * scale
+    offset = hand - shoulder
+    distance = min(max(float(np.linalg.norm(offset)), 1e-3), (upper + fore) * 0.999)
+    ahead = offset / max(float(np.linalg.norm(offset)), 1e-9)
+    along = (upper**2 - fore**2 + distance**2) / (2 * distance)
+    along = min(max(along, -upper), upper)
+    outwards = rotated(figure.turn.rotation, np.array([-0.3, -0.5 if k == 0 else 0.5, -1.0]))
+    aside = outwards - ahead * float(outwards @ ahead)
+    aside /= max(float(np.linalg.norm(aside)), 1e-9)
+    elbow = shoulder + ahead * along + aside * math.sqrt(max(upper**2 - along**2, 0.0))
+    palm = shoulder + ahead * distance
+    towards = (palm - elbow) / max(float(np.linalg.norm(palm - elbow)), 1e-9)
+    wrist = palm - towards * _HAND / 2 * scale
+    return [
+        _limb(SolidKind.CYLINDER, shoulder, elbow, 0.08 * scale, _CLOTHES),
+        _limb(SolidKind.CYLINDER, elbow, wrist, 0.065 * scale, _SKIN),
+        _limb(SolidKind.BOX, wrist, palm + towards * _HAND / 2 * scale, 0.07 * scale, _SKIN),
+    ]
+
+
+def _limb(kind: SolidKind, start: Array, end: Array, width: float, color: tuple[float, float, float, float]) -> Part:
+    along = end - start
+    length = max(float(np.linalg.norm(along)), 1e-3)
+    pose = facing(((start + end) / 2).tolist(), along, np.array([0.0, 0.0, 1.0]))
+    if kind == SolidKind.CYLINDER:  # its axis is z: turn z onto x
+        turn = math.sqrt(0.5)
+        return Part(
+            kind, (width, width, length), pose @ Pose((0.0, 0.0, 0.0), (0.0, turn, 0.0, turn)), color, limb=True
+        )
+    return Part(kind, (length, width, width * 0.5), pose, color, limb=True)
+
+
+@dataclass(slots=True)
+class Person:
+    """State of a person's hands; positions are in the frame of the body."""
+
+    body: Body
+    figure: Figure
+    hands: list[Array]
+    reaching: tuple[int, str] | None = None
+    """Arm and name of the object reached for."""
+    close: int = 0
+    """For how many steps it has been offered within the hand's grasp."""
+    holds: dict[str, tuple[int, Pose]] = field(default_factory=dict)
+    """Object -> arm and the object's pose when it was taken."""
+
+    @staticmethod
+    def of(body: Body) -> Person:
+        """At rest."""
+        figure = figure_of(body)
+        return Person(body, figure, [hand.copy() for hand in figure.hands])
+
+    def free(self, k: int) -> bool:
+        """Return whether a hand holds nothing."""
+        return all(arm != k for arm, _ in self.holds.values())
+
+    def move_hand(self, k: int, goal: Array, rate: int) -> bool:
+        """One step of a hand towards a point of the body's frame; whether it moved."""
+        offset = goal - self.hands[k]
+        if not offset.any() or (distance := float(np.linalg.norm(offset))) < 1e-6:
+            return False
+        self.hands[k] = self.hands[k] + offset * min(1.0, HAND_SPEED / rate / distance)
+        return True
+
+
+def taking_point(pose: Pose, size: Sequence[float], shoulder: Sequence[float]) -> Array:
+    """Return where a palm goes to take an object: beside its upper half, on the side of the shoulder, in the map."""
+    center = np.asarray(pose.position)
+    aside = np.asarray(shoulder, dtype=float) - center
+    aside[2] = 0.0
+    aside /= max(float(np.linalg.norm(aside)), 1e-9)
+    half = np.asarray(size, dtype=float) / 2
+    local = rotated(pose.rotation.T, aside)
+    width = min(float(half[i] / abs(local[i])) for i in range(3) if abs(local[i]) > 1e-6)
+    height = float(half_extents(pose, size)[2])
+    point: Array = center + aside * (width + 0.03) + np.array([0.0, 0.0, height * 0.4])
+    return point
+
 
 _REST = 8
 """Steps for which an object must have been at rest before it counts as offered."""
@@ -22,13 +267,13 @@ class People:
 
     def __init__(self, bodies: Bodies, rate: int) -> None:
         self.bodies, self.rate = bodies, rate
-        self.persons = {name: Person.of(b) for name, b in bodies.bodies.items() if b.shape == "person"}
+        self.persons = {name: Person.of(b) for name, b in bodies.bodies.items() if b.shape is BodyShape.PERSON}
         self.still: dict[str, tuple[Pose, int]] = {}
         """Thing in the robot's hand -> where it is, and for how many steps it has been at rest there."""
         self._reach: dict[str, tuple[Pose, Reach]] = {}
 
     def reach(self, name: str) -> Reach:
-        """What a person reaches now; ``KeyError`` when that is no person."""
+        """Return what a person reaches now; ``KeyError`` when that is no person."""
         if name not in self.persons:
             raise KeyError(f"{name!r} is no person; the persons are {', '.join(self.persons) or 'none'}")
         pose = self.bodies.poses[name]
@@ -37,11 +282,11 @@ class People:
         return self._reach[name][1]
 
     def hand(self, name: str, k: int) -> Array:
-        """Position of a palm (0 right, 1 left) in the map."""
+        """Return the position of a palm (0 right, 1 left) in the map."""
         return moved(self.bodies.poses[name].matrix(), self.persons[name].hands[k])
 
     def holder(self, name: str) -> str | None:
-        """The person who has taken a body."""
+        """Return the person who has taken a body."""
         return next((person for person, state in self.persons.items() if name in state.holds), None)
 
     def lose(self, name: str) -> None:
@@ -98,7 +343,7 @@ class People:
             person.reaching, person.close = None, 0
 
     def _offer(self, name: str, person: Person, held: Mapping[str, Pose]) -> tuple[int, str] | None:
-        """The arm and the object to reach for: at rest, in the comfort zone, not yet taken by anybody."""
+        """Return the arm and the object to reach for: at rest, in the comfort zone, not yet taken by anybody."""
         reach = self.reach(name)
         for thing, pose in held.items():
             if self.still[thing][1] < _REST or self.holder(thing):

@@ -2,17 +2,102 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotations
+from planlang.geometry.outline import outline_of
+from planlang.geometry.solid import SolidKind
 from planlang.protocols import Configuration, Contact
-from sim.contact import Ignored, Query
+from sim.bodies import Bodies
+from sim.contact import Held, Ignored, Query
 from sim.kinematic import KinematicScene
-from sim.outline import Band, Outline, Shape, Solid, held_bands, shape_of, solids
 from sim.playback import BASE
+from sim.robot import Robot
+
+Size = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """A convex piece of a body where it is: "box", "cylinder" (about z) or "sphere", extents [m], pose in the map."""
+
+    body: str
+    kind: SolidKind
+    size: Size
+    pose: Pose
+    limb: bool
+    """Part of a person's arm that has left its rest, which hands may touch."""
+
+
+def solids(bodies: Bodies, left_out: Iterable[str]) -> Iterator[Solid]:
+    """Yield the pieces of all bodies, floors and some bodies left out."""
+    for index, piece in enumerate(bodies.pieces):
+        if piece.body in left_out or piece.body in bodies.removed or bodies.upper[index, 2] < 1e-3:
+            continue
+        x, y, z = piece.part.size
+        if piece.part.kind != SolidKind.BOX:
+            x = y = max(x, y)
+        yield Solid(piece.body, piece.part.kind, (x, y, z), piece.pose, piece.yields)
+
+
+Band = tuple[float, float, float]
+"""z_low, z_high and radius about the vertical through the base [m]."""
+Outline = tuple[float, float, Array]
+"""z_low, z_high [m] and a convex polygon (n, 2), counter-clockwise, in the frame of the base."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A robot in a posture from above, without some links, one entry for each solid link."""
+
+    bands: tuple[Band, ...]
+    outlines: tuple[Outline, ...]
+    """They hold no more than the links do."""
+
+
+MOST_SHAPES = 64
+"""Postures of which the shape is kept."""
+_shapes: dict[object, Shape] = {}
+
+
+def shape_of(robot: Robot, joints: Mapping[str, float], without: Collection[str], show: Callable[[], None]) -> Shape:
+    """Return a robot at joint values, without links that a joint of ``without`` moves; worked out once in a process.
+
+    ``show`` is called if it has to be: it shows the robot there, with its base at the origin of the map.
+    """
+    posture = tuple((name, value) for name, value in joints.items() if name not in without)
+    key = robot.key, tuple(sorted(without)), posture
+    if key not in _shapes:
+        show()
+        while len(_shapes) >= MOST_SHAPES:
+            del _shapes[next(iter(_shapes))]
+        _shapes[key] = _shown(robot, frozenset[int]().union(*(robot.moved_by(name) for name in without)))
+    return _shapes[key]
+
+
+def _shown(robot: Robot, left_out: frozenset[int]) -> Shape:
+    numbers = [number for number in range(len(robot.solid)) if number not in left_out]
+    lower, upper = (corners[:, 2].round(9).tolist() for corners in robot.boxes_of(numbers))
+    radii = [round(robot.spread(number), 9) for number in numbers]
+    polygons = [outline_of(points[:, :2].round(9)) for points in robot.points(numbers)]
+    return Shape(tuple(zip(lower, upper, radii, strict=True)), tuple(zip(lower, upper, polygons, strict=True)))
+
+
+def held_bands(robot: Robot, bodies: Bodies, held: Mapping[str, Held], without: Collection[str]) -> Iterator[Band]:
+    """Yield those of held bodies, without what links hold that a joint of ``without`` moves.
+
+    The robot must be shown with its base at the origin of the map.
+    """
+    left_out = frozenset[int]().union(*(robot.moved_by(name) for name in without))
+    for name, grip in held.items():
+        if not robot.carrier(grip.link) & left_out:
+            low, high = bodies.box_of(name)
+            radius = float(np.hypot(*np.maximum(np.abs(low[:2]), np.abs(high[:2]))))
+            yield float(low[2]), float(high[2]), radius
 
 
 class PlanningWorld(KinematicScene):
@@ -64,11 +149,16 @@ class PlanningWorld(KinematicScene):
         return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
 
     def self_contacts(self, configuration: Configuration | None = None) -> tuple[Contact, ...]:
-        """Those of :meth:`contacts` that do not depend on where the robot is: with what it holds, in itself."""
+        """Return those of :meth:`contacts` that do not depend on where the robot is: with what it holds, in itself."""
         return () if self._robot is None else self._find(configuration or self._now, Query(others=False))
 
+    @property
+    def self_pairs(self) -> Sequence[tuple[int, int]]:
+        """Pairs of solid links, by number, that must not touch each other."""
+        return self._contacts.self_pairs
+
     def passed(self, start: Configuration, steps: Sequence[Mapping[str, float]]) -> frozenset[str]:
-        """Bodies that the links which some joints move may meet on a way; no others can be touched there.
+        """Return bodies that the links which some joints move may meet on a way; no others can be touched there.
 
         ``start``: the configuration at the beginning; ``steps``: the joints' values, one after another.
         """
@@ -79,7 +169,7 @@ class PlanningWorld(KinematicScene):
         return frozenset(self._bodies.pieces[index].body for index in np.flatnonzero(near).tolist())
 
     def silhouette(self, without: Collection[str] = ()) -> tuple[Band, ...]:
-        """What the robot, with what it holds, needs of room when it turns on the spot in its present posture.
+        """Return what the robot, with what it holds, needs of room when it turns on the spot in its present posture.
 
         Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object;
         what a joint of ``without`` moves is left out.
@@ -92,7 +182,7 @@ class PlanningWorld(KinematicScene):
         return found
 
     def outlines(self, without: Collection[str] = ()) -> tuple[Outline, ...]:
-        """The robot from above in its present posture: z_low, z_high [m] and a convex polygon for each solid link.
+        """Return the robot from above in its present posture: z_low, z_high [m] and a polygon for each solid link.
 
         Polygons (n, 2) are in the frame of the base, counter-clockwise, and hold no more than the link does; what a
         joint of ``without`` moves is left out.
@@ -108,12 +198,12 @@ class PlanningWorld(KinematicScene):
         self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
 
     def solids(self) -> tuple[Solid, ...]:
-        """The convex pieces of all bodies not held, where they are, floors left out."""
+        """Return the convex pieces of all bodies not held, where they are, floors left out."""
         self._here()
         return tuple(solids(self._bodies, self._held))
 
     def touched_since_grasp(self, name: str) -> frozenset[str]:
-        """Bodies that a held one has touched ever since it was grasped: it may go on touching them a little."""
+        """Return bodies that a held one has touched ever since it was grasped: it may go on touching them a little."""
         return frozenset(self._held[name].touched)
 
     def clearance(self, first: str, second: str, within: float = 1.0) -> float:
@@ -123,7 +213,7 @@ class PlanningWorld(KinematicScene):
         return self._bodies.gap(pieces[0], pieces[1], within)
 
     def visible(self, name: str, camera: Pose | str | None = None, configuration: Configuration | None = None) -> float:
-        """Share (0..1) of a body that the camera would see without obstruction, by rays.
+        """Return the share (0..1) of a body that the camera would see without obstruction, by rays.
 
         ``camera``: a link (default: the camera's), at the robot's configuration or another; or a pose of the camera's
         link in the map, from where the robot itself hides nothing.
@@ -137,7 +227,7 @@ class PlanningWorld(KinematicScene):
         return self._camera.sight(name, self._optics(), pose, self._rays.cast)[0]
 
     def sight(self, name: str, configuration: Configuration | None = None) -> tuple[float, Mapping[str, int]]:
-        """What is :meth:`visible` of a body by the robot's camera, and what lines to the side that faces it hit first.
+        """Return how much of a body is :meth:`visible` to the robot's camera, and what lines to it hit first.
 
         The latter as name -> lines; the robot's own links are told by their names, and lines that reach the body count
         for it.
@@ -148,7 +238,7 @@ class PlanningWorld(KinematicScene):
         return self._camera.sight(name, self._optics(), pose, self._rays.cast)
 
     def ray(self, start: Sequence[float], end: Sequence[float]) -> str | None:
-        """Name of the body, or of the robot's link, that a segment hits first; None when it is free."""
+        """Return the name of the body, or of the robot's link, that a segment hits first; None when it is free."""
         return self.rays(np.asarray([start], dtype=float), np.asarray([end], dtype=float))[0]
 
     def rays(self, starts: Array, ends: Array) -> tuple[str | None, ...]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planlang.geometry import Array
-from planlang.protocols import Configuration, Contact, Motion, Trajectory
+from planlang.protocols import Configuration, Contact, Motion, MotionState, Trajectory
 from sim.contact import Query
 from sim.robot import Robot
 
@@ -43,11 +43,11 @@ class Playback:
         """See :class:`planlang.protocols.Motion`."""
         blocked = next((strand.blocked_by for strand in self.strands if strand.blocked_by), None)
         if self.halted:
-            return Motion("halted")
+            return Motion(MotionState.HALTED)
         over = self.row + 1 >= len(self.trajectory.positions)
         if blocked and (over or all(strand.blocked_by for strand in self.strands)):
-            return Motion("blocked", blocked)
-        return Motion("done") if over else Motion("moving")
+            return Motion(MotionState.BLOCKED, blocked)
+        return Motion(MotionState.DONE) if over else Motion(MotionState.MOVING)
 
 
 @dataclass(slots=True)
@@ -105,12 +105,12 @@ def _check(robot: Robot, now: Configuration, trajectory: Trajectory) -> None:
 
 
 def coordinate(configuration: Configuration, name: str) -> float:
-    """Value of a joint or of x, y, yaw."""
+    """Return the value of a joint or of x, y, yaw."""
     return configuration.base[BASE.index(name)] if name in BASE else configuration.joints[name]
 
 
 def moved(configuration: Configuration, names: Sequence[str], values: Array) -> Configuration:
-    """The configuration with some coordinates changed."""
+    """Return the configuration with some coordinates changed."""
     base, joints = list(configuration.base), dict(configuration.joints)
     for name, value in zip(names, values.tolist(), strict=True):
         if name in BASE:

@@ -13,13 +13,11 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.geometry import Array, Pose
 from planlang.geometry.box import corners
 from planlang.geometry.matrices import moved, product, rotated, rotations
+from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
 from planlang.protocols import Configuration
 from sim.description import Follower, loadable, read_description
 from sim.engine import bullet, quiet
-from sim.hulls import Hulled, hulls_of
 from sim.scene import RobotBody
-from sim.self_contact import TOLERANCE as TOLERANCE
-from sim.self_contact import watched_pairs
 
 WITHIN = 0.001
 """Distance up to which links of one body are looked at [m]: asked for 0, PyBullet 3.2.7 tells no point of some that are
@@ -69,7 +67,7 @@ class Robot:
         self.uid = self._load()
         self._read_joints()
         self._read_links()
-        self._hulls: dict[int, list[Hulled]] = {}
+        self._hulls: dict[int, list[ConvexSolid]] = {}
         while len(_spanning) > MOST_ROBOTS:
             del _spanning[next(iter(_spanning))]
         self._points = _spanning.setdefault(self.key, {})
@@ -90,10 +88,9 @@ class Robot:
         )
         """Numbers of the solid links that no joint lifts: the floor is no obstacle to them."""
         self.show(Configuration(self.base, {**self.shown, **self._known(body.posture)}))
-        self.self_pairs = watched_pairs(self)
 
     def _load(self) -> int:
-        """The body in the client; raises BadInput if PyBullet refuses the URDF."""
+        """Load the body into the client; raises BadInput if PyBullet refuses the URDF."""
         with loadable(self.description) as path, quiet():
             # what is kept of a file would be taken for another one of the same name
             bullet.setPhysicsEngineParameter(enableFileCaching=0, physicsClientId=self.client)
@@ -162,7 +159,7 @@ class Robot:
         return {name: float(value) for name, value in posture.items()}
 
     def configuration(self) -> Configuration:
-        """The configuration that is shown."""
+        """Return the configuration that is shown."""
         return Configuration(self.base, dict(self.shown))
 
     def show(self, configuration: Configuration) -> None:
@@ -195,11 +192,11 @@ class Robot:
             self.base = base
 
     def _following(self, name: str, value: float) -> list[tuple[int, float]]:
-        """Where the joints are that mimic a joint, by index."""
+        """Return where the joints are that mimic a joint, by index."""
         return [(index, one.multiplier * value + one.offset) for index, one in self._followers.get(name, ())]
 
     def link_pose(self, link: str) -> Pose:
-        """Pose of a link frame in the map; ``KeyError`` for an unknown link."""
+        """Return the pose of a link frame in the map; ``KeyError`` for an unknown link."""
         if link not in self.links:
             raise KeyError(f"the robot has no link {link!r}; it has {', '.join(self.links)}")
         index = self.links[link]
@@ -213,7 +210,7 @@ class Robot:
         return self._frames(range(len(self.solid)))
 
     def _frames(self, numbers: Sequence[int]) -> Array:
-        """The same for links of some numbers, in their order."""
+        """Return the same for links of some numbers, in their order."""
         indices, rows = [self.solid[number] for number in numbers], []
         if indices and indices[0] < 0:
             pose = Pose.planar(*self.base)
@@ -225,7 +222,7 @@ class Robot:
         return np.array(rows, dtype=float).reshape(-1, 7)
 
     def _measure(self) -> None:
-        """A box around each solid link, in its frame: the map-aligned one at this configuration, taken along."""
+        """Keep a box around each solid link, in its frame: the map-aligned one at this configuration."""
         frames = self.frames()
         axes = rotations(frames[:, 3:])
         around = [bullet.getAABB(self.uid, index, physicsClientId=self.client) for index in self.solid]
@@ -258,11 +255,11 @@ class Robot:
         )
 
     def boxes_of(self, numbers: Sequence[int]) -> tuple[Array, Array]:
-        """The same for links of some numbers in ascending order, to the last bit whatever was shown before."""
+        """Return the same for links of some numbers in ascending order, to the last bit whatever was shown before."""
         return self._corners(*self._spans(self._frames(numbers), numbers), numbers)
 
     def _spans(self, frames: Array, numbers: Numbers) -> tuple[Array, Array]:
-        """Centres (m, 3) of boxes around links of some numbers, and their axes (m, 3, 3), at frames (m, 7)."""
+        """Return centres (m, 3) of boxes around links of some numbers, and their axes (m, 3, 3), at frames (m, 7)."""
         axes = rotations(frames[:, 3:])
         return frames[:, :3] + rotated(axes, self._center[numbers]), product(axes, self._axes[numbers])
 
@@ -271,7 +268,7 @@ class Robot:
         return center - half, center + half
 
     def boxes_along(self, numbers: Sequence[int], steps: Iterable[Mapping[str, float]]) -> tuple[Array, Array]:
-        """The same for links of some numbers in ascending order, at joint values that are shown one after another."""
+        """Return the same for links of some numbers, ascending, at joint values that are shown one after another."""
         frames = [np.zeros((0, 7))]
         for joints in steps:
             self.show(Configuration(self.base, joints))
@@ -280,7 +277,7 @@ class Robot:
         return self._corners(*self._spans(np.concatenate(frames), every), every)
 
     def ancestors(self, index: int) -> list[int]:
-        """A link and those it hangs from, by index."""
+        """Return a link and those it hangs from, by index."""
         chain = [index]
         while chain[-1] != -1:
             chain.append(self.parent[chain[-1]])
@@ -294,11 +291,11 @@ class Robot:
         return frozenset[int]().union(*map(self._below, indices))
 
     def moved_by(self, name: str) -> frozenset[int]:
-        """Numbers of the solid links that a joint, or "x", "y", "yaw" of the base, moves."""
+        """Return the numbers of the solid links that a joint, or "x", "y", "yaw" of the base, moves."""
         return self._moved[name] if name in self._moved else frozenset(range(len(self.solid)))
 
     def moved_apart(self, names: frozenset[str]) -> NDArray[np.bool_]:
-        """Which pairs of solid links some joints move against each other, (n, n)."""
+        """Return which pairs of solid links some joints move against each other, (n, n)."""
         if names not in self._apart:
             moved = np.zeros((len(names), len(self.solid)), bool)
             for row, name in zip(moved, sorted(names), strict=True):
@@ -308,21 +305,21 @@ class Robot:
         return self._apart[names]
 
     def carrier(self, link: str) -> frozenset[int]:
-        """Numbers of the nearest solid link upwards from a link: it moves when the link does."""
+        """Return the numbers of the nearest solid link upwards from a link: it moves when the link does."""
         index = self.links[link]
         while index not in self.solid and index != -1:
             index = self.parent[index]
         return frozenset({self.solid.index(index)}) if index in self.solid else frozenset()
 
     def hand_of(self, link: str) -> frozenset[int]:
-        """Numbers of the solid links of the hand at a link: the nearest solid link upwards and all below it."""
+        """Return the numbers of the solid links of the hand at a link: the next solid link upwards and all below it."""
         index = self.links[link]
         while index not in self.solid and index != -1:
             index = self.parent[index]
         return self._below(index)
 
     def spread(self, number: int) -> float:
-        """How far a solid link reaches from the map's z axis, in its present place [m]."""
+        """Return how far a solid link reaches from the map's z axis, in its present place [m]."""
         index = self.solid[number]
         if index == -1:
             place = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client))
@@ -340,7 +337,7 @@ class Robot:
         return away
 
     def shapes(self, number: int) -> tuple[Shape, ...]:
-        """Primitives of a solid link: "box", "cylinder", "sphere" or "mesh", extents [m], pose in the link's frame.
+        """Return the primitives of a solid link: kinds, extents [m] and poses in the link's frame.
 
         A cylinder lies along z (a capsule is told as one, without its caps); of a mesh it is a box around it.
         """
@@ -362,20 +359,20 @@ class Robot:
             at = frame.inverse() @ place @ Pose(shape[5], shape[6])
             match shape[2]:
                 case bullet.GEOM_BOX:
-                    found.append(("box", (a, b, c), at))
+                    found.append((SolidKind.BOX, (a, b, c), at))
                 case bullet.GEOM_SPHERE:
-                    found.append(("sphere", (2 * a, 2 * a, 2 * a), at))
+                    found.append((SolidKind.SPHERE, (2 * a, 2 * a, 2 * a), at))
                 case bullet.GEOM_CYLINDER | bullet.GEOM_CAPSULE:
-                    found.append(("cylinder", (2 * b, 2 * b, a), at))
+                    found.append((SolidKind.CYLINDER, (2 * b, 2 * b, a), at))
                 case _:
                     matrix = np.eye(4)
                     matrix[:3, :3], matrix[:3, 3] = self._axes[number], self._center[number]
                     x, y, z = (2 * self._half[number]).tolist()
-                    return (("mesh", (x, y, z), Pose.from_matrix(matrix)),)
+                    return ((SolidKind.MESH, (x, y, z), Pose.from_matrix(matrix)),)
         return tuple(found)
 
-    def hulls(self, number: int) -> list[Hulled]:
-        """The convex shapes of a solid link, in the link's frame."""
+    def hulls(self, number: int) -> list[ConvexSolid]:
+        """Return the convex shapes of a solid link, in the link's frame."""
         if number in self._hulls:
             return self._hulls[number]
         index = self.solid[number]
@@ -385,17 +382,17 @@ class Robot:
         else:
             state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
             place = Pose(state[0], state[1])
-        self._hulls[number] = hulls_of(self.client, self.uid, index, frame @ place)
+        self._hulls[number] = _solids_of(self.client, self.uid, index, frame @ place)
         return self._hulls[number]
 
     def points(self, numbers: Sequence[int]) -> list[Array]:
-        """Points (n, 3) in the map that span what solid links surely fill; round shapes have points all around."""
+        """Return points (n, 3) in the map that span what solid links surely fill, all around round shapes."""
         frames = self.frames()[list(numbers)]
         turns = rotations(frames[:, 3:])
         return [rotated(turn, self._spanning(k)) + at[:3] for k, turn, at in zip(numbers, turns, frames, strict=True)]
 
     def _spanning(self, number: int) -> Array:
-        """The points of one link in its own frame."""
+        """Return the points of one link in its own frame."""
         if number not in self._points:
             found = []
             for one in self.hulls(number):
@@ -405,11 +402,11 @@ class Robot:
         return self._points[number]
 
     def hand_links(self, link: str) -> frozenset[str]:
-        """Names of the solid links of the hand at a link."""
+        """Return the names of the solid links of the hand at a link."""
         return frozenset(self.solid_names[number] for number in self.hand_of(link))
 
     def hand_radius(self, link: str, axis: tuple[float, float, float]) -> float:
-        """How far the hand at a link extends around an axis through the link's frame, in its present posture [m]."""
+        """Return how far the hand at a link extends around an axis through the link's frame, as it is now [m]."""
         lower, upper = self.boxes_of(sorted(self.hand_of(link)))
         points = np.array([np.where(side, lower, upper) for side in np.ndindex(2, 2, 2)]).reshape(-1, 3)
         pose = self.link_pose(link)
@@ -418,7 +415,7 @@ class Robot:
         return float(np.linalg.norm(across, axis=1).max())
 
     def hand_corners(self, link: str) -> Array:
-        """Corners (n, 3) [m] of boxes around the pieces of the hand at a link, in its frame, in the present posture."""
+        """Return the corners (n, 3) [m] of boxes around the pieces of the hand at a link, in its frame, as it is."""
         back = self.link_pose(link).inverse()
         found = [np.zeros((0, 3))]
         for number in sorted(self.hand_of(link)):
@@ -428,27 +425,27 @@ class Robot:
         return np.concatenate(found)
 
     def near_pairs(self, pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-        """Those pairs whose boxes overlap."""
+        """Return those pairs whose boxes overlap."""
         lower, upper = self.boxes()
         first, second = np.array(pairs, np.intp).reshape(-1, 2).T
         near = np.all((lower[first] <= upper[second]) & (upper[first] >= lower[second]), axis=1)
         return [pairs[k] for k in np.flatnonzero(near).tolist()]
 
     def depth_between(self, a: int, b: int) -> float:
-        """Penetration of two solid links [m], 0 when they are apart."""
+        """Return the penetration of two solid links [m], 0 when they are apart."""
         points = bullet.getClosestPoints(
             self.uid, self.uid, WITHIN, self.solid[a], self.solid[b], physicsClientId=self.client
         )
         return max((-point[8] for point in points), default=0.0)
 
     def depth_with(self, number: int, uid: int) -> float:
-        """Penetration of a solid link and a piece [m], 0 when they are apart."""
+        """Return the penetration of a solid link and a piece [m], 0 when they are apart."""
         points = bullet.getClosestPoints(self.uid, uid, 0.0, self.solid[number], -1, physicsClientId=self.client)
         return max((-point[8] for point in points), default=0.0)
 
 
 def _support(kind: int, size: Sequence[float]) -> tuple[Array | None, float]:
-    """Points (n, 3) in a primitive's frame and a radius: the spheres around them enclose it; None for a mesh."""
+    """Return points (n, 3) in a primitive's frame and a radius: the spheres around them enclose it; None for a mesh."""
     match kind:
         case bullet.GEOM_BOX:
             return np.array([np.where(side, size, np.negative(size)) / 2 for side in np.ndindex(2, 2, 2)]), 0.0
@@ -461,3 +458,25 @@ def _support(kind: int, size: Sequence[float]) -> tuple[Array | None, float]:
 
 def _text(name: bytes) -> str:
     return name.decode()
+
+
+def _solids_of(client: int, uid: int, index: int, at: Pose) -> list[ConvexSolid]:
+    """Return the shapes of a link whose frame of mass is at a pose."""
+    shapes = bullet.getCollisionShapeData(uid, index, physicsClientId=client)
+    found = []
+    for shape in shapes:
+        a, b, c = shape[3]
+        pose = at @ Pose(shape[5], shape[6])
+        match shape[2]:
+            case bullet.GEOM_BOX:
+                found.append(convex_solid(SolidKind.BOX, (a, b, c), pose))
+            case bullet.GEOM_SPHERE:
+                found.append(convex_solid(SolidKind.SPHERE, (2 * a, 2 * a, 2 * a), pose))
+            case bullet.GEOM_CYLINDER:
+                found.append(convex_solid(SolidKind.CYLINDER, (2 * b, 2 * b, a), pose))
+            case bullet.GEOM_CAPSULE:
+                found.append(convex_solid(SolidKind.CAPSULE, (2 * b, 2 * b, a), pose))
+    if any(shape[2] == bullet.GEOM_MESH for shape in shapes):  # the vertices of all meshes of a link come at once
+        points = np.array(bullet.getMeshData(uid, index, physicsClientId=client)[1]).reshape(-1, 3)
+        found.append(ConvexSolid(SolidKind.MESH, (0.0, 0.0, 0.0), at, points))
+    return found

@@ -8,11 +8,25 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from pathlib import Path
 
 from planlang.geometry import Pose
 
-SHAPES = ("box", "cylinder", "person", "marker", "room")
+
+class BodyShape(StrEnum):
+    """What a body of the scene is."""
+
+    BOX = "box"
+    CYLINDER = "cylinder"
+    """Axis z, diameter is the larger horizontal size: bottles, cups."""
+    PERSON = "person"
+    """Lying, seated or standing, judged by the size; x of the pose is where the person faces."""
+    MARKER = "marker"
+    """A place: touches nothing, is not seen."""
+    ROOM = "room"
+    """Size and pose are those of the *interior*; walls stand outside it, there is no ceiling."""
+
 
 GRASPABLE_WIDTH = 0.12
 """A movable body not wider than this in one horizontal direction counts as something a hand can take [m]."""
@@ -20,17 +34,13 @@ GRASPABLE_WIDTH = 0.12
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """One thing of the map: a box of ``size`` (along its own axes) whose centre is at ``pose``.
-
-    ``shape``: "box"; "cylinder" (axis z, diameter is the larger horizontal size: bottles, cups); "person" (lying,
-    seated or standing, told by the size; x of the pose is where the person faces); "marker" (a place: touches nothing,
-    is not seen); "room" (size and pose of the *interior*; walls stand outside it, there is no ceiling).
-    """
+    """One thing of the map: a box of ``size`` (along its own axes) whose centre is at ``pose``."""
 
     name: str
     pose: Pose
     size: tuple[float, float, float]
-    shape: str = "box"
+    shape: BodyShape = BodyShape.BOX
+    """Its value, as text, will do as well."""
     iri: str = ""
     type: str = ""
     """Class of the thing, local name or IRI."""
@@ -39,9 +49,10 @@ class Body:
     color: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.shape not in SHAPES:
-            raise ValueError(f"body {self.name!r} has shape {self.shape!r}; shapes are {', '.join(SHAPES)}")
-        if self.shape != "marker" and not all(extent > 0 for extent in self.size):
+        if self.shape not in tuple(BodyShape):
+            raise ValueError(f"body {self.name!r} has shape {self.shape!r}; shapes are {', '.join(BodyShape)}")
+        object.__setattr__(self, "shape", BodyShape(self.shape))
+        if self.shape is not BodyShape.MARKER and not all(extent > 0 for extent in self.size):
             raise ValueError(
                 f"body {self.name!r} has size {self.size}; every extent of a {self.shape} must be positive"
             )
@@ -49,7 +60,9 @@ class Body:
     @property
     def graspable(self) -> bool:
         """Whether a hand could take it: a movable box or cylinder that is narrow enough."""
-        return self.movable and self.shape in ("box", "cylinder") and min(self.size[:2]) <= GRASPABLE_WIDTH
+        return (
+            self.movable and self.shape in (BodyShape.BOX, BodyShape.CYLINDER) and min(self.size[:2]) <= GRASPABLE_WIDTH
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,14 +82,14 @@ class Scene:
             raise ValueError(f"bodies of a scene have names of their own, these occur twice: {', '.join(twice)}")
 
     def body(self, name: str) -> Body:
-        """The body of that name; ``KeyError`` lists the names there are."""
+        """Return the body of that name; ``KeyError`` lists the names there are."""
         for body in self.bodies:
             if body.name == name:
                 return body
         raise KeyError(f"no body {name!r} in the scene; there are {', '.join(body.name for body in self.bodies)}")
 
     def with_poses(self, poses: Mapping[str, Pose]) -> Scene:
-        """The same scene with some bodies elsewhere."""
+        """Return the same scene with some bodies elsewhere."""
         return replace(self, bodies=tuple(replace(body, pose=poses.get(body.name, body.pose)) for body in self.bodies))
 
 

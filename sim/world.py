@@ -6,11 +6,17 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from planlang.protocols import Configuration, Detection, Motion, Trajectory
-from sim import picture, snapshots
+from planlang.protocols import Configuration, Detection, Motion, MotionState, Trajectory
+from sim import snapshots
 from sim.kinematic import KinematicScene
+from sim.picture import save_png
 from sim.playback import Playback, advance, begin
 from sim.scene import RobotBody, Scene
+
+ROBOT = "robot"
+"""What :func:`held_by` calls the robot."""
+
+_RESTS = 0.005
 
 
 class PyBulletWorld(KinematicScene):
@@ -32,7 +38,7 @@ class PyBulletWorld(KinematicScene):
     def step(self) -> None:
         """Advance by one step: motions in the order of their groups' first start, then people, then what falls."""
         for playback in self._motions.values():
-            if playback.state().state == "moving":
+            if playback.state().state is MotionState.MOVING:
                 self._now = advance(playback, self._find, self._now)
         self._here()
         if self._robot is not None:
@@ -55,11 +61,11 @@ class PyBulletWorld(KinematicScene):
 
     def motion(self, group: str) -> Motion:
         """State of the group's last motion; a group that has never moved is done."""
-        return self._motions[group].state() if group in self._motions else Motion("done")
+        return self._motions[group].state() if group in self._motions else Motion(MotionState.DONE)
 
     def halt(self, group: str) -> None:
         """Stop the group where it is; nothing happens when it does not move."""
-        if group in self._motions and self._motions[group].state().state == "moving":
+        if group in self._motions and self._motions[group].state().state is MotionState.MOVING:
             self._motions[group].halted = True
 
     def set_configuration(self, configuration: Configuration) -> None:
@@ -75,32 +81,32 @@ class PyBulletWorld(KinematicScene):
             self._falling.begin(name)
 
     def falling(self, name: str) -> bool:
-        """Whether a body is on its way down."""
+        """Return whether a body is on its way down."""
         return name in self._falling.on_the_way
 
     def taken(self, name: str) -> str | None:
-        """The person who has taken a body, None if nobody has."""
+        """Return the person who has taken a body, None if nobody has."""
         return self._people.holder(name)
 
     def hand(self, name: str, side: str = "right") -> tuple[float, float, float]:
-        """Where a person's palm is, in the map."""
+        """Return where a person's palm is, in the map."""
         x, y, z = self._people.hand(name, 0 if side == "right" else 1).tolist()
         return (x, y, z)
 
     def between_fingers(self, fingers: str | Collection[str]) -> str | None:
-        """The body between the fingers of a hand (its link, or the finger links), each within 1 cm of it."""
+        """Return the body between the fingers of a hand (its link, or the finger links), each within 1 cm of it."""
         links = self.robot.body.hands[fingers] if isinstance(fingers, str) else fingers
         self._here()
         return self._contacts.between(links)
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
-        """What the camera at a link sees in its picture, in the order of the scene."""
+        """Return what the camera at a link sees in its picture, in the order of the scene."""
         self._here()
         return self._camera.detect(self._optics(), self.robot.link_pose(camera_link))
 
-    def save_picture(self, path: Path | str, width: int = 640, height: int = 480) -> None:
-        """Write :meth:`render` as a PNG file; raises ``OSError`` as writing does."""
-        picture.write(Path(path), self.render(width, height))
+    def save_picture(self, path: Path, of: Collection[str] = (), width: int = 640, height: int = 480) -> None:
+        """Write :meth:`render` as a PNG file; raises OSError as writing does."""
+        save_png(path, self.render(width, height, of=of))
 
     def state(self) -> tuple[object, ...]:
         """Return something hashable that is equal for worlds in which all is at the same place and moves alike."""
@@ -118,6 +124,20 @@ class PyBulletWorld(KinematicScene):
             steps, groups = int(state["step"]), [str(group) for group in state["groups"]]
         except (KeyError, TypeError, OverflowError) as problem:
             raise ValueError(f"the state of the world is damaged: {problem!r}") from None
+        if steps < 0:
+            raise ValueError(f"the state of the world is damaged: it is {steps} steps old")
         super().restore_state(state)
         self._motions = {group: snapshots.at_rest() for group in groups}
         self.steps = steps
+
+
+def held_by(world: PyBulletWorld, name: str) -> str | None:
+    """Return who holds a body: "robot" as long as it does, else the person who has taken it, else None."""
+    return ROBOT if name in world.attached() else world.taken(name)
+
+
+def at_rest_on(world: PyBulletWorld, name: str) -> str | None:
+    """Return the body that a body stands on; None while it is held, falls, or has nothing below it within 5 mm."""
+    if held_by(world, name) or world.falling(name):
+        return None
+    return world.support(name) if world.height_above_support(name) <= _RESTS else None

@@ -14,6 +14,7 @@ from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.ontology import expand
 from sim import PlanningWorld
+from sim.scene import BodyShape
 
 LEANING = 0.05
 """How far a top may lean and still count as level [rad]: a bottle put down on it stays where it is."""
@@ -35,7 +36,7 @@ class Block:
 
     @staticmethod
     def of(pose: Pose, size: tuple[float, float, float], *, cylinder: bool = False) -> Block:
-        """The smallest prism around a box, turned with the most horizontal of the box's axes."""
+        """Return the smallest prism around a box, turned with the most horizontal of the box's axes."""
         rotation = pose.matrix()[:3, :3]
         half = np.asarray(size) / 2
         vertical = int(np.argmax(np.abs(rotation[2])))
@@ -56,17 +57,17 @@ class Block:
         return np.array([self.x, self.y, (self.low + self.high) / 2])
 
     def to_map(self, local: Array) -> Array:
-        """Points of the rectangle's own frame (n, 2) in the map (n, 2)."""
+        """Return points of the rectangle's own frame (n, 2) in the map (n, 2)."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return np.asarray(local @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y]))
 
     def to_local(self, points: Array) -> Array:
-        """Points of the map (n, 2) in the rectangle's own frame (n, 2)."""
+        """Return points of the map (n, 2) in the rectangle's own frame (n, 2)."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return np.asarray((points - np.array([self.x, self.y])) @ np.array([[c, -s], [s, c]]))
 
     def distance(self, points: Array) -> Array:
-        """Horizontal distance of map points (n, 2) to the outline, 0 inside, (n,)."""
+        """Return horizontal distance of map points (n, 2) to the outline, 0 inside, (n,)."""
         if self.round:
             away = np.hypot(points[:, 0] - self.x, points[:, 1] - self.y) - max(self.half_x, self.half_y)
             return np.asarray(np.maximum(away, 0.0))
@@ -74,14 +75,14 @@ class Block:
         return np.asarray(np.hypot(outside[:, 0], outside[:, 1]))
 
     def support(self, direction: float) -> float:
-        """How far the prism extends from its middle towards a heading of the map [m]."""
+        """Return how far the prism extends from its middle towards a heading of the map [m]."""
         if self.round:
             return max(self.half_x, self.half_y)
         turn = direction - self.yaw
         return abs(math.cos(turn)) * self.half_x + abs(math.sin(turn)) * self.half_y
 
     def grid(self, spacing: float, inset: float) -> Array:
-        """Points over the rectangle shrunk by ``inset``, about ``spacing`` apart, (n, 2); at least its centre."""
+        """Return points (n, 2) over the rectangle shrunk by ``inset``, about ``spacing`` apart; at least its centre."""
         axes = []
         for half in (self.half_x, self.half_y):
             reach = max(half - inset, 0.0)
@@ -102,7 +103,7 @@ class ComfortZone:
     """Whether a map point (3,) is one at which the person would take something."""
 
     def points(self) -> Array:
-        """Points of the zone, most comfortable first, (n, 3); sparse."""
+        """Return points of the zone, most comfortable first, (n, 3); sparse."""
         turns = (0.0, 0.35, -0.35, 0.7, -0.7, 0.95, -0.95)
         found: dict[tuple[float, float, float], None] = {}
         for share in (0.7, 0.55, 0.85):
@@ -116,7 +117,7 @@ class ComfortZone:
         return np.array(list(found)).reshape(-1, 3)
 
     def margins(self, points: Array) -> Array:
-        """How far inside the zone points (n, 3) are, (n,): shares of the arm, or of the cosine, to its nearest border.
+        """Return how far inside the zone points (n, 3) are, (n,): as a share of the arm, or of the cosine.
 
         The person may sit a little otherwise than believed: what is at the border may not be taken.
         """
@@ -148,19 +149,19 @@ class BelievedBodies:
         self._world, self._belief = world, belief
 
     def bind(self, what: Object) -> str:
-        """The body that an object designator means; raises ObjectUnresolvable."""
+        """Return the body that an object designator means; raises ObjectUnresolvable."""
         return self._belief.bind(what, self._world.configuration().base)
 
     def pose(self, name: str) -> Pose:
-        """Where a body is believed to be."""
+        """Return where a body is believed to be."""
         return self._belief.reference_pose(name)
 
     def size(self, name: str) -> tuple[float, float, float]:
-        """Extents of a body's box along its axes [m]."""
+        """Return extents of a body's box along its axes [m]."""
         return self._world.size(name)
 
     def block(self, name: str) -> Block:
-        """The believed shape of a body; for a held one where it was grasped.
+        """Return the believed shape of a body; for a held one where it was grasped.
 
         Raises LocationUnresolvable if it is believed to be at no possible pose.
         """
@@ -173,31 +174,31 @@ class BelievedBodies:
         return Block.of(pose, size, cylinder=self.is_round(name))
 
     def is_person(self, name: str) -> bool:
-        """Whether the body is a person."""
-        return self._world.scene.body(name).shape == "person"
+        """Return whether the body is a person."""
+        return self._world.scene.body(name).shape is BodyShape.PERSON
 
     def is_room(self, name: str) -> bool:
-        """Whether the body is a room: everything is in it."""
-        return self._world.scene.body(name).shape == "room"
+        """Return whether the body is a room: everything is in it."""
+        return self._world.scene.body(name).shape is BodyShape.ROOM
 
     def is_graspable(self, name: str) -> bool:
-        """Whether the body can be taken into a hand."""
+        """Return whether the body can be taken into a hand."""
         return self._world.scene.body(name).graspable
 
     def is_round(self, name: str) -> bool:
-        """Whether a body is a cylinder."""
-        return self._world.scene.body(name).shape == "cylinder"
+        """Return whether a body is a cylinder."""
+        return self._world.scene.body(name).shape is BodyShape.CYLINDER
 
     def is_solid(self, name: str) -> bool:
-        """Whether a body can be touched: a marker cannot."""
-        return self._world.scene.body(name).shape != "marker"
+        """Return whether a body can be touched: a marker cannot."""
+        return self._world.scene.body(name).shape is not BodyShape.MARKER
 
     def names(self) -> Sequence[str]:
-        """All bodies."""
+        """Return all bodies."""
         return self._world.names()
 
     def zone(self, name: str) -> ComfortZone:
-        """Where the person takes things."""
+        """Return where the person takes things."""
         person = self._world.person(name)
         heading = math.atan2(person.facing[1], person.facing[0])
         return ComfortZone(
@@ -205,28 +206,28 @@ class BelievedBodies:
         )
 
     def support(self, name: str) -> str | None:
-        """What a body is believed to rest on."""
+        """Return what a body is believed to rest on."""
         found = self._world.support(name)
         return found if found in self._world.names() else None
 
     def rests_at(self, name: str) -> float | None:
-        """Height of the level top on which things can rest, of a room its floor [m]; None for what has none."""
+        """Return height of the level top on which things can rest, of a room its floor [m]; None for what has none."""
         shape, block = self._world.scene.body(name).shape, self.block(name)
-        if shape == "room":
+        if shape is BodyShape.ROOM:
             return block.low
         leans = np.abs(self.pose(name).matrix()[2, :3]).max() < math.cos(LEANING)
-        lying = shape == "cylinder" and not block.round
-        return None if shape in ("person", "marker") or leans or lying else block.high
+        lying = shape is BodyShape.CYLINDER and not block.round
+        return None if shape in (BodyShape.PERSON, BodyShape.MARKER) or leans or lying else block.high
 
     def front(self, name: str) -> float | None:
-        """The heading of a body's front: where a person faces, where a door is, else the x axis of furniture.
+        """Return the heading of a body's front: where a person faces, where a door is, else the x axis of furniture.
 
         What a hand can take, round things, rooms and mere places have none.
         """
         body = self._world.scene.body(name)
-        if body.shape == "person":
+        if body.shape is BodyShape.PERSON:
             return self.zone(name).facing
-        if body.graspable or body.shape in ("cylinder", "marker", "room"):
+        if body.graspable or body.shape in (BodyShape.CYLINDER, BodyShape.MARKER, BodyShape.ROOM):
             return None
         block = self.block(name)
         for door in self.doors(name):
@@ -240,7 +241,7 @@ class BelievedBodies:
         return block.yaw
 
     def doors(self, name: str) -> Sequence[Door]:
-        """The doors that a body is or has: things of the class Door, and those hinged to it that stand upright."""
+        """Return the doors that a body is or has: things of the class Door, itself or hinged to it."""
         known = {thing.iri: thing for thing in self._belief.map.objects}
         things = [thing for thing in known.values() if thing.name == name and self._is_door(thing.types)]
         own = next((thing for thing in known.values() if thing.name == name), None)
@@ -254,7 +255,7 @@ class BelievedBodies:
         return any(ontology.is_a(one, expand(cls)) for one in types for cls in ("Door", "DoorwayCovering"))
 
     def _door(self, name: str, owner: str) -> Door:
-        """A closed leaf: hinged at the vertical edge that is nearer to a side of its owner, else at its left edge."""
+        """Return a closed leaf: hinged at the vertical edge nearer to a side of its owner, else at its left edge."""
         leaf = self.block(name)
         along = leaf.yaw if leaf.half_x >= leaf.half_y else leaf.yaw + math.pi / 2
         half = max(leaf.half_x, leaf.half_y)

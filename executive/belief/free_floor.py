@@ -41,7 +41,7 @@ class Field:
     """How good the room is at each cell, rows along the frame's x, flat; with a border of cells that have none."""
 
     def looked_up(self, points: Array, headings: Array, v: Array) -> Array:
-        """How good the room is at points (w, 2) - Rz(headings (w,)) v (n, 2), (w, n): 0 where there is none.
+        """Return how good the room is at points (w, 2) - Rz(headings (w,)) v (n, 2), (w, n): 0 where there is none.
 
         All have to be within the reach that the field was made for. It is done in the field's own frame and cells, as
         what is only looked at needs neither places nor distances.
@@ -71,11 +71,11 @@ class Floor:
     bounds: tuple[float, float, float, float]
 
     def at(self, points: Array) -> Array:
-        """Room (m,) [m] to turn at points (m, 2): negative where there is too little, -inf off the map."""
+        """Return room (m,) [m] to turn at points (m, 2): negative where there is too little, -inf off the map."""
         return np.where(self._on_map(points), clearance_at(points, self.boxes, self.silhouette), -np.inf)
 
     def nearly(self, points: Array, within: float) -> NDArray[np.bool_]:
-        """Whether the robot may fit, somehow turned, within so many metres of points (m, 2); if not, it cannot (m,)."""
+        """Return whether the robot may fit, somehow turned, ``within`` [m] of points (m, 2); if not, it cannot (m,)."""
         least = clearance_at(points, self.boxes, cores(self.outlines))
         return np.asarray(least > -TOUCHING - within)
 
@@ -85,7 +85,7 @@ class Floor:
         return np.asarray((x > x_min) & (x < x_max) & (y > y_min) & (y < y_max))
 
     def holds(self, bases: Array) -> NDArray[np.bool_]:
-        """At which bases (m, 3) the robot, as it is turned there, stands in nothing (m,)."""
+        """Return at which bases (m, 3) the robot, as it is turned there, stands in nothing (m,)."""
         room, least = clearances_at(bases[:, :2], self.boxes, (self.silhouette, cores(self.outlines)), most=0.0)
         free = room > 0.0
         tight = np.flatnonzero(~free & (least > -TOUCHING))
@@ -93,7 +93,7 @@ class Floor:
         return np.asarray(free & self._on_map(bases[:, :2]))
 
     def field(self, centre: tuple[float, float], yaw: float, reach: float) -> Field:
-        """The grid around a place that covers a circle of radius ``reach`` [m]."""
+        """Return the grid around a place that covers a circle of radius ``reach`` [m]."""
         half = math.ceil(reach / CELL)
         steps = np.arange(-half, half + 1) * CELL
         across, along = np.meshgrid(steps, steps)

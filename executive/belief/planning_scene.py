@@ -42,7 +42,7 @@ class RobotArms:
         return None
 
     def is_held(self, body: str) -> bool:
-        """Whether one of the hands holds a body."""
+        """Return whether one of the hands holds a body."""
         return any((held := self.held(arm.name)) is not None and held.name == body for arm in self.all)
 
     def grasped_at(self, body: str) -> Array:

@@ -21,6 +21,7 @@ from planlang.geometry.matrices import moved
 from planlang.protocols import Configuration, Contact
 from sim import PlanningWorld
 from sim.bodies import FLOOR
+from sim.scene import BodyShape
 
 CLOSING_STEPS = 24
 """In how many steps closing fingers are looked at: with Amigo's gripper, which opens 10 cm, about 2 mm each."""
@@ -50,7 +51,7 @@ class SceneCollisions:
     # Room
 
     def floor(self) -> Floor:
-        """What takes room from the base: with the robot's body, arms left out, as it is now."""
+        """Return the floor that is left to the base: with the robot's body, arms left out, as it is now."""
         joints = tuple(self._world.configuration().joints.items())
         state = (self._state(), joints)
         if self._floor is None or self._floor[0] != state:
@@ -61,11 +62,11 @@ class SceneCollisions:
         return self._floor[1]
 
     def obstacles(self) -> Boxes:
-        """Boxes around the pieces of all bodies that are not held, the floor left out."""
+        """Return boxes around the pieces of all bodies that are not held, the floor left out."""
         return self.boxes_but(())[0]
 
     def boxes_but(self, without: Sequence[str]) -> tuple[Boxes, tuple[str, ...]]:
-        """Boxes around the pieces of all bodies that are not held, some left out; and whose they are."""
+        """Return boxes around the pieces of all bodies that are not held, some left out; and whose they are."""
         boxes, solids = self._of_bodies()
         if not set(without) & set(solids.bodies):
             return boxes, solids.bodies
@@ -73,15 +74,15 @@ class SceneCollisions:
         return boxes.only(kept), tuple(solids.bodies[index] for index in kept)
 
     def solids(self) -> Solids:
-        """The pieces of all bodies that are not held."""
+        """Return the pieces of all bodies that are not held."""
         return self._of_bodies()[1]
 
     def silhouette(self) -> tuple[Band, ...]:
-        """What the robot needs of room when it stands or turns, with what it holds, in its present posture."""
+        """Return what the robot needs of room when it stands or turns, with what it holds, in its present posture."""
         return self._world.silhouette()
 
     def _of_bodies(self) -> tuple[Boxes, Solids]:
-        """Boxes around the pieces, and the pieces themselves."""
+        """Return boxes around the pieces, and the pieces themselves."""
         state = self._state()
         if self._bodies is None or self._bodies[0] != state:
             pieces = self._world.solids()
@@ -90,7 +91,7 @@ class SceneCollisions:
         return self._bodies[1:]
 
     def _state(self) -> object:
-        """What the places of all bodies depend on."""
+        """Return what the places of all bodies depend on."""
         return self._belief.revision, tuple(self._belief.held), tuple(self._world.attached())
 
     # Exact checks
@@ -104,7 +105,7 @@ class SceneCollisions:
         opened: bool = False,
         among: Collection[tuple[str, str]] | None = None,
     ) -> tuple[Contact, ...]:
-        """Penetrations with an arm at ``q``, all else as it is; its hand may touch the body ``touches``.
+        """Return penetrations with an arm at ``q``, all else as it is; its hand may touch the body ``touches``.
 
         ``opened``: with the fingers of the arm open. ``among``: the only pairs that can touch, if that is known.
         """
@@ -121,14 +122,17 @@ class SceneCollisions:
         return self._world.contacts(Configuration(base, joints), moving, ignore=ignore, among=among)
 
     def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
-        """Where the robot, as it is, with what it holds, touches itself: wherever it stands."""
+        """Return where the robot, as it is, with what it holds, touches itself: wherever it stands."""
         state = tuple(joints.items()), tuple(self._world.attached())
         if self._touched is None or self._touched[0] != state:
             self._touched = state, self._world.self_contacts(Configuration(self._world.configuration().base, joints))
         return self._touched[1]
 
     def stops_closing(self, base: BasePose, arm: ArmModel, q: Array, around: str) -> str | None:
-        """The body that a finger of an arm at ``q`` would meet, closing from open, before it meets ``around``."""
+        """Return the body that a finger, closing from open, meets before it meets ``around``; None if there is none.
+
+        Fingers on hinges go forward while they close: what is behind a thing may keep them from it.
+        """
         gripper = self._robot.arm(arm.name).gripper
         if gripper is None:
             return None
@@ -157,7 +161,7 @@ class SceneCollisions:
         return None
 
     def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
-        """Positions of the torso at which the rest of the robot, in its present posture, does not touch itself."""
+        """Return the torso positions at which the rest of the robot, in its present posture, does not touch itself."""
         if arm.lift is None:
             return tuple(torsos)
         now = self._world.configuration()
@@ -179,7 +183,7 @@ class SceneCollisions:
             self.quick_check(arm, None)
 
     def quick_check(self, arm: ArmModel, touches: str | None) -> QuickCheck:
-        """What tells without PyBullet how an arm may move here; ``touches`` as in :meth:`contacts`."""
+        """Return a check, without PyBullet, of how an arm may move here; ``touches`` as in :meth:`contacts`."""
         bodies = self._bodies_of(arm, opened=False)
         base = self._world.link_pose(self._robot.base_link).matrix()
         middle = moved(base, bodies.centre)
@@ -188,19 +192,19 @@ class SceneCollisions:
     def arm_check(
         self, arm: ArmModel, touches: str | None, *, opened: bool, near: tuple[Array, float] | None = None
     ) -> QuickCheck:
-        """What rules out postures of an arm from any base, and poses of its hand."""
+        """Return a check that rules out postures of an arm from any base, and poses of its hand."""
         key, ignored = ("arm", arm.name, touches, opened), (arm.hand_links, touches)
         return self._check(key, near, lambda: self._bodies_of(arm, opened=opened), ignored)
 
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
-        """What rules out bases from which an arm, in its present posture, would stick into something."""
+        """Return a check that rules out bases from which an arm, in its present posture, would stick into something."""
         several = [self._chains[arm.name] for arm in self._arms]
         return self._check("stance", near, lambda: ArmShapes.still(self._world, several), (frozenset(), None))
 
     def _check(
         self, key: object, near: tuple[Array, float] | None, bodies: Callable[[], ArmBodies], ignored: Ignored
     ) -> QuickCheck:
-        """The check of some bodies against the room, kept as long as nothing moves."""
+        """Return the check of some bodies against the room, kept as long as nothing moves."""
         state = self._state(), tuple(self._world.configuration().joints.items()), tuple(self._belief.held.values())
         if self._checks[0] != state:
             self._checks = state, {}
@@ -211,7 +215,7 @@ class SceneCollisions:
         return found
 
     def _room_near(self, near: tuple[Array, float] | None) -> Room:
-        """The bodies that meet a sphere, or all; the last is remembered, as several checks ask for the same."""
+        """Return the bodies that meet a sphere, or all; the last is remembered, as several checks ask for the same."""
         room = self._room()
         if near is None:
             return room
@@ -221,15 +225,15 @@ class SceneCollisions:
         return known[3]
 
     def _room(self) -> Room:
-        """All bodies as obstacles."""
+        """Return all bodies as obstacles."""
         solids = self.solids()
         if self._obstacles is None or self._obstacles[0] is not solids:
-            floor = next((body.name for body in self._world.scene.bodies if body.shape == "room"), FLOOR)
+            floor = next((body.name for body in self._world.scene.bodies if body.shape is BodyShape.ROOM), FLOOR)
             self._obstacles = solids, Room.of(solids, floor)
         return self._obstacles[1]
 
     def _bodies_of(self, arm: ArmModel, *, opened: bool) -> ArmBodies:
-        """An arm with all that its joints move and may meet of the robot; its own joints may be anywhere."""
+        """Return an arm with all that its joints move and may meet of the robot; its own joints may be anywhere."""
         joints = self._world.configuration().joints
         rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
         opened = opened and any(joints.get(name) != value for name, value in self._fingers(arm).items())
@@ -241,17 +245,17 @@ class SceneCollisions:
         return known[1]
 
     def _in_hands(self) -> object:
-        """What the bodies of arms depend on beside joints; with empty hands nothing that happens in the world."""
+        """Return what the bodies of arms depend on beside joints: with empty hands nothing."""
         held = tuple(self._belief.held.values())
         return (self._state(), held) if held or self._world.attached() else None
 
     def _fingers(self, arm: ArmModel) -> Mapping[str, float]:
-        """The joints of an arm's fingers where they are open."""
+        """Return the joints of an arm's fingers where they are open."""
         gripper = self._robot.arm(arm.name).gripper
         return gripper.opened if gripper is not None else {}
 
     def _own_links(self, arm: ArmModel) -> frozenset[str]:
-        """Links that other joints of an arm than the torso's move."""
+        """Return links that other joints of an arm than the torso's move."""
         robot = self._world.robot
         moved = (robot.moved_by(name) for name in arm.joints if arm.lift is None or name != arm.lift.joint)
         return frozenset(robot.solid_names[number] for number in frozenset[int]().union(*moved))

@@ -17,6 +17,7 @@ from executive.motion.solids import Solids
 from executive.robots import Robot
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
+from planlang.geometry.solid import SolidKind
 from planlang.protocols import Configuration
 from sim import PlanningWorld
 
@@ -48,7 +49,7 @@ class OwnView:
     """Distances between which things are recognised [m]."""
 
     def misses(self, points: Array, block: Block) -> NDArray[np.bool_]:
-        """For which places (n, 3) of a thing in the base frame it is surely not seen, whatever else is in the room."""
+        """Return at which points (n, 3) of the base frame a thing is surely not seen, whatever else is in the room."""
         beyond, eyes = self.gaze.at_all(points)
         away = np.linalg.norm(points - eyes, axis=1)
         missed = (beyond > self.half_angle) | (away < self.limits[0] - CELL) | (away > self.limits[1] + CELL)
@@ -59,7 +60,7 @@ class OwnView:
         return np.asarray(missed)
 
     def hidden_by(self, solids: Solids, bases: Array, block: Block) -> NDArray[np.bool_]:
-        """From which bases (n, 3) pieces of the room surely hide a thing, of which they are not a part, (n,)."""
+        """Return from which bases (n, 3) pieces of the room surely hide a thing, of which they are not a part, (n,)."""
         c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
         dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
         points = np.stack([c * dx + s * dy, c * dy - s * dx, np.full(len(bases), block.centre[2])], axis=1)
@@ -70,7 +71,7 @@ class OwnView:
 
 
 def _lines(eyes: Array, points: Array, block: Block) -> tuple[Array, Array]:
-    """Segments from before eyes (n, 3) to some points across a thing at places (n, 3): starts and ends (n m, 3)."""
+    """Return segments from before eyes (n, 3) to points across a thing at places (n, 3): starts, ends (n m, 3)."""
     ahead = points[:, :2] - eyes[:, :2]
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1), 1e-9)[:, None]
     across, up = (grid.ravel() for grid in np.meshgrid(SPOTS, SPOTS))
@@ -85,7 +86,7 @@ def _lines(eyes: Array, points: Array, block: Block) -> tuple[Array, Array]:
 
 
 def _share(free: NDArray[np.bool_], count: int) -> Array:
-    """Of the lines of each of so many places."""
+    """Return of the lines of each of so many places."""
     return np.asarray(free.reshape(count, -1).mean(axis=1))
 
 
@@ -97,7 +98,7 @@ class Unseen:
         self._known: dict[int, bool] = {}
 
     def __call__(self, bases: Array) -> NDArray[np.bool_]:
-        """For bases (n, 3), (n,)."""
+        """Return for bases (n, 3), (n,)."""
         block = self._block
         c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
         dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
@@ -113,7 +114,7 @@ class Unseen:
 
 
 def still_pieces(world: PlanningWorld, neck: Iterable[str]) -> Solids:
-    """The pieces that are no further than the neck, in the robot's present posture, in the base frame."""
+    """Return the pieces that are no further than the neck, in the robot's present posture, in the base frame."""
     robot = world.robot
     moved = frozenset[int]().union(*(robot.moved_by(name) for name in neck))
     frames = world.solid_frames(Configuration((0.0, 0.0, 0.0), world.configuration().joints))
@@ -131,9 +132,9 @@ def still_pieces(world: PlanningWorld, neck: Iterable[str]) -> Solids:
 
 
 def _surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tuple[float, float, float]]:
-    """A primitive, kind and size [m], that is surely filled: of a mesh the core of the box around it."""
+    """Return a primitive, kind and size [m], that is surely filled: of a mesh the core of the box around it."""
     x, y, z = size
-    return ("box", (CORE * x, CORE * y, CORE * z)) if kind == "mesh" else (kind, size)
+    return (SolidKind.BOX, (CORE * x, CORE * y, CORE * z)) if kind == SolidKind.MESH else (kind, size)
 
 
 class Visibility:
@@ -145,20 +146,20 @@ class Visibility:
         self._world, self._robot, self._belief, self._bodies, self.gaze = world, robot, belief, bodies, gaze
 
     def sighted(self) -> bool:
-        """Whether the robot has a camera."""
+        """Return whether the robot has a camera."""
         return self.gaze is not None
 
     def camera_range(self) -> tuple[float, float]:
-        """Distances between which the camera recognises things [m]."""
+        """Return distances between which the camera recognises things [m]."""
         camera = self._robot.camera
         return (0.0, 0.0) if camera is None else (camera.near, camera.far)
 
     def looked_in_vain(self, name: str) -> Sequence[BasePose]:
-        """Places from where the body was looked for and not seen."""
+        """Return places from where the body was looked for and not seen."""
         return self._belief.looked_in_vain(name)
 
     def own_view(self) -> OwnView | None:
-        """What the robot's own body, neck and camera, in its present posture, leave to be seen; None without camera."""
+        """Return what body, neck and camera leave to be seen in the present posture; None without camera."""
         camera = self._robot.camera
         if self.gaze is None or camera is None:
             return None

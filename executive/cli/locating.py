@@ -265,8 +265,7 @@ def _resolved(
         lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in counts.items())}")
     if options.explain is not None:
         from executive.pictures.explanation import save_picture
-        from executive.pictures.floor_plan import Resolution
-        from executive.pictures.scenery import scenery_of
+        from executive.pictures.floor_plan import Resolution, scenery_of
 
         bases = [(place["x"], place["y"], place["yaw"]) for _, place in places]
         arms = [place.get("arm", "") for _, place in places]

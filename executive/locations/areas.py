@@ -43,17 +43,17 @@ class Area:
     negated: bool = False
 
     def score(self, points: Array) -> Array:
-        """How good points (n, 2) are, (n,) in [0, 1]; 0 exactly where they are not in the area."""
+        """Return how good points (n, 2) are, (n,) in [0, 1]; 0 exactly where they are not in the area."""
         if self.negated:
             return np.asarray(~self._inside(points), float)
         return np.where(self._inside(points), self._likeable(points), 0.0)
 
     def holds(self, point: tuple[float, float]) -> bool:
-        """Whether a point is in the area."""
+        """Return whether a point is in the area."""
         return bool(self.score(np.array([point]))[0] > 0)
 
     def anchor(self) -> tuple[float, float, float, float]:
-        """Middle (x, y), heading and radius of a circle around the area; only as far as 3 m around the block."""
+        """Return middle (x, y), heading and radius of a circle around the area; only as far as 3 m around the block."""
         return (
             self.block.x,
             self.block.y,
@@ -62,12 +62,12 @@ class Area:
         )
 
     def nearly(self, points: Array, within: float) -> NDArray[np.bool_]:
-        """Whether the area may have a point within so many metres of points (n, 2); if not, it surely has none (n,)."""
+        """Return whether the area may have a point ``within`` [m] of points (n, 2); if not, it has none (n,)."""
         border = STEEPEST * within
         return self._inside(points, HAIR + border) if not self.negated else ~self._inside(points, HAIR - border)
 
     def _inside(self, points: Array, border: float = HAIR) -> NDArray[np.bool_]:
-        """Whether points are in the area, without its negation, with its border so much farther out [m]."""
+        """Return whether points are in the area, without its negation, with its border so much farther out [m]."""
         if not self.directions:
             away = self._gap(points)
             return np.asarray((away >= self.least - border) & (away <= self.most + border))
@@ -80,7 +80,7 @@ class Area:
         return found
 
     def _gap(self, points: Array) -> Array:
-        """Distances (n,) between the outlines, 0 where they overlap [m]."""
+        """Return distances (n,) between the outlines, 0 where they overlap [m]."""
         return np.maximum(self.block.distance(points) - self.radius, 0.0)
 
     def _likeable(self, points: Array) -> Array:
@@ -100,7 +100,7 @@ class Area:
         return np.asarray(np.maximum(1.0 - 0.5 * share, POOREST))
 
     def _along(self, points: Array, direction: float) -> tuple[Array, Array]:
-        """How far points are before the side of the block in a direction, and how far aside of its middle (n,) [m]."""
+        """Return how far points are before the side of the block in a direction, and how far aside of it (n,) [m]."""
         c, s = math.cos(direction), math.sin(direction)
         dx, dy = points[:, 0] - self.block.x, points[:, 1] - self.block.y
         return c * dx + s * dy - self.block.support(direction), c * dy - s * dx
@@ -115,11 +115,11 @@ class Facing:
     negated: bool = False
 
     def bearing(self, points: Array) -> Array:
-        """Headings (n,) from points (n, 2 or more) to its middle [rad]."""
+        """Return headings (n,) from points (n, 2 or more) to its middle [rad]."""
         return np.arctan2(self.block.y - points[:, 1], self.block.x - points[:, 0])
 
     def score(self, bases: Array) -> Array:
-        """How well bases (n, 3) face it, (n,) in [0, 1]; 0 exactly where they do not."""
+        """Return how well bases (n, 3) face it, (n,) in [0, 1]; 0 exactly where they do not."""
         bearing = self.bearing(bases)
         miss = np.abs(np.arctan2(np.sin(bases[:, 2] - bearing), np.cos(bases[:, 2] - bearing)))
         inside = miss <= FACING + HAIR
@@ -146,12 +146,12 @@ class Clear:
         return np.where(gap > 0, 0.7 + 0.3 * np.clip(gap / 0.3, 0.0, 1.0), 0.0)
 
     def nearly(self, points: Array, within: float) -> NDArray[np.bool_]:
-        """Whether a place within so many metres of points (n, 2) may do; if not, there surely is none (n,)."""
+        """Return whether a place within so many metres of points (n, 2) may do; if not, there surely is none (n,)."""
         gap = self._gap(points)
         return np.asarray(gap <= within if self.negated else gap > -within)
 
     def _gap(self, points: Array) -> Array:
-        """Distances (n,) of the outline from the block and the sweeps [m]."""
+        """Return distances (n,) of the outline from the block and the sweeps [m]."""
         gaps = [_from_sweep(door, points) for door in self.doors]
         if self.block is not None:
             gaps.append(self.block.distance(points))
@@ -159,7 +159,7 @@ class Clear:
 
 
 def _from_sweep(door: Door, points: Array) -> Array:
-    """Distances (n,) of points from the half disc that the leaf sweeps on both sides, 0 inside."""
+    """Return distances (n,) of points from the half disc that the leaf sweeps on both sides, 0 inside."""
     c, s = math.cos(door.heading), math.sin(door.heading)
     dx, dy = points[:, 0] - door.x, points[:, 1] - door.y
     along, across = c * dx + s * dy, np.abs(c * dy - s * dx)
@@ -168,7 +168,7 @@ def _from_sweep(door: Door, points: Array) -> Array:
 
 
 def front_of(block: Block, front: float | None, viewer: tuple[float, float]) -> tuple[float, bool]:
-    """The heading [rad] that counts as a body's front, and whether it is the viewer's: then left is the other side."""
+    """Return the heading [rad] of a body's front, and whether it is the viewer's: then left is the other side."""
     if front is not None:
         return front, False
     return math.atan2(viewer[1] - block.y, viewer[0] - block.x), True

@@ -66,7 +66,7 @@ class BaseCandidates:
         return len(self.scores)
 
     def chosen(self, index: Indices) -> BaseCandidates:
-        """Some of them."""
+        """Return some of them."""
         return replace(
             self,
             bases=self.bases[index],
@@ -79,7 +79,7 @@ class BaseCandidates:
         )
 
     def order(self, weigh: Weigh, most: int) -> Indices:
-        """Round-robin over the ways, the best of each first, no more than ``most``; ``weigh`` has an opinion."""
+        """Return round-robin over the ways, the best of each first, no more than ``most``; ``weigh`` has an opinion."""
         whole = np.flatnonzero(np.cumsum(np.bincount(self.ranks, minlength=1)) >= most)
         some = np.flatnonzero(self.ranks <= whole[0]) if len(whole) else np.arange(len(self))
         worth = self.scores[some] * weigh(self.bases[some])
@@ -98,7 +98,7 @@ def invert(
     rows: int,
     each: int,
 ) -> BaseCandidates:
-    """Places for some arms and their ways.
+    """Return places for some arms and their ways.
 
     Of each way those ``each`` with the best score are kept, well spread. ``conjuncts`` are the others.
     ``lifted`` tells where the torso may be with the rest of the robot as it is, ``misses`` from where the robot would
@@ -173,7 +173,7 @@ class _Part:
         each: int,
         number: int,
     ) -> _Part:
-        """All rows (n) for all ways (w) at once, looked up in the field in its own cells."""
+        """Return all rows (n) for all ways (w) at once, looked up in the field in its own cells."""
         factors = room.looked_up(candidates.points[index, :2], candidates.headings[index], chosen.v)
         free = np.count_nonzero(factors, axis=1)
         without_room = int(np.minimum(factors.shape[1] - free, COUNTED).sum())
@@ -226,12 +226,12 @@ class _Part:
 
 
 def _counted(candidates: Indices) -> int:
-    """How many places, of each of which (m,) tells the way, are counted."""
+    """Return how many places, of each of which (m,) tells the way, are counted."""
     return int(np.minimum(np.bincount(candidates), COUNTED).sum())
 
 
 def _bases(candidates: GraspCandidates, index: Indices, chosen: Rows, row: Indices) -> Array:
-    """Bases (m, 3) from which ways (m,) are reached by rows (m,)."""
+    """Return bases (m, 3) from which ways (m,) are reached by rows (m,)."""
     heading = candidates.headings[index]
     c, s = np.cos(heading), np.sin(heading)
     x, y = chosen.v[row, 0], chosen.v[row, 1]
@@ -240,7 +240,7 @@ def _bases(candidates: GraspCandidates, index: Indices, chosen: Rows, row: Indic
 
 
 def _best(scores: Array, squares: Indices, each: int) -> tuple[Indices, Indices, Indices]:
-    """Of each row of scores (w, n) those above 0 that are best, well spread: row, column, and rank in the row.
+    """Return, of each row of scores (w, n) those above 0 that are best, well spread: row, column, and rank in the row.
 
     ``squares`` (n,) number the squares of :data:`SPREAD` that the columns are in: the best of each come first.
     """
@@ -264,7 +264,7 @@ def _best(scores: Array, squares: Indices, each: int) -> tuple[Indices, Indices,
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:
-    """Slices of so many rows, one after another."""
+    """Yield slices of so many rows, one after another."""
     for first in range(0, count, size):
         yield slice(first, min(first + size, count))
 
@@ -278,7 +278,7 @@ HALF = 1 << 12
 
 
 def moved_to_room(found: BaseCandidates, floor: Floor, middle: Array, yaw: float, most: int) -> BaseCandidates:
-    """Candidates, each at the nearest place with room of a lattice around ``middle`` (2,) that is turned by ``yaw``.
+    """Return candidates moved to the nearest point with room of a lattice around ``middle`` (2,), turned by ``yaw``.
 
     Of each way the best are moved, no more than ``most`` in all. Those near to which there is no room are left out, of
     those that become equal all but the best.
@@ -309,7 +309,7 @@ def moved_to_room(found: BaseCandidates, floor: Floor, middle: Array, yaw: float
 
 
 def _distinct(found: BaseCandidates, place: Array) -> BaseCandidates:
-    """Of candidates with the same arm, way, place (m,) and torso the best one, ranked anew."""
+    """Return, of candidates with the same arm, way, place (m,) and torso the best one, ranked anew."""
     order = np.lexsort((-found.scores.round(9), found.torsos, place, found.candidates, found.arms))
     keys = np.column_stack([found.arms, found.candidates, place, found.torsos])[order]
     first = np.append(True, (np.diff(keys, axis=0) != 0).any(axis=1))[: len(keys)]

@@ -95,6 +95,6 @@ def _distances(relation: Relation, subject: Subject) -> Bounds | None:
 
 
 def _is_round_about(relation: Relation, subject: Subject) -> bool:
-    """Whether the distance is all that a relation says."""
+    """Return whether the distance is all that a relation says."""
     meant = RELATIONS[relation.name]
     return meant.sense(subject) is Sense.AREA and not meant.directions

@@ -247,7 +247,7 @@ def without_unused(location: Location, scene: PlanningScene, viewer: Viewer) -> 
 
 
 def asks_for(location: Location, subject: Subject, sense: Sense) -> bool:
-    """Whether one of the relations of a location has a sense for a subject."""
+    """Return whether one of the relations of a location has a sense for a subject."""
     return any(RELATIONS[relation.name].sense(subject) is sense for relation in location.relations)
 
 
@@ -266,7 +266,7 @@ def _arms(location: Location, arms: RobotArms) -> tuple[str, ...] | None:
 
 
 def _holding(names: tuple[str, ...] | None, arms: RobotArms) -> tuple[str, ...] | None:
-    """Of the arms that a device may mean those that hold something, if any does: an empty hand offers nothing."""
+    """Return those of the arms that hold something, if any does: an empty hand offers nothing."""
     return tuple(name for name in names or () if arms.held(name) is not None) or names
 
 

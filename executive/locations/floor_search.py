@@ -35,7 +35,7 @@ MOST_AREAS = 600
 
 
 def search_floor(validator: BaseValidator, demand: BaseDemand, log: Rejections) -> Iterator[Solution]:
-    """Places without reach: around what they are about, and when there are no more of these, anywhere."""
+    """Yield places without reach: around what they are about, and when there are no more of these, anywhere."""
     found, looked_at = yield from _judged(validator, demand, sample_around(demand, validator.scene), MOST_AREAS, log)
     if looked_at >= MOST_AREAS:
         return
@@ -57,7 +57,7 @@ def _judged(
     *,
     named: bool = False,
 ) -> Generator[Solution, None, tuple[bool, int]]:
-    """Of bases, with the room around each and its square, those that will do; so many are looked at exactly.
+    """Yield, of bases with the room around each and its square, those that will do; so many are looked at exactly.
 
     ``named``: what takes the room is known. Returns whether there were any, and how many were looked at.
     """
@@ -102,7 +102,7 @@ def _judged(
 
 
 def _surely_unseen(validator: BaseValidator, demand: BaseDemand, bases: Array) -> Iterator[bool]:
-    """From which bases (n, 3) the robot itself, or the room, surely hides what has to be seen; looked at lazily."""
+    """Yield for bases (n, 3) whether the robot itself, or the room, surely hides what has to be seen."""
     scene = validator.scene
     view = scene.visibility.own_view()
     for first in range(0, len(bases), AT_ONCE):
@@ -120,7 +120,7 @@ def _surely_unseen(validator: BaseValidator, demand: BaseDemand, bases: Array) -
 
 
 def _spread(squares: NDArray[np.intp], order: NDArray[np.intp]) -> Iterator[int]:
-    """The order, so that of each square the best comes first, then the second best of each, and so on."""
+    """Yield the order, so that of each square the best comes first, then the second best of each, and so on."""
     rank = np.zeros(len(order), np.intp)
     seen: dict[int, int] = {}
     for index, value in enumerate(squares.tolist()):
@@ -138,7 +138,7 @@ COARSE = 2 * CELL
 
 
 def sample_around(demand: BaseDemand, scene: PlanningScene) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Bases (n, 3) worth a look, the room around each (n,) [m], and the square of 30 cm that each is in (n,)."""
+    """Return bases (n, 3) worth a look, the room around each (n,) [m], and the square of 30 cm that each is in (n,)."""
     middle, yaw, radius, looked_at = _anchor(demand, scene)
     half = math.ceil(radius / COARSE)
     steps = np.arange(-half, half + 1) * COARSE
@@ -157,7 +157,7 @@ def sample_around(demand: BaseDemand, scene: PlanningScene) -> tuple[Array, Arra
 
 
 def _anchor(demand: BaseDemand, scene: PlanningScene) -> tuple[tuple[float, float], float, float, tuple[float, float]]:
-    """Middle, heading and radius [m] of where to look, and the point to face: of the conjunct that says most."""
+    """Return middle, heading and radius [m] of where to look, and the point to face: of the conjunct that says most."""
     found: list[tuple[float, tuple[float, float], float, Block]] = []
     for name in demand.seen:
         block = scene.bodies.block(name)
@@ -196,7 +196,7 @@ SQUARE = 0.3
 
 
 def sample_anywhere(demand: BaseDemand, scene: PlanningScene) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Bases (n, 3) at which all that is asked of the floor holds; room around each and its square as in the grid."""
+    """Return bases (n, 3) at which all demands on the floor hold, with their room and squares as in the grid."""
     floor = scene.collisions.floor()
     points = _points(demand, floor, scene)
     headings = _headings(demand, points, scene)
@@ -215,7 +215,7 @@ def sample_anywhere(demand: BaseDemand, scene: PlanningScene) -> tuple[Array, Ar
 
 
 def _points(demand: BaseDemand, floor: Floor, scene: PlanningScene) -> Array:
-    """Places (n, 2) of which each is the middle of a cell in which the demand may hold."""
+    """Return places (n, 2) of which each is the middle of a cell in which the demand may hold."""
     x_min, y_min, x_max, y_max = floor.bounds
     side = max(x_max - x_min, y_max - y_min, FINEST) / FIRST
     counts = [max(1, math.ceil(length / side)) for length in (x_max - x_min, y_max - y_min)]
@@ -237,7 +237,7 @@ def _points(demand: BaseDemand, floor: Floor, scene: PlanningScene) -> Array:
 def _may_hold(
     demand: BaseDemand, points: Array, within: float, floor: Floor, scene: PlanningScene
 ) -> NDArray[np.bool_]:
-    """Whether the demand may hold within so many metres of points (n, 2), as far as can be told from distances (n,)."""
+    """Return whether the demand may hold ``within`` [m] of points (n, 2), as far as distances say (n,)."""
     good = np.ones(len(points), bool)
     for term in demand.areas:
         if not isinstance(term, Facing):
@@ -254,13 +254,13 @@ def _may_hold(
 
 
 def _swing(term: Facing, points: Array, within: float) -> Array:
-    """How much bearings change at most within so many metres of points (n, 2), (n,) [rad]."""
+    """Return how much bearings change at most within so many metres of points (n, 2), (n,) [rad]."""
     away = np.hypot(points[:, 0] - term.block.x, points[:, 1] - term.block.y)
     return np.where(away > within, np.arcsin(np.minimum(within / np.maximum(away, 1e-9), 1.0)), math.pi)
 
 
 def _headings(demand: BaseDemand, points: Array, scene: PlanningScene) -> Array:
-    """Headings (n, m) at points (n, 2), those towards what a place is about first.
+    """Return headings (n, m) at points (n, 2), those towards what a place is about first.
 
     They are the middles between the borders of what is faced; some directions are borders as well, that there are more.
     """
@@ -284,7 +284,7 @@ BEST, WIDTH = 1.2, 0.8
 
 
 def sight_score(bases: Array, block: Block, limits: tuple[float, float]) -> Array:
-    """How likely a block is seen from bases (n, 3), (n,) in [0, 1]: by distance, and more if it is ahead."""
+    """Return how likely a block is seen from bases (n, 3), (n,) in [0, 1]: by distance, and more if it is ahead."""
     dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
     away = np.hypot(dx, dy)
     miss = np.abs(np.arctan2(np.sin(bases[:, 2] - np.arctan2(dy, dx)), np.cos(bases[:, 2] - np.arctan2(dy, dx))))

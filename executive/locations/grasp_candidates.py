@@ -81,7 +81,7 @@ class GraspCandidates:
         return len(self.points)
 
     def poses(self, index: ArrayLike) -> Array:
-        """Tip poses (m, k, 4, 4) of ways (m,)."""
+        """Return tip poses (m, k, 4, 4) of ways (m,)."""
         chosen = np.asarray(index, np.intp)
         poses = np.zeros((len(chosen), self.offsets.shape[1], 4, 4))
         poses[..., :3, :3] = self.rotations[chosen][:, None]
@@ -90,13 +90,13 @@ class GraspCandidates:
         return poses
 
     def plan(self, index: int) -> HandPoses:
-        """One way by itself."""
+        """Return one way by itself."""
         grasp = CLASSES[int(self.grasps[index])].value
         label = f"{self.text}, {grasp}, heading {math.remainder(float(self.headings[index]), 2 * math.pi):.2f}"
         return HandPoses(label, self.poses([index])[0], self.touches, self.opened)
 
     def chosen(self, index: ArrayLike) -> GraspCandidates:
-        """Some of them, by indices or a mask."""
+        """Return some of them, by indices or a mask."""
         rows = np.asarray(index)
         return replace(
             self,
@@ -110,7 +110,7 @@ class GraspCandidates:
         )
 
     def best(self, most: int) -> GraspCandidates:
-        """The most natural ones, in that order."""
+        """Return the most natural ones, in that order."""
         return self.chosen(np.argsort(-self.weights.round(6), kind="stable")[:most])
 
 
@@ -118,7 +118,7 @@ class GraspCandidates:
 def grasping(
     name: str, block: Block, frame: HandFrame, max_opening: float, classes: tuple[GraspClass, ...], headings: int
 ) -> GraspCandidates:
-    """Pre-grasp, grasp, lift and retreat; the fingers close horizontally across what fits between them [m]."""
+    """Return candidates for pre-grasp, grasp, lift and retreat; the fingers close horizontally across the body."""
     grasps, yaws, rolls, weights = [], [], [], []
     for grasp in classes:
         for number in range(headings):
@@ -155,7 +155,7 @@ def held_above(
     inset: float,
     fine: bool,
 ) -> GraspCandidates:
-    """Hand level over the block's top, so that what it holds would come down whole on it; near the edges first.
+    """Return candidates level over the block's top, so that what is held comes down whole on it; near the edges first.
 
     ``heights``: of the lowest point over the top, least and greatest [m]; ``lowest``: where that is, relative to the
     tip, for rotations (m, 3, 3); ``inset``: how far from the edges an empty hand stays [m].
@@ -175,7 +175,7 @@ def held_above(
 
 
 def _over_the_edge(block: Block, places: Array, headings: Array) -> Array:
-    """How far inside the edge places (m, 2) are, seen along each heading (h,) from where the hand comes, (m, h)."""
+    """Return how far inside the edge places (m, 2) are, along each heading (h,) of the hand, (m, h)."""
     local = block.to_local(places)
     candidates = headings - block.yaw
     back = -np.stack([np.cos(candidates), np.sin(candidates)], axis=1)
@@ -186,7 +186,7 @@ def _over_the_edge(block: Block, places: Array, headings: Array) -> Array:
 
 
 def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool) -> GraspCandidates:
-    """Hand level, what it holds inside the person's comfort zone, coming from where they face."""
+    """Return candidates level, with what is held inside the person's comfort zone, coming from where they face."""
     points = zone.points()
     points = points if fine else points[np.argsort(-zone.margins(points).round(6), kind="stable")[:16]]
     turns = np.array([0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6] if fine else [0.0, 0.8, -0.8])
@@ -198,7 +198,7 @@ def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, 
 
 
 def placing(name: str, centres: Array, frame: HandFrame, held: Held, *, fine: bool) -> GraspCandidates:
-    """Over a place and down on it, for what is held: its centre comes to ``centres`` (m, 3), upright."""
+    """Return candidates down onto a place for what is held: its centre comes to ``centres`` (m, 3), upright."""
     count = HEADINGS if fine else HEADINGS // 2
     turns: Array = np.asarray(np.arange(count) * (2 * math.pi / count), np.float64)
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(centres)), np.arange(len(turns)), indexing="ij"))
@@ -221,7 +221,7 @@ def placing(name: str, centres: Array, frame: HandFrame, held: Held, *, fine: bo
 
 
 def retreating(name: str, grasp: Array, frame: HandFrame) -> GraspCandidates:
-    """Back to where the hand came from with what it holds: along the approach, raised so that it clears its support.
+    """Return candidates that go back with what is held: along the approach, raised so that it clears its support.
 
     ``grasp`` (4, 4) is the tip pose at which the object was grasped.
     """
@@ -244,7 +244,7 @@ def retreating(name: str, grasp: Array, frame: HandFrame) -> GraspCandidates:
 
 
 def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
-    """Where a hand goes with what it has grasped, from approach directions (n, 3): back, and raised by ``rise`` [m].
+    """Return offsets (n, 3) back along approach directions (n, 3) with what is grasped, raised by ``rise`` [m].
 
     What going back along a tilted approach raises counts.
     """
@@ -254,7 +254,7 @@ def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
 
 
 def joined(parts: list[GraspCandidates]) -> GraspCandidates:
-    """Candidates of one kind together."""
+    """Return candidates of one kind together."""
     first = parts[0]
     return replace(
         first,
@@ -269,7 +269,7 @@ def joined(parts: list[GraspCandidates]) -> GraspCandidates:
 
 
 def classified(rotation: Array, frame: HandFrame) -> tuple[int, float, int]:
-    """The nearest class of a tip rotation (3, 3): its index in CLASSES, the heading [rad] and the roll."""
+    """Return the nearest class of a tip rotation (3, 3): its index in CLASSES, the heading [rad] and the roll."""
     approach = rotation @ np.asarray(frame.approach)
     closing = rotation @ np.asarray(frame.closing)
     pitch = math.asin(float(np.clip(-approach[2], -1.0, 1.0)))
@@ -290,7 +290,7 @@ def _level(
     held: Held | None,
     lowest: Callable[[Array], Array] | None = None,
 ) -> GraspCandidates:
-    """Hand level, with either roll, or what it holds upright, its middle at places (m, 3).
+    """Return candidates level, with either roll, or what it holds upright, its middle at places (m, 3).
 
     With ``lowest`` (see :func:`held_above`) it is the lowest point of hand and held object whose height they say.
     """
@@ -320,18 +320,18 @@ def _level(
 
 
 def _raised(points: Array, lowest: Array) -> Array:
-    """Points (m, 3) higher by as much as the lowest point is below them (m,)."""
+    """Return points (m, 3) higher by as much as the lowest point is below them (m,)."""
     return np.asarray(points - lowest[:, None] * np.array([0.0, 0.0, 1.0]))
 
 
 def _held_upright(frame: HandFrame, held: Held) -> tuple[Array, int, float, int]:
-    """A tip rotation that keeps what is held as it stands, and its class, heading and roll."""
+    """Return a tip rotation that keeps what is held as it stands, and its class, heading and roll."""
     base: Array = held.pose.matrix()[:3, :3].T
     return (base, *classified(base, frame))
 
 
 def _turned(angles: Array) -> Array:
-    """Rotations (m, 3, 3) about the vertical."""
+    """Return rotations (m, 3, 3) about the vertical."""
     turns = np.zeros((len(angles), 3, 3))
     turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angles)
     turns[:, 1, 0] = np.sin(angles)
@@ -341,7 +341,7 @@ def _turned(angles: Array) -> Array:
 
 
 def _directions(grasps: list[int], yaws: list[float]) -> Array:
-    """Approach directions (n, 3)."""
+    """Return approach directions (n, 3)."""
     pitch = np.array([CLASSES[grasp].pitch for grasp in grasps])
     yaw = np.array(yaws, float)
     return np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)], axis=-1).reshape(-1, 3)

@@ -47,7 +47,7 @@ Mask = NDArray[np.bool_]
 
 
 def hand_holds(location: Location, arm: ArmModel, scene: PlanningScene, viewer: tuple[float, float]) -> bool:
-    """Whether an arm's hand is at a location now; raises LocationUnresolvable for what means nothing of a hand."""
+    """Return whether an arm's hand is at a location now; raises LocationMeaningless for what means nothing."""
     terms = hand_terms(location, scene.bodies, viewer)
     tip = scene.arms.tip(arm)
     points, rotations = tip[None, :3, 3], tip[None, :3, :3]
@@ -57,7 +57,7 @@ def hand_holds(location: Location, arm: ArmModel, scene: PlanningScene, viewer: 
 
 
 def satisfied(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene: PlanningScene) -> Mask:
-    """For which tip poses, points (n, 3) and rotations (n, 3, 3) in the map, a conjunct holds, (n,)."""
+    """Return for which tip poses, points (n, 3) and rotations (n, 3, 3) in the map, a conjunct holds, (n,)."""
     return np.asarray(_holds(term, points, rotations, arm, scene) != term.negated)
 
 
@@ -115,7 +115,7 @@ def _is_at(points: Array, centre: Array) -> Mask:
 
 
 def _level(rotations: Array, arm: ArmModel, held: Held | None) -> Mask:
-    """Whether the hand is level, or what it holds upright."""
+    """Return whether the hand is level, or what it holds upright."""
     if held is not None:
         return np.asarray((rotations @ held.pose.matrix()[:3, 2])[:, 2] >= math.cos(LEVEL))
     axes = [rotations @ np.asarray(axis) for axis in (arm.frame.approach, arm.frame.closing)]
@@ -137,7 +137,7 @@ MOST_SPOTS = 24
 def candidates_of(
     reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
 ) -> GraspCandidates | None:
-    """Candidates to satisfy a reach with an arm; None, with the reason counted, if there are none."""
+    """Return candidates to satisfy a reach with an arm; None, with the reason counted, if there are none."""
     candidates = _made(reach, arm, scene, rejections, stage)
     if candidates is None or not len(candidates):
         return None

@@ -43,7 +43,7 @@ class Solved:
 
 
 def base_matrices(bases: Array) -> Array:
-    """Poses (m, 4, 4) of the base frame in the map for bases (m, 3)."""
+    """Return poses (m, 4, 4) of the base frame in the map for bases (m, 3)."""
     matrices = np.zeros((len(bases), 4, 4))
     matrices[:, 0, 0] = matrices[:, 1, 1] = np.cos(bases[:, 2])
     matrices[:, 1, 0] = np.sin(bases[:, 2])
@@ -54,7 +54,7 @@ def base_matrices(bases: Array) -> Array:
 
 
 def unblocked(candidates: GraspCandidates, check: QuickCheck, rejections: Rejections) -> GraspCandidates:
-    """Candidates in which the hand itself, wherever the base stands, would be inside nothing; others are counted.
+    """Return candidates in which the hand itself, wherever the base stands, is inside nothing; others are counted.
 
     It goes straight from pose to pose, so that what is in between counts as well.
     """
@@ -67,14 +67,14 @@ def unblocked(candidates: GraspCandidates, check: QuickCheck, rejections: Reject
 
 
 def _with_between(poses: Array) -> Array:
-    """Series of poses (n, k, 4, 4) of one rotation, then those :data:`BETWEEN` each and the next."""
+    """Return series of poses (n, k, 4, 4) of one rotation, then those :data:`BETWEEN` each and the next."""
     shares = np.linspace(0.0, 1.0, BETWEEN + 2)[1:-1].tolist()
     moved_to_room = [(1.0 - share) * poses[:, :-1] + share * poses[:, 1:] for share in shares]
     return np.concatenate([poses, *moved_to_room], axis=1)
 
 
 def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> NDArray[np.bool_]:
-    """At which bases (n, 3) no arm, in its present posture, is inside something as far as spheres tell.
+    """Return at which bases (n, 3) no arm, in its present posture, is inside something as far as spheres tell.
 
     Others are counted.
     """
@@ -93,7 +93,7 @@ def solve(
     *,
     slack: float | None = None,
 ) -> Solved:
-    """Joint values of ways (m,) from bases (m, 3), begun at seeds (m, s, d); spheres inside something rule out.
+    """Return joint values of ways (m,) from bases (m, 3), begun at seeds (m, s, d); spheres inside something rule out.
 
     With ``slack`` the first seeds are within so many metres of solutions: where they are so much deeper in something
     than solutions may be, nothing is solved.
@@ -103,7 +103,7 @@ def solve(
     reasons: list[Reason | None] = [None] * count
 
     def left(rows: NDArray[np.intp], found: Iterable[Reason | None]) -> NDArray[np.intp]:
-        """Those of some rows for which there is no reason."""
+        """Return those of some rows for which there is no reason."""
         for row, reason in zip(rows.tolist(), found, strict=True):
             reasons[row] = reason
         return rows[[reasons[row] is None for row in rows.tolist()]]
@@ -131,13 +131,13 @@ def solve(
 
 
 def _blocked(q: Array, bases: Array, check: QuickCheck, deeper: float = 0.0) -> list[str | None]:
-    """For each base (n, 3) what a sphere of the arm is inside of, by so much more, at some of q (n, s, d)."""
+    """Return for each base (n, 3) what a sphere of the arm is inside of, by so much more, at some of q (n, s, d)."""
     count, steps, size = q.shape
     return _met(check.hit(np.repeat(base_matrices(bases), steps, axis=0), q.reshape(-1, size), deeper=deeper), count)
 
 
 def _met(bodies: Sequence[str | None], count: int) -> list[str | None]:
-    """For each of ``count`` places the first body that is met in one of its postures, None where none is."""
+    """Return for each of ``count`` places the first body that is met in one of its postures, None where none is."""
     steps = len(bodies) // max(count, 1)
     return [next(filter(None, bodies[k * steps : (k + 1) * steps]), None) for k in range(count)]
 
@@ -161,7 +161,7 @@ class HandSolution:
 
 
 def is_among(known: HandSolution, candidates: GraspCandidates) -> bool:
-    """Whether a way's poses are those of one of some ways."""
+    """Return whether a way's poses are those of one of some ways."""
     poses = candidates.poses(np.arange(len(candidates)))
     if poses.shape[1:] != known.plan.poses.shape:
         return False
@@ -171,7 +171,7 @@ def is_among(known: HandSolution, candidates: GraspCandidates) -> bool:
 def stopped_by(
     solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
 ) -> Reason | None:
-    """Why an arm cannot do what a solution says, judged exactly; None if it can.
+    """Return why an arm cannot do what a solution says, judged exactly; None if it can.
 
     ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
     """
@@ -182,7 +182,7 @@ def stopped_by(
 def stopped_on_the_way(
     solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
 ) -> Reason | None:
-    """Why an arm cannot go from pose to pose of a solution, or the fingers not close on a thing; None if they can."""
+    """Return why an arm cannot go from pose to pose, or the fingers cannot close on a thing; None if they can."""
     line = straight(solution, base)
     if line is None:
         return OUT_OF_REACH
@@ -193,7 +193,7 @@ def stopped_on_the_way(
 
 
 def straight(solution: HandSolution, base: BasePose) -> Array | None:
-    """Joint values (n, d) with the tip on the straight lines from pose to pose, as it will move; None if it cannot.
+    """Return joint values (n, d) with the tip on the lines from pose to pose, as it will move; None if it cannot.
 
     Without those at the first pose, where the lines begin.
     """
@@ -211,7 +211,7 @@ def straight(solution: HandSolution, base: BasePose) -> Array | None:
 def touched_at(
     rows: Array, solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
 ) -> str | None:
-    """The body that is in the way at some joint values (m, d) of a solution; None if all are free."""
+    """Return the body that is in the way at some joint values (m, d) of a solution; None if all are free."""
     plan = solution.plan
     for q in rows if check is None else _unsure(rows, base, check):
         if contacts := scene.collisions.contacts(base, solution.arm, q, plan.touches, plan.opened):
@@ -220,12 +220,12 @@ def touched_at(
 
 
 def _unsure(rows: Array, base: BasePose, check: QuickCheck) -> Array:
-    """Those of some joint values (m, d) at which something may be hit, as far as a check of the arm tells."""
+    """Return those of some joint values (m, d) at which something may be hit, as far as a check of the arm tells."""
     return rows[~check.clear(np.repeat(base_matrices(np.array([base])), len(rows), axis=0), rows)]
 
 
 def hand_is_stopped(solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck) -> bool:
-    """Whether the hand itself is in something on the way of a solution, or when it closes: wherever the base stands.
+    """Return whether the hand itself is in something on the way, or when it closes: wherever the base stands.
 
     ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
     """
@@ -306,7 +306,7 @@ def from_base(
 def _looked_up(
     candidates: GraspCandidates, base: Array, arm: ArmModel, inverse: InverseMaps
 ) -> tuple[NDArray[np.intp], Array, Array]:
-    """For one base the ways that the maps know a posture for, one entry for each torso position: way, score, seed."""
+    """Return the candidates that the maps have a posture for from one base, by torso position: index, score, seed."""
     c, s = math.cos(base[2]), math.sin(base[2])
     local = candidates.points - np.array([base[0], base[1], 0.0])
     local = np.stack([c * local[:, 0] + s * local[:, 1], c * local[:, 1] - s * local[:, 0], local[:, 2]], axis=1)
@@ -331,7 +331,7 @@ def _looked_up(
 def within_reach(
     candidates: GraspCandidates, index: NDArray[np.intp], placed: Array, arm: ArmModel
 ) -> NDArray[np.bool_]:
-    """A quick necessary condition from a base at ``placed`` (4, 4): no key pose is farther than the arm is long."""
+    """Return whether key poses are no farther from a base at ``placed`` (4, 4) than the arm is long: a quick test."""
     points = (candidates.points[index] - placed[:3, 3]) @ placed[:3, :3]
     shoulders = np.repeat(((arm.shoulder_low + arm.shoulder_high) / 2)[None], len(points), 0)
     shoulders[:, 2] = np.clip(points[:, 2], arm.shoulder_low[2], arm.shoulder_high[2])

@@ -85,7 +85,7 @@ class Rejections:
         self.refused.extend(other.refused)
 
     def copy(self) -> Rejections:
-        """The same, to go on from twice."""
+        """Return the same, to go on from twice."""
         fresh = Rejections(self.explained)
         fresh.include(self)
         return fresh
@@ -100,7 +100,7 @@ class Rejections:
             self.places.append(Validated(base, score, reason, body))
 
     def failure(self, designator: object, after: int = 0) -> LocationUnresolvable:
-        """The failure that tells all this, most frequent first; ``after`` so many places that were found."""
+        """Return the failure that tells all this, most frequent first; ``after`` so many places that were found."""
         failure = LocationUnresolvable(
             designator=str(designator), counts=_ordered(self.counts), blocking=_ordered(self.blocking)
         )
@@ -110,7 +110,7 @@ class Rejections:
 
 
 def first_body(contacts: Iterable[Contact]) -> str:
-    """The body of the deepest contact; by name among equals."""
+    """Return the body of the deepest contact; by name among equals."""
     return min(contacts, key=lambda contact: (-contact.depth, contact.body)).body
 
 

@@ -52,7 +52,7 @@ class Resolver:
     # Places for the base
 
     def bases(self, location: Location, log: Rejections | None = None) -> Iterator[Solution]:
-        """Places that satisfy a location, lazily, best first; raises LocationUnresolvable when there are no more.
+        """Yield places that satisfy a location, lazily, best first; raises LocationUnresolvable when there are no more.
 
         Raises MissingCapability if the robot has no arm, or no camera, for what is asked. Answers are kept until the
         belief changes or the robot moves. ``log`` is told all that is looked at, anew.
@@ -64,7 +64,7 @@ class Resolver:
         return self._answers.of(location, state, lambda: self._bases(location, Rejections()))
 
     def satisfies(self, location: Location, base: BasePose) -> Solution | None:
-        """The solution at one given base, or None."""
+        """Return the solution at one given base, or None."""
         demand = base_demand(location, self.scene, self._viewer(location))
         return self._validator.at(base, 1.0, demand, self._validator.arms(demand), Rejections())
 
@@ -84,7 +84,7 @@ class Resolver:
             yield solution
 
         def is_taken(base: BasePose) -> bool:
-            """Whether a place near to that was found."""
+            """Return whether a place near to that was found."""
             return any(round(math.dist(base[:2], other[:2]), 4) <= APART for other in found)
 
         before, again = log.copy(), False
@@ -119,7 +119,7 @@ class Resolver:
             raise MissingCapability(said, designator=str(location), missing=(part,))
 
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
-        """How arms can reach from a place what was asked for when it was found, if that is the last that was found."""
+        """Return how arms reach from the last base pose that was found what it was found for."""
         return self._validator.reached_from(base)
 
     def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[HandSolution]]) -> None:
@@ -127,7 +127,7 @@ class Resolver:
         self._validator.remember(reached)
 
     def viewers(self) -> list[tuple[Location, tuple[float, float]]]:
-        """From where locations that name a side were looked for last, in that order."""
+        """Return from where locations that name a side were looked for last, in that order."""
         return [(location, place) for location, place in self._viewers.items() if _names_a_side(location)]
 
     def remember_viewers(self, viewers: Iterable[tuple[Location, tuple[float, float]]]) -> None:
@@ -137,7 +137,7 @@ class Resolver:
     # GraspCandidates of a hand
 
     def is_grasp(self, location: Location) -> bool:
-        """Whether a location is where a hand takes hold of something; False for a posture and what means nothing."""
+        """Return whether a hand takes hold of something there; False for a posture and what means nothing."""
         try:
             return hand_demand(location, self.scene, self._viewer(location)).kind is ReachKind.GRASP
         except DesignatorFailure:
@@ -185,7 +185,7 @@ class Resolver:
     # Poses of objects
 
     def things(self, location: Location, what: Object, log: Rejections | None = None) -> Iterator[Pose]:
-        """Poses of an object's box centre at a location, best first; raises LocationUnresolvable at the end."""
+        """Yield poses of an object's box centre at a location, best first; raises LocationUnresolvable at the end."""
         scene, log = self.scene, log or Rejections()
         name = scene.bodies.bind(what)
         size = scene.bodies.size(name)
@@ -204,7 +204,7 @@ class Resolver:
     # What holds now
 
     def holds(self, location: Location, what: Object | None = None) -> bool:
-        """Whether the base, the hand of a device, or an object is at a location, judged as candidates are."""
+        """Return whether the base, the hand of a device, or an object is at a location, judged as candidates are."""
         scene = self.scene
         if what is None:
             state = (scene.revision(), scene.posture(), self._viewer(location))
@@ -231,13 +231,13 @@ class Resolver:
             del self._viewers[next(iter(self._viewers))]
 
     def _viewer(self, location: Location) -> tuple[float, float]:
-        """From where a location was looked for last; places there, and at them, are judged as seen from there."""
+        """Return from where a location was looked for last: its left and right are seen from there."""
         x, y, _ = self.scene.base()
         return self._viewers.get(location, (x, y))
 
 
 def _names_a_side(location: Location) -> bool:
-    """Whether it may matter from where a location is seen."""
+    """Return whether it may matter from where a location is seen."""
     inner = (relation.reference for relation in location.relations if isinstance(relation.reference, Location))
     return any(RELATIONS[relation.name].directions for relation in location.relations) or any(map(_names_a_side, inner))
 
@@ -296,7 +296,7 @@ class Answers(Generic[T]):
         self._kept: dict[Hashable, _Kept[T]] = {}
 
     def of(self, question: Hashable, state: object, ask: Callable[[], Iterator[T]]) -> Iterator[T]:
-        """The answers to a question in a state, found by ``ask`` if they are not known."""
+        """Yield the answers to a question in a state, found by ``ask`` if they are not known."""
         if state != self._state:
             self._state, self._kept = state, {}
         if question not in self._kept:

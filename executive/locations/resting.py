@@ -35,7 +35,7 @@ Size = tuple[float, float, float]
 def thing_poses(
     name: str, size: Size, demand: ThingDemand, scene: PlanningScene, rejections: Rejections
 ) -> Iterator[Pose]:
-    """Poses of an object's box centre, upright, best first; reasons of others are counted."""
+    """Yield poses of an object's box centre, upright, best first; reasons of others are counted."""
     centres, yaw = _centres(name, size, demand, scene)
     if not len(centres):
         rejections.add("too small for the object")
@@ -75,7 +75,7 @@ def thing_poses(
 
 
 def thing_holds(name: str, pose: Pose, size: Size, demand: ThingDemand, scene: PlanningScene) -> bool:
-    """Whether an object at a pose is where it is asked to be."""
+    """Return whether an object at a pose is where it is asked to be."""
     block = Block.of(pose, size, cylinder=scene.bodies.is_round(name))
     centre = block.centre[None]
     resting = [(demand.on, False, True), (demand.inside, True, True), *((*other, False) for other in demand.neither)]
@@ -89,7 +89,7 @@ def thing_holds(name: str, pose: Pose, size: Size, demand: ThingDemand, scene: P
 
 
 def _rests(block: Block, centres: Array, body: str, scene: PlanningScene, *, inside: bool) -> NDArray[np.bool_]:
-    """Whether a block with its centre at some places (m, 3) rests on a body, or is ``inside`` it, as a whole (m,)."""
+    """Return whether a block, centred at places (m, 3), rests on a body, or is ``inside`` it, as a whole (m,)."""
     outer, top = scene.bodies.block(body), scene.bodies.rests_at(body)
     half = (block.high - block.low) / 2
     low, high = centres[:, 2] - half, centres[:, 2] + half
@@ -103,7 +103,7 @@ def _rests(block: Block, centres: Array, body: str, scene: PlanningScene, *, ins
 
 
 def _overhang(block: Block, points: Array, outer: Block) -> Array:
-    """How far a block's footprint, its middle at points (m, 2), is at most beyond another's outline (m,) [m]."""
+    """Return how far a block's footprint, its middle at points (m, 2), is at most beyond another's outline (m,) [m]."""
     if block.round:
         edge, radius = np.zeros((1, 2)), max(block.half_x, block.half_y)
     else:
@@ -119,7 +119,7 @@ def _overhang(block: Block, points: Array, outer: Block) -> Array:
 
 
 def _centres(name: str, size: Size, demand: ThingDemand, scene: PlanningScene) -> tuple[Array, float]:
-    """Places (m, 3) for an object's centre, and its heading."""
+    """Return places (m, 3) for an object's centre, and its heading."""
     where = demand.on or demand.inside
     if where is None:
         zones = [scene.bodies.zone(person).points() for person, inside in demand.people if inside]
@@ -140,7 +140,7 @@ def _centres(name: str, size: Size, demand: ThingDemand, scene: PlanningScene) -
 
 
 def _room(name: str, size: Size, centres: Array, demand: ThingDemand, scene: PlanningScene) -> Array:
-    """Free distance (m,) around an object at places (m, 3) of one height, to all but what it is on."""
+    """Return free distance (m,) around an object at places (m, 3) of one height, to all but what it is on."""
     boxes, _ = scene.collisions.boxes_but((name, demand.on or ""))
     radius = math.hypot(size[0], size[1]) / 2 if not scene.bodies.is_round(name) else max(size[:2]) / 2
     room = np.full(len(centres), np.inf)
@@ -152,7 +152,7 @@ def _room(name: str, size: Size, centres: Array, demand: ThingDemand, scene: Pla
 
 
 def _crowding(name: str, size: Size, centres: Array, demand: ThingDemand, scene: PlanningScene) -> list[str]:
-    """The bodies that take the room at some of the places."""
+    """Return the bodies that take the room at some of the places."""
     boxes, bodies = scene.collisions.boxes_but((name, demand.on or ""))
     radius = max(size[:2]) / 2
     found: dict[str, None] = {}

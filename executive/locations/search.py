@@ -63,7 +63,7 @@ class ReachSearch:
         self.wanted, self.demand, self.arms, self.budget, self.log = wanted, demand, arms, budget, log
 
     def places(self) -> Iterator[Solution]:
-        """Places from which the first reach is possible by the maps, judged block by block."""
+        """Yield places from which the first reach is possible by the maps, judged block by block."""
         scene, validator, budget, log = self.scene, self.validator, self.budget, self.log
         first = self.wanted[0]
         asked = [
@@ -126,7 +126,7 @@ class ReachSearch:
             validator.name_crowding(found.crowded, log)
 
     def _between(self, budget: SearchBudget) -> ReachSearch:
-        """The same search for candidates that have been looked at elsewhere already: they are not counted again."""
+        """Return the same search for candidates that were looked at elsewhere: they are not counted again."""
         log = self.log
         log = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
         return ReachSearch(self.validator, self.wanted, self.demand, self.arms, budget, log)
@@ -164,14 +164,14 @@ class ReachSearch:
         postponed: list[tuple[int, HandSolution]] = []
 
         def is_stopped(number: int, candidate: int) -> bool:
-            """Whether the hand itself is in something, so that no place of a way that has failed before will do."""
+            """Return whether the hand itself is in something: then no base pose of a candidate that failed will do."""
             key = (number, candidate)
             if key in failures and key not in stopped:
                 stopped[key] = hand_is_stopped(*failures[key], scene, checks[number])
             return stopped.get(key, False)
 
         def standing() -> Iterator[NDArray[np.intp]]:
-            """Candidates with room for base and arms, block by block; looked at in ever larger parts."""
+            """Yield candidates with room for base and arms, block by block; looked at in ever larger parts."""
             waiting, first, size = np.zeros(0, np.intp), 0, budget.block
             while first < len(found):
                 rows = np.arange(first, min(first + size, len(found)))
@@ -187,7 +187,7 @@ class ReachSearch:
                     waiting = waiting[budget.block :]
 
         def looked_at() -> Iterator[tuple[int, HandSolution, bool]]:
-            """Candidates that spheres and inverse kinematics leave; those like others that failed once more at last."""
+            """Yield candidates that spheres and inverse kinematics leave; at last those like others that failed."""
             for rows in standing():
                 undecided[rows] = [not is_stopped(int(found.arms[row]), int(found.candidates[row])) for row in rows]
                 rows = rows[undecided[rows]]
@@ -241,7 +241,7 @@ class ReachSearch:
         hands: Sequence[tuple[ArmModel, GraspCandidates]],
         checks: Sequence[QuickCheck],
     ) -> tuple[NDArray[np.bool_], dict[int, Array]]:
-        """Which candidates (rows) have joint values as far as spheres tell, and these (k, d) by row."""
+        """Return which candidates (rows) have joint values as far as spheres tell, and these (k, d) by row."""
         ok = np.zeros(len(rows), bool)
         joints: dict[int, Array] = {}
         for number, (arm, candidates) in enumerate(hands):
@@ -278,7 +278,7 @@ def _within(centre: tuple[float, float], least: float, most: float, bases: Array
 
 
 def _sphere(points: Sequence[Array], reach: float) -> tuple[Array, float]:
-    """Middle (3,) and radius [m] of all that a robot may meet that reaches tip positions (n, 3)."""
+    """Return middle (3,) and radius [m] of all that a robot may meet that reaches tip positions (n, 3)."""
     every = np.concatenate(points)
     return every[0], float(np.linalg.norm(every - every[0], axis=1).max()) + reach
 
@@ -294,7 +294,7 @@ class _Failed:
         self._places.append((arm, float(base[0]), float(base[1]), heading))
 
     def near(self, arm: int, base: Array, heading: float) -> bool:
-        """Whether a place nearly like this one has failed."""
+        """Return whether a place nearly like this one has failed."""
         x, y = float(base[0]), float(base[1])
         return any(
             number == arm

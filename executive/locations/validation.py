@@ -61,7 +61,7 @@ class SelfOcclusion:
         self._known.append(self._seen(base))
 
     def covers(self, base: Array) -> bool:
-        """Whether it is probably hidden from a place as well."""
+        """Return whether it is probably hidden from a place as well."""
         away, bearing = self._seen(base)
         if self._strict:
             return any(abs(away - d) < 0.03 and abs(bearing - b) < 0.1 for d, b in self._known)
@@ -76,12 +76,12 @@ class BaseValidator:
         self._reached: dict[tuple[str, BasePose], dict[Reach, HandSolution]] = {}
 
     def wanted(self, demand: BaseDemand) -> tuple[Reach, ...]:
-        """What has to be reached from the base: not what is in the hand already."""
+        """Return what has to be reached from the base: not what is in the hand already."""
         free = (r for r in demand.reaches if r.kind is not ReachKind.RETREAT and not self.scene.arms.is_held(r.body))
         return tuple(sorted(free, key=lambda reach: ORDER.index(reach.kind)))
 
     def arms(self, demand: BaseDemand) -> Sequence[ArmModel]:
-        """The arms one of which does all that is asked, but for what only others can: see :meth:`arms_for`."""
+        """Return the arms one of which does all that is asked, but for what only others can: see :meth:`arms_for`."""
         wanted = self.wanted(demand)
         open_choice = next((reach for reach in wanted if reach.arms is None), None)
         if open_choice is not None:
@@ -90,7 +90,7 @@ class BaseValidator:
         return [arm for arm in self.scene.arms.all if arm.name in named]
 
     def arms_for(self, reach: Reach, arms: Sequence[ArmModel]) -> Sequence[ArmModel]:
-        """Those of some arms that may do a reach; the ones that it names, if it names any.
+        """Return those of some arms that may do a reach; the ones that it names, if it names any.
 
         A thing is grasped with a free hand. All else is about what is held: the arms that hold something do it, if any
         does and none is named.
@@ -115,7 +115,7 @@ class BaseValidator:
     def at(
         self, base: BasePose, score: float, demand: BaseDemand, arms: Sequence[ArmModel], log: Rejections
     ) -> Solution | None:
-        """The solution at ``base`` with any of the arms, or None with the reason counted."""
+        """Return the solution at ``base`` with any of the arms, or None with the reason counted."""
         wanted = self.wanted(demand)
         if any(
             math.dist(base[:2], centre) > most or math.dist(base[:2], centre) < least
@@ -148,7 +148,7 @@ class BaseValidator:
         log: Rejections,
         check: QuickCheck,
     ) -> Solution | str | None:
-        """The exact judgement of a place whose first reach is solved as far as spheres tell, by a check of the arm.
+        """Validate exactly a base pose whose first reach is solved as far as spheres tell, by a check of the arm.
 
         If it will not do because the arm meets something, the name of that.
         """
@@ -173,7 +173,7 @@ class BaseValidator:
         return self.answer(base, score, reached, demand, log)
 
     def stands(self, base: BasePose, score: float, demand: BaseDemand, log: Rejections) -> bool:
-        """Whether the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
+        """Return whether the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
         scene = self.scene
         place = np.array([base])
         for term in demand.areas:
@@ -189,7 +189,7 @@ class BaseValidator:
     def sees(
         self, base: BasePose, score: float, demand: BaseDemand, log: Rejections, occlusion: SelfOcclusion | None = None
     ) -> bool:
-        """Whether what has to be seen from the base is: what is asked for, and what is going to be handled."""
+        """Return whether what has to be seen from the base is: what is asked for, and what is going to be handled."""
         scene = self.scene
         for name in demand.seen:
             if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in scene.visibility.looked_in_vain(name)):
@@ -210,14 +210,14 @@ class BaseValidator:
         return True
 
     def to_see(self, demand: BaseDemand) -> tuple[str, ...]:
-        """What has to be seen from the base: what is asked for, and what is going to be handled."""
+        """Return what has to be seen from the base: what is asked for, and what is going to be handled."""
         handled = [reach.body for reach in self.wanted(demand) if reach.kind in (ReachKind.GRASP, ReachKind.OFFER)]
         return tuple(dict.fromkeys((*demand.seen, *(handled if self.scene.visibility.sighted() else ()))))
 
     def answer(
         self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, log: Rejections
     ) -> Solution | None:
-        """A place that all else accepts, unless something is in reach that must not be."""
+        """Return a place that all else accepts, unless something is in reach that must not be."""
         for reach in demand.unreached:
             if self._first(reach, base, self.arms_for(reach, self.scene.arms.all), Rejections()) is not None:
                 _reject(log, base, score, f"{reach.body} is in reach")
@@ -238,11 +238,11 @@ class BaseValidator:
         return Solution(base, self.scene.revision(), detail)
 
     def _sides(self, demand: BaseDemand) -> dict[str, object]:
-        """Whose left and right was meant, where a location names sides."""
+        """Return whose left and right was meant, where a location names sides."""
         return {"frame": said} if (said := sides(demand, self.scene)) else {}
 
     def _first(self, reach: Reach, base: BasePose, arms: Sequence[ArmModel], log: Rejections) -> HandSolution | None:
-        """The best way to satisfy a reach from a base with one of some arms."""
+        """Return the best way to satisfy a reach from a base with one of some arms."""
         for arm in arms:
             for stage in (Stage.NATURAL, Stage.ALL):
                 counted = Rejections()
@@ -260,7 +260,7 @@ class BaseValidator:
         return None
 
     def _known(self, reach: Reach, base: BasePose, arm: ArmModel) -> HandSolution | None:
-        """How an arm that can do little else from a base reaches from there, if it is known and still does."""
+        """Return how an arm that can do little else from a base reaches from there, if it is known and still does."""
         known = self.reached(arm.name, base).get(reach)
         candidates = None if known is None else candidates_of(reach, arm, self.scene, Rejections(), Stage.CLOSEST)
         if known is None or candidates is None or not is_among(known, candidates):
@@ -268,7 +268,7 @@ class BaseValidator:
         return known if stopped_by(known, base, self.scene) is None else None
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:
-        """A circle around what a reach is about, outside of which no base can satisfy it: middle, radii [m]."""
+        """Return a circle around what a reach is about, outside of which no base can satisfy it: middle, radii [m]."""
         scene = self.scene
         longest = max((float(np.hypot(*a.shoulder_low[:2])) + a.reach for a in self.arms_for(reach, arms)), default=0.0)
         if reach.kind is ReachKind.OFFER:
@@ -290,11 +290,11 @@ class BaseValidator:
             log.remember(base, score, "no room for the base", body)
 
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
-        """How arms can reach from a place what was asked for when it was found, if that is the last that was found."""
+        """Return how arms reach from the last base pose that was found what it was found for."""
         return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
 
     def reached(self, arm: str, base: BasePose) -> Mapping[Reach, HandSolution]:
-        """How an arm can reach from a place."""
+        """Return how an arm can reach from a place."""
         return self._reached.get((arm, rounded(base)), {})
 
     def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[HandSolution]]) -> None:
@@ -305,12 +305,12 @@ class BaseValidator:
 
 
 def unmet(term: Area | Facing | Clear) -> str:
-    """What is said of places that a conjunct about the floor refuses."""
+    """Return what is said of places that a conjunct about the floor refuses."""
     return f"not {term.words}".replace("not not ", "")
 
 
 def scored(term: object, bases: Array) -> Array:
-    """The score (n,) of a conjunct about the floor for bases (n, 3)."""
+    """Return the score (n,) of a conjunct about the floor for bases (n, 3)."""
     return term.score(bases if isinstance(term, Facing) else bases[:, :2])  # type: ignore[attr-defined,no-any-return]
 
 
@@ -321,6 +321,6 @@ def _reject(log: Rejections, base: BasePose, score: float, reason: str) -> bool:
 
 
 def rounded(base: BasePose) -> BasePose:
-    """The same for a place and for where the base stands after it went there."""
+    """Return the same for a place and for where the base stands after it went there."""
     x, y, yaw = base
     return round(x, 4), round(y, 4), round(math.remainder(yaw, 2 * math.pi), 4)

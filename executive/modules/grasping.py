@@ -7,6 +7,7 @@ from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Object
 from planlang.failures import DesignatorFailure, GraspMissed, GripperFailure, GripperGoalNotReached, MissingCapability
 from planlang.modules import process_module
+from planlang.protocols import MotionState
 
 
 @process_module
@@ -62,7 +63,7 @@ class Grasping:
         if held is not None:
             hands.let_go(held.name)
         motion = await hands.move(arm, closed=False)
-        if motion.state != "done":
+        if motion.state is not MotionState.DONE:
             raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
         if held is None:
             return None

@@ -17,7 +17,7 @@ from planlang.failures import (
     NavigationPoseUnreachable,
 )
 from planlang.modules import process_module
-from planlang.protocols import Trajectory
+from planlang.protocols import MotionState, Trajectory
 
 REPLANS = 3
 """Paths that are planned around obstacles that were not believed to be there: then the plan decides."""
@@ -47,7 +47,7 @@ class Navigation:
                 return
             motion = await self.platform.follow("base", self._path(goal))
             self.platform.drive.moved()
-            if motion.state == "done":
+            if motion.state is MotionState.DONE:
                 return
             blocked_by = motion.blocked_by
             self.platform.sensing.bump(blocked_by)

@@ -24,7 +24,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array
 from planlang.modules import process_module
-from planlang.protocols import Trajectory
+from planlang.protocols import MotionState, Trajectory
 from planlang.relations import Sense
 
 MOST_SOLUTIONS = 6
@@ -160,6 +160,6 @@ class Reaching:
 
     async def _follow(self, arm: ArmModel, trajectory: Trajectory, label: str) -> None:
         motion = await self.platform.follow(arm.name, trajectory)
-        if motion.state != "done":
+        if motion.state is not MotionState.DONE:
             self.platform.sensing.bump(motion.blocked_by)
             raise ManipulationGoalInCollision(arm=arm.name, what=label, blocked_by=motion.blocked_by)

@@ -19,6 +19,7 @@ from executive.motion.kinematics import Chain
 from executive.motion.link_shapes import Shaped, thing_in
 from executive.motion.solids import Solids
 from planlang.geometry import Array, Pose
+from planlang.geometry.solid import SolidKind
 from planlang.protocols import Configuration
 from sim import PlanningWorld, Solid
 from sim.contact import SUPPORT_DEPTH
@@ -99,7 +100,7 @@ class Room:
         keys = list(dict.fromkeys(each))
         number = {key: k for k, key in enumerate(keys)}
         of_piece = np.array([number[key] for key in each], np.intp)
-        ground = Solid(floor, "box", GROUND_SIZE, Pose((0.0, 0.0, -GROUND_SIZE[2] / 2)), limb=False)
+        ground = Solid(floor, SolidKind.BOX, GROUND_SIZE, Pose((0.0, 0.0, -GROUND_SIZE[2] / 2)), limb=False)
         sizes = np.bincount(of_piece, minlength=len(keys))
         count = len(keys) + 1
         bodies = Obstacles(
@@ -148,7 +149,7 @@ class ArmShapes:
         self._watched = Watched.of(
             [
                 pair
-                for a, b in robot.self_pairs
+                for a, b in world.self_pairs
                 if a in self._obstacle_of and b in self._obstacle_of
                 for pair in self._pairs(self._part(a), self._part(b))
             ]

@@ -13,9 +13,10 @@ from executive.motion.solids import Solids
 from executive.motion.spheres import Spheres, kept_spheres
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved
-from sim import Hulled, PlanningWorld, Solid, hull_of
+from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
+from sim import PlanningWorld, Solid
 
-_PLAIN = ("box", "cylinder", "sphere")
+_PLAIN = (SolidKind.BOX, SolidKind.CYLINDER, SolidKind.SPHERE)
 """Kinds that pieces can be."""
 
 
@@ -24,7 +25,7 @@ class Shaped:
     """A link or a thing, which consists of convex shapes."""
 
     name: str
-    shapes: Sequence[Hulled]
+    shapes: Sequence[ConvexSolid]
 
     @cached_property
     def spheres(self) -> tuple[tuple[Array, float], ...]:
@@ -48,7 +49,7 @@ class Shaped:
             slack = max(slack, found.slack)
             for centre, radius in zip(found.centres.tolist(), found.radii.tolist(), strict=True):
                 size = (2 * radius, 2 * radius, 2 * radius)
-                pieces.append(Solid(self.name, "sphere", size, Pose(tuple(centre)), limb=False))
+                pieces.append(Solid(self.name, SolidKind.SPHERE, size, Pose(tuple(centre)), limb=False))
         return Solids.of(pieces), slack
 
     @property
@@ -65,10 +66,10 @@ def links_of(world: PlanningWorld) -> tuple[Shaped, ...]:
 
 def thing_in(world: PlanningWorld, name: str) -> Shaped:
     """A body of a world."""
-    return Shaped(name, [hull_of(part.kind, _even(part.kind, part.size), at) for part, at in world.pieces(name)])
+    return Shaped(name, [convex_solid(part.kind, _even(part.kind, part.size), at) for part, at in world.pieces(name)])
 
 
-def _filled(shape: Hulled) -> Spheres:
+def _filled(shape: ConvexSolid) -> Spheres:
     """The spheres in a shape, in the frame in which its pose is given."""
     spheres = kept_spheres(Hull(shape.points, shape.radius, shape.beyond))
     pose = shape.pose.matrix()
@@ -78,4 +79,4 @@ def _filled(shape: Hulled) -> Spheres:
 def _even(kind: str, size: tuple[float, float, float]) -> tuple[float, float, float]:
     """The extents of a round piece as the world makes it: as wide as its larger side."""
     x, y, z = size
-    return size if kind == "box" else (max(x, y), max(x, y), z)
+    return size if kind == SolidKind.BOX else (max(x, y), max(x, y), z)

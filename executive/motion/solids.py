@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
+from planlang.geometry.solid import SolidKind
 from sim import Solid
 
 ANY = 1e3
@@ -50,7 +51,9 @@ class Solids:
     ) -> Solids:
         """Pieces by their poses (k, 4, 4), kinds and extents [m]."""
         half = np.array([size for _, size in shapes]).reshape(-1, 3) / 2
-        kinds = np.array([{"box": 1, "cylinder": 2}.get(kind, 3) for kind, _ in shapes], np.intp)
+        kinds = np.array(
+            [{SolidKind.BOX: 1, SolidKind.CYLINDER: 2}.get(SolidKind(kind), 3) for kind, _ in shapes], np.intp
+        )
         reach = np.sqrt((half**2 * (np.arange(3) >= kinds[:, None] - 1)).sum(axis=1))
         half[kinds >= 2, 1] = ANY
         half[kinds == 3, 2] = ANY

@@ -30,12 +30,12 @@ class HandFrame:
     closing: tuple[float, float, float]
 
     def rotation(self, approach: Array, closing: Array) -> Array:
-        """The rotation (3, 3) that turns the frame's approach and closing axes into the given map directions."""
+        """Return the rotation (3, 3) that turns the frame's approach and closing axes into the given map directions."""
         return np.asarray(_axes(approach, closing) @ _axes(self.approach, self.closing).T)
 
 
 def _axes(first: Sequence[float] | Array, second: Sequence[float] | Array) -> Array:
-    """Two orthogonal unit vectors and their cross product as columns (3, 3); numpy's own is slow for single vectors."""
+    """Return two orthogonal unit vectors and their cross product as columns (3, 3): np.cross is slow for one."""
     a, b, c = first
     d, e, f = second
     return np.array([[a, d, b * f - c * e], [b, e, c * d - a * f], [c, f, a * e - b * d]])
@@ -50,12 +50,12 @@ class Held:
     size: tuple[float, float, float]
 
     def lowest_of(self, rotations: Array) -> Array:
-        """Height of the object's lowest point relative to the tip, for tip rotations (m, 3, 3), (m,) [m]."""
+        """Return height of the object's lowest point relative to the tip, for tip rotations (m, 3, 3), (m,) [m]."""
         turned = rotations @ self.pose.matrix()[:3, :3]
         return np.asarray(self.offsets(rotations)[:, 2] - np.abs(turned[:, 2]) @ (np.asarray(self.size) / 2))
 
     def offsets(self, rotations: Array) -> Array:
-        """The object's centre relative to the tip, in the map, for tip rotations (m, 3, 3), (m, 3)."""
+        """Return the object's centre relative to the tip, in the map, for tip rotations (m, 3, 3), (m, 3)."""
         return np.asarray(rotations @ np.asarray(self.pose.position))
 
 
@@ -73,11 +73,11 @@ class Lift:
     per_unit: float
 
     def rise(self, position: ArrayLike) -> Array:
-        """Rise [m] of joint positions."""
+        """Return rise [m] of joint positions."""
         return np.asarray(self.per_unit * (np.asarray(position, float) - self.lowest))
 
     def position(self, rise: ArrayLike) -> Array:
-        """Joint positions for a rise [m]."""
+        """Return joint positions for a rise [m]."""
         return np.asarray(self.lowest + np.asarray(rise, float) / self.per_unit)
 
 
@@ -111,18 +111,18 @@ class ArmModel:
     """Corners of boxes around the hand's pieces in the tip frame, (n, 3)."""
 
     def lowest(self, rotations: Array, held: Held | None) -> Array:
-        """Height of the lowest point of hand and held object over the tip (m,) [m], for tip rotations (m, 3, 3)."""
+        """Return the lowest point (m,) of hand and held object over the tip [m], for tip rotations (m, 3, 3)."""
         hand = (self.hand_corners @ rotations[:, 2, :, None])[..., 0].min(axis=1)
         return np.asarray(hand if held is None else np.minimum(hand, held.lowest_of(rotations)))
 
 
 def arm_models(robot: Robot, world: PlanningWorld) -> tuple[ArmModel, ...]:
-    """All arms of a robot, in its order; ``world`` tells which links belong to a hand."""
+    """Return all arms of a robot, in its order; ``world`` tells which links belong to a hand."""
     return tuple(_model(robot, arm, world) for arm in robot.arms)
 
 
 def gaze_of(robot: Robot) -> Gaze | None:
-    """How to point the camera; None for a robot without one."""
+    """Return what points the camera; None for a robot without one."""
     if robot.camera is None:
         return None
     posture = robot.postures.get("carrying", {})
@@ -135,7 +135,7 @@ def gaze_of(robot: Robot) -> Gaze | None:
 
 
 def _pose(joints: Sequence[Joint], positions: Mapping[str, float]) -> Array:
-    """Pose (4, 4) of the last joint's child in the first joint's parent."""
+    """Return pose (4, 4) of the last joint's child in the first joint's parent."""
     pose = np.eye(4)
     for joint in joints:
         pose = product(pose, joint.origin)
@@ -175,7 +175,7 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
 
 
 def _shoulders(robot: Robot, arm: Arm, chain: Chain, world: PlanningWorld) -> tuple[Array, Array]:
-    """Where the arm begins, in the base frame, at the lowest and the highest posture of what carries it."""
+    """Return where the arm begins, in the base frame, at the lowest and the highest posture of what carries it."""
     found = []
     for ends in (chain.lower, chain.upper):
         joints = {robot.torso: float(ends[chain.names.index(robot.torso)])} if robot.torso in chain.names else {}
@@ -193,7 +193,7 @@ def _distinct(seeds: list[Array]) -> Array:
 
 
 def lift_of(chain: Chain, torso: str | None) -> Lift | None:
-    """How a torso joint lifts a chain; None if it does not, or not straight up."""
+    """Return how a torso joint lifts a chain; None if it does not, or not straight up."""
     if torso is None or torso not in chain.names:
         return None
     column = chain.names.index(torso)

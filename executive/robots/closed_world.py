@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from planlang.ontology import BNode, Literal, Ontology, Term
-from planlang.ontology.described import expression_of
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import EQUIVALENT_CLASS, OWL, RDFS, XSD
+from planlang.ontology.writing.expression_text import expression_of
 
 DEEPEST = 30
 """Definitions inside definitions that are looked into."""

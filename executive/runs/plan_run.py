@@ -27,9 +27,8 @@ from executive.runs.plan_files import (
     main_plan,
 )
 from executive.runs.plan_requirements import Requirements, assess, needs_of, required, required_of_plan
-from executive.runs.progress import ListenedTrace, lines_of
-from executive.runs.recorded_runs import check_same_run, past_of, recorded_parameters, sha256
 from executive.runs.robot_executive import RobotExecutive
+from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
@@ -41,7 +40,7 @@ from planlang.outputs import replace as write_complete
 from planlang.runs import Different, Past, RecordedRun, restore
 from planlang.runs.codec import dump
 from sim import PyBulletWorld
-from sim.oracle import at_rest_on, held_by
+from sim.world import at_rest_on, held_by
 
 if TYPE_CHECKING:
     from executive.pictures.recording import Recording
@@ -275,8 +274,7 @@ class Run:
         recording = None
         world: PyBulletWorld | _FilmedWorld = truth
         if options.record is not None:
-            from executive.pictures.recording import Recording
-            from executive.pictures.shapes import drawn_in
+            from executive.pictures.recording import Recording, drawn_in
 
             drawn = drawn_in(truth, executive.platform.robot.urdf)
             recording = Recording(truth.rate, drawn, title=self.plan.name)
@@ -317,7 +315,8 @@ class Run:
         finally:
             trace.close()
             if options.picture is not None:
-                write_complete(options.picture, truth.save_picture)
+                meant = tuple(_bodies_of(bound, executive.platform.belief, truth))
+                write_complete(options.picture, partial(truth.save_picture, of=meant))
             if recording is not None and options.record is not None:
                 write_complete(options.record, recording.save)
         state = tuple(_state_lines(truth, bound, executive.platform.belief))
@@ -374,18 +373,25 @@ def _is_own(file: Path) -> bool:
 
 def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Object], belief: Belief) -> Iterator[str]:
     """Yield where the truth has each graspable object of the plan."""
-    for what in bound.values():
-        try:
-            name = belief.bind(what, truth.configuration().base)
-        except PlanFailure:
-            continue
-        if name not in truth.names() or not truth.scene.body(name).graspable:
+    for name in _bodies_of(bound, belief, truth):
+        if not truth.scene.body(name).graspable:
             continue
         holder, support = held_by(truth, name), at_rest_on(truth, name)
         if holder is not None:
             yield f"{name}: held by {holder}"
         else:
             yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
+
+
+def _bodies_of(bound: Mapping[str, Object], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:
+    """Yield the bodies that the plan's parameters mean, as far as there are any."""
+    for what in bound.values():
+        try:
+            name = belief.bind(what, truth.configuration().base)
+        except PlanFailure:
+            continue
+        if name in truth.names():
+            yield name
 
 
 def _versions() -> dict[str, str]:

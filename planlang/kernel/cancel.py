@@ -250,7 +250,7 @@ def unhold(scheduler: Scheduler, task: Task) -> None:
 
 
 def _must_be_seen(task: Task) -> bool:
-    """Whether the task was woken with an error, or a branch of what it waits for has crashed."""
+    """Return whether the task was woken with an error, or a branch of what it waits for has crashed."""
     return task.error is not None or (task.scope is not None and task.scope.crash is not None)
 
 
@@ -269,7 +269,7 @@ def _let_go(scheduler: Scheduler, task: Task) -> None:
 
 
 def _subtree(task: Task, cancelled: bool = False) -> list[Task]:
-    """The task and its live descendants, parents first; without what is being evaporated, unless asked for."""
+    """Return the task and its live descendants, parents first; without what is being evaporated, unless asked for."""
     found: list[Task] = []
     stack = [task]
     while stack:

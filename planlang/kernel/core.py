@@ -198,7 +198,7 @@ class ChoiceSource(Protocol):
     """Picks among tasks that can run; its text is what the trace's header says of it."""
 
     def choose(self, ready: Sequence[Task]) -> int:
-        """The place in ``ready``, two or more tasks in order of coming, of the one that runs next."""
+        """Return the place in ``ready``, two or more tasks in order of coming, of the one that runs next."""
 
 
 class Scheduler:

@@ -87,7 +87,7 @@ def _showwarning(message: Warning | str, category: type[Warning], *where: Any, *
 
 
 def _error(message: str) -> PlanStructureError | None:
-    """The error that tells what a warning tells; None if it is another warning, or of what was made before the run."""
+    """Return the error for a warning; None if it is another one, or is about what was made before the run."""
     warning = _WARNING.match(message)
     places = [place for place in _MADE_AT.findall(message) if not is_own(place[0])]
     if warning is None or not places:

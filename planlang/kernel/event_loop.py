@@ -141,8 +141,6 @@ def _target(scheduler: Scheduler, root: Task, repeats: bool) -> int:
     outside = live is not None and (live.sources or scheduler.awaits_threads)
     if due is None and not scheduler.vital_waits and not outside:
         raise DeadlockError(_deadlock(root))
-    # Without a world only tasks change what is read: one look after they have run is enough.
-    looked_at = scheduler.vital_waits or (scheduler.world_waits and scheduler.resumptions)
     following = timers.now + 1
     if repeats and due is not None:
         target = max(due, following)  # nothing is sampled in what a resumed run takes over
@@ -154,8 +152,10 @@ def _target(scheduler: Scheduler, root: Task, repeats: bool) -> int:
             target = max(min(due, target), following)
         if scheduler.max_steps is not None and target > scheduler.max_steps > timers.now:
             target = scheduler.max_steps
-    elif due is None or looked_at or not scheduler.host.jumps:
+    elif due is None or not scheduler.host.jumps or scheduler.vital_waits:
         target = following
+    elif scheduler.world_waits and scheduler.resumptions:
+        target = following  # without a world only tasks change what is read: one look after they have run is enough
     else:
         target = max(due, following)
     if scheduler.max_steps is not None and target > scheduler.max_steps:
@@ -266,7 +266,7 @@ def _returned(scheduler: Scheduler, task: Task, value: Any) -> None:
 
 
 def _returned_coroutine(task: Task, coroutine: CoroutineType[Any, Any, Any]) -> PlanStructureError:
-    """The error of a branch that returned a coroutine instead of its result."""
+    """Return the error of a branch that returned a coroutine instead of its result."""
     name = coroutine.__name__
     coroutine.close()
     message = f"branch {task.path} returned a call of {name}() that was not awaited, so nothing was done"
@@ -359,7 +359,7 @@ async def _close(
 
 
 def _unfinished(generators: list[AsyncGenerator[Any, Any]]) -> list[AsyncGenerator[Any, Any]]:
-    """Those that still have something to run."""
+    """Return those that still have something to run."""
     return [generator for generator in generators if getattr(generator, "ag_frame", None) is not None]
 
 

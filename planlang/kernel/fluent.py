@@ -34,7 +34,7 @@ class Fluent(BaseFluent[T]):
     """
 
     def __new__(cls, value: Any = None, name: str | None = None, *, read: Callable[[], Any] | None = None) -> Any:
-        """A world fluent if ``read`` is given."""
+        """Return a world fluent if ``read`` is given."""
         return object.__new__(WorldFluent if read is not None and cls is Fluent else cls)
 
     def __init__(self, value: T = None, name: str | None = None, *, read: Callable[[], T] | None = None) -> None:  # type: ignore[assignment]
@@ -90,7 +90,7 @@ class Fluent(BaseFluent[T]):
         super().watch(wait)
 
     def _handed_over(self, change: Callable[..., None], *values: Any) -> bool:
-        """Whether this thread is not that of the run to which the fluent belongs, so that the run makes the change.
+        """Return True if the fluent belongs to a run in another thread, which will make the change.
 
         A fluent belongs to the run in which it was made, or was waited for last.
         """
@@ -116,7 +116,7 @@ _named: WeakValueDictionary[str, Fluent[Any]] = WeakValueDictionary()
 
 
 def find(name: str) -> Fluent[Any] | None:
-    """The fluent of a name that was made last, if it is still there."""
+    """Return the fluent of a name that was made last, if it is still there."""
     return _named.get(name)
 
 
@@ -147,7 +147,7 @@ class WorldFluent(Fluent[T]):
         return self._value
 
     def read(self) -> T:
-        """The value in the world now."""
+        """Return the value in the world now."""
         scheduler = running.scheduler
         if scheduler is not None and scheduler.recorded is not None:
             value: T = scheduler.recorded.answer(f"{self} now", self._read)

@@ -72,7 +72,7 @@ class SimulationHost:
 
 
 def checked(function: Usage, rate: int, watchdog: float | None) -> int:
-    """The rate, if it and the watchdog's time are what they should be."""
+    """Return the rate, if it and the watchdog's time are what they should be."""
     rate = function.whole("rate", rate, 1, "steps per second")
     if watchdog is not None and not amount(watchdog):
         meant = "None, or a time > 0 [s] for code that does not wait"

@@ -19,7 +19,7 @@ SHOWN = 20
 
 
 def is_own(filename: str) -> bool:
-    """Whether a source file is part of the plan language itself."""
+    """Return whether a source file is part of the plan language itself."""
     return filename.startswith(_OWN)
 
 
@@ -29,7 +29,7 @@ def place_in(frame: FrameType) -> str:
 
 
 def user_frame() -> FrameType:
-    """The innermost frame that runs and is not ours; there is one, of who called ``run`` at least."""
+    """Return the innermost frame that runs and is not ours; there is one, of who called ``run`` at least."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and is_own(frame.f_code.co_filename):
         frame = frame.f_back
@@ -38,7 +38,7 @@ def user_frame() -> FrameType:
 
 
 def innermost_frame(coroutine: object) -> FrameType | None:
-    """The innermost frame of waiting code that is the plan's, not ours."""
+    """Return the innermost frame of waiting code that is the plan's, not ours."""
     found: FrameType | None = None
     link = coroutine
     while link is not None:
@@ -50,7 +50,7 @@ def innermost_frame(coroutine: object) -> FrameType | None:
 
 
 def place_of(task: Task) -> str:
-    """A text to append: `` at file.py:12``, where a task waits or where its branch is defined.
+    """Return a text to append: `` at file.py:12``, where a task waits or where its branch is defined.
 
     When only our own code runs in it, ``, started at file.py:12``, the line of the plan around it that waits for it;
     nothing when there is none of the plan's.
@@ -74,7 +74,7 @@ def place_of(task: Task) -> str:
 
 
 def blocked(root: Task) -> Iterable[Task]:
-    """The live tasks that do not merely wait for their branches."""
+    """Return the live tasks that do not merely wait for their branches."""
     stack = [root]
     while stack:
         task = stack.pop()
@@ -85,7 +85,7 @@ def blocked(root: Task) -> Iterable[Task]:
 
 
 def listing(title: str, tasks: Iterable[Task]) -> str:
-    """The title and one line per task: its path, what it waits for, and where."""
+    """Return the title and one line per task: its path, what it waits for, and where."""
     lines = [f"{title}:"]
     more = 0
     for task in tasks:

@@ -48,19 +48,19 @@ class Recorded(Protocol):
     """
 
     def body(self, node: Node, body: Body) -> Body:
-        """What to await as the body of a node that is about to begin: the body itself, or what gives its result."""
+        """Return what to await for a node that is about to begin: its body, or what gives its result."""
 
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
-        """The answer to a question; the same one counts until another is given."""
+        """Return the answer to a question; the same one counts until another is given."""
 
     def next_answer(self, question: str, find: Callable[[], Any]) -> Any:
-        """The next answer to a question to which each answer may be another one; a failure is an answer too."""
+        """Return the next answer to a question to which each answer may be another one; a failure is an answer too."""
 
     def sample(self, fluent: BaseFluent[Any], read: Callable[[], Any]) -> Any:
-        """The value of a world fluent in this step."""
+        """Return the value of a world fluent in this step."""
 
     def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
-        """The number of a call in a thread, and what is called in place of the function."""
+        """Return the number of a call in a thread, and what is called in place of the function."""
 
     def step_ends(self, step: int) -> bool:
         """Nothing more can happen in this step: may it end?

@@ -40,7 +40,7 @@ def now() -> float:
 
 
 def rng() -> Random:
-    """The task's own stream of random numbers, derived from the run's seed and the task's path."""
+    """Return the task's own stream of random numbers, derived from the run's seed and the task's path."""
     scheduler, task = here()
     if task.stream is None:
         task.stream = CountedRandom(f"{scheduler.seed} {task.path}")
@@ -100,7 +100,7 @@ async def in_node(node: Node, body: Body, /, **details: object) -> Any:
 
 
 def called(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-    """What an async function gives, to be awaited at once; WrongType if it is not async or takes other arguments."""
+    """Call an async function, to be awaited at once; WrongType if it is not async or takes other arguments."""
     result = given(function, *arguments, **named)
     if not hasattr(result, "__await__"):
         refuse_result(name_of(function), result)
@@ -108,7 +108,7 @@ def called(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
 
 
 def given(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-    """What a function gives; WrongType if it takes other arguments."""
+    """Return what a function gives; WrongType if it takes other arguments."""
     try:
         return function(*arguments, **named)
     except TypeError as error:

@@ -49,7 +49,7 @@ class Inbox:
             return
 
     def take(self) -> list[Item]:
-        """What is there now; what comes meanwhile stays for the next time."""
+        """Return what is there now; what comes meanwhile stays for the next time."""
         seen = self._seen
         for _ in range(self._queue.qsize()):
             seen.append(self._queue.get())

@@ -78,7 +78,7 @@ def _interrupt(scheduler: Scheduler, watch: Watch, frame: FrameType | None) -> N
 
 
 def _outcome(scheduler: Scheduler, root: Task) -> Any:
-    """What the run returns or raises, when its top-level task is dead."""
+    """Return what the run returns or raises, when its top-level task is dead."""
     if root.crash is not None:
         raise root.crash
     if scheduler.interrupts:
@@ -89,7 +89,7 @@ def _outcome(scheduler: Scheduler, root: Task) -> Any:
 
 
 def _unresponsive(scheduler: Scheduler, period: float | None, error: Overdue) -> NoProgress:
-    """The error of a run that the watchdog has interrupted."""
+    """Return the error of a run that the watchdog has interrupted."""
     task = "the run" if scheduler.overdue is None else scheduler.overdue.path
     return NoProgress(
         f"{task} did not reach a checkpoint for more than {period} s, at {where(error.__traceback__)}; "

@@ -208,7 +208,7 @@ class All(Scope):
 
 
 def failure_of(task: Task) -> PlanFailure:
-    """The failure of a branch that did not succeed: its own, or that it was evaporated from outside."""
+    """Return the failure of a branch that did not succeed: its own, or that it was evaporated from outside."""
     if task.failure is None:
         task.failure = BranchEvaporated(path=task.path)
     return task.failure

@@ -45,11 +45,11 @@ class Signal(Generic[T]):
         raise NotImplementedError
 
     def read(self) -> T:
-        """The value, world fluents read anew instead of as sampled."""
+        """Return the value, world fluents read anew instead of as sampled."""
         return self.value
 
     def sources(self) -> dict[BaseFluent[Any], None]:
-        """The fluents whose change may change the value."""
+        """Return the fluents whose change may change the value."""
         raise NotImplementedError
 
     def arm(self) -> None:
@@ -145,7 +145,7 @@ class BaseFluent(Signal[T]):
         self._waits: dict[Wait, None] = {}
 
     def sources(self) -> dict[BaseFluent[Any], None]:
-        """Itself."""
+        """Return itself."""
         return {self: None}
 
     def set(self, value: T) -> None:
@@ -235,7 +235,7 @@ class Either(Expression):
 
 
 class Changed(Signal[bool]):
-    """Whether a signal has changed since it was last looked at by a wait."""
+    """A signal that is true when another has changed since a wait last looked at it."""
 
     def __init__(self, signal: Signal[Any]) -> None:
         self._signal = signal
@@ -247,7 +247,7 @@ class Changed(Signal[bool]):
         return not same(self._seen, self._signal.value)
 
     def sources(self) -> dict[BaseFluent[Any], None]:
-        """Those of the signal."""
+        """Return those of the signal."""
         return self._signal.sources()
 
     def consume(self) -> None:
@@ -259,7 +259,7 @@ class Changed(Signal[bool]):
 
 
 class Pulsed(Signal[bool]):
-    """Whether a signal was pulsed."""
+    """A signal that is true when another was pulsed."""
 
     def __init__(self, signal: Signal[Any], missed: str) -> None:
         self._signal = signal
@@ -275,7 +275,7 @@ class Pulsed(Signal[bool]):
         return self._count() > self._seen
 
     def sources(self) -> dict[BaseFluent[Any], None]:
-        """Those of the signal."""
+        """Return those of the signal."""
         return self._signal.sources()
 
     def arm(self) -> None:
@@ -300,7 +300,7 @@ def _read(operand: object) -> Any:
 
 
 def same(a: object, b: object) -> bool:
-    """Whether two values are equal as a whole."""
+    """Return whether two values are equal as a whole."""
     if a is b:
         return True
     try:

@@ -135,7 +135,7 @@ class Calls:
                 call.start()
 
     def waits_for(self, call: Call) -> bool:
-        """Whether its caller still waits, and it was not handed over."""
+        """Return whether its caller still waits, and it was not handed over."""
         return call in self._flying
 
     def abandon(self, call: Call) -> None:

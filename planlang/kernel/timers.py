@@ -93,7 +93,7 @@ class TimerQueue:
                 heapq.heapify(heap)
 
     def next_due(self) -> int | None:
-        """The earliest step at which something fires."""
+        """Return the earliest step at which something fires."""
         first: int | None = None
         for heap in (self.alarms, self.deadlines):
             while heap and (heap[0][2].due is None or heap[0][2].ticket != heap[0][1]):

@@ -33,7 +33,7 @@ _DEBUGGERS = ("bdb", "pdb", "pydevd", "_pydevd_bundle", "debugpy")
 
 
 class Watch:
-    """What the watchdog knows about one run."""
+    """One run as the watchdog sees it."""
 
     def __init__(self, scheduler: Scheduler, period: float | None, by_signal: bool = False) -> None:
         self.scheduler = scheduler
@@ -100,7 +100,7 @@ class Watch:
 
 
 def _debugged(frame: FrameType | None) -> bool:
-    """Whether the code stands in a debugger."""
+    """Return whether the code stands in a debugger."""
     while frame is not None:
         if str(frame.f_globals.get("__name__")).partition(".")[0] in _DEBUGGERS:
             return True

@@ -38,7 +38,7 @@ class RecordingModule:
         return self._module.failures
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """What the action needs exclusively."""
+        """Return what the action needs exclusively."""
         question = f"resources of {self.name} for {action}"
         return tuple(self._recorded.answer(question, lambda: tuple(self._module.resources(action))))
 
@@ -92,7 +92,7 @@ class RecordingExecutive:
         return modules
 
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """The class itself and its superclasses, nearest first."""
+        """Return the class itself and its superclasses, nearest first."""
         find = self.executive.ancestors
         return tuple(self._recorded.answer(f"ancestors of {action_type}", lambda: tuple(find(action_type))))
 
@@ -109,7 +109,7 @@ class RecordingExecutive:
             yield solution
 
     def move_to(self, solution: Solution) -> Action:
-        """The base motion that goes to a solution."""
+        """Return the base motion that goes to a solution."""
         moving: Action = self._recorded.answer(f"motion to {solution.base}", lambda: self.executive.move_to(solution))
         return moving
 
@@ -118,11 +118,11 @@ class RecordingExecutive:
         return bool(self._recorded.answer(f"at {solution.base}", lambda: bool(self.executive.is_at(solution))))
 
     def holds(self, condition: Condition) -> bool:
-        """Whether the belief says so."""
+        """Return whether the belief says so."""
         return bool(self._recorded.answer(f"{condition} holds", lambda: bool(self.executive.holds(condition))))
 
     def before_retry(self) -> Iterable[Action]:
-        """What brings the robot into a posture from which another place can be tried."""
+        """Return what brings the robot into a posture from which another place can be tried."""
         found = iter(self.executive.before_retry())
         while (action := self._recorded.next_answer("before retrying", partial(next, found, None))) is not None:
             yield action
@@ -132,7 +132,7 @@ class RecordingExecutive:
         return tuple(self._recorded.answer("held", lambda: tuple(self.executive.held())))
 
     def releases(self, action: Action) -> bool:
-        """Whether the action lets go of something."""
+        """Return whether the action lets go of something."""
         return bool(self._recorded.answer(f"{action} releases", lambda: bool(self.executive.releases(action))))
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:

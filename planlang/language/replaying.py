@@ -40,7 +40,7 @@ class Replay:
 
     @property
     def equal(self) -> bool:
-        """Whether all that is recorded was repeated."""
+        """True if all that is recorded was repeated."""
         return self.difference is None
 
     def __str__(self) -> str:
@@ -100,7 +100,7 @@ class _RecordedExecutive:
         return self._trace.answer(question, _nothing)
 
     def _ask_about(self, question: str, otherwise: Any) -> Any:
-        """The answer; if that was not asked, something else is performed, and that it begins will differ."""
+        """Return the answer; if that was not asked, something else is performed, and that it begins will differ."""
         return self._ask(question) if self._trace.knows(question) else otherwise
 
     @property
@@ -112,42 +112,42 @@ class _RecordedExecutive:
         ]
 
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """As recorded."""
+        """Return what was recorded."""
         return tuple(self._ask_about(f"ancestors of {action_type}", (action_type,)))
 
     def revision(self) -> int:
-        """As recorded."""
+        """Return what was recorded."""
         return int(self._ask("revision"))
 
     def solutions(self, location: Location) -> Iterator[Solution]:
-        """As recorded."""
+        """Return what was recorded."""
         while (solution := self._trace.next_answer(f"solutions of {location}", _nothing)) is not None:
             yield solution
 
     def move_to(self, solution: Solution) -> Action:
-        """As recorded."""
+        """Return what was recorded."""
         moving: Action = self._ask(f"motion to {solution.base}")
         return moving
 
     def is_at(self, solution: Solution) -> bool:
-        """As recorded."""
+        """Return what was recorded."""
         return bool(self._ask(f"at {solution.base}"))
 
     def holds(self, condition: Condition) -> bool:
-        """As recorded."""
+        """Return what was recorded."""
         return bool(self._ask(f"{condition} holds"))
 
     def before_retry(self) -> Iterable[Action]:
-        """As recorded."""
+        """Return what was recorded."""
         while (action := self._trace.next_answer("before retrying", _nothing)) is not None:
             yield action
 
     def held(self) -> Sequence[str]:
-        """As recorded."""
+        """Return what was recorded."""
         return tuple(self._ask("held"))
 
     def releases(self, action: Action) -> bool:
-        """As recorded."""
+        """Return what was recorded."""
         return bool(self._ask_about(f"{action} releases", False))
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
@@ -173,7 +173,7 @@ class _RecordedModule:
         self._trace, self._order = trace, order
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """As recorded."""
+        """Return what was recorded."""
         question = f"resources of {self.name} for {action}"
         return tuple(self._trace.answer(question, _nothing)) if self._trace.knows(question) else ()
 
@@ -290,7 +290,7 @@ _NOT_WRITTEN = frozenset({"answer", "world", "completed", "performed", "resumed"
 
 
 def _after(trace: ReplayCheck, path: str) -> int:
-    """The place of the record with which a request gives back its resources."""
+    """Return the place of the record with which a request gives back its resources."""
     for place in range(trace.place, len(trace.lines)):
         line = trace.lines[place]
         if line.path == path and line.event in ("released", "ended"):
@@ -312,6 +312,6 @@ def _outcome(trace: ReplayCheck, line: Line) -> Any:
 
 
 def _shown_result(trace: ReplayCheck, line: Line) -> Any:
-    """What the records tell of a result that did not survive JSON."""
+    """Return what the records tell of a result that did not survive JSON."""
     ends = [later for later in trace.lines[trace.place :] if later.path == line.path and later.event == "ended"]
     return ends[0].record.get("result") if ends else None

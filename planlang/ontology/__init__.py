@@ -1,9 +1,9 @@
 """OWL files -> one consistent in-memory ontology with positions.
 
-General layout: ``documents`` finds and reads files (``syntaxes`` tells ``rdfxml``, ``turtle`` and ``manchester`` apart;
-``imports``, ``cache``); ``canonical``, ``repairs`` and ``structure`` make their triples alike or say what is wrong with
-them; ``ontology`` answers questions about them (``classes``, ``taxonomy``); ``checks`` says what only shows when all
-are read. ``terms`` holds names and values, ``writing`` writes them again. Nothing is ever fetched from the network.
+General layout: ``documents`` reads a file and what it imports (``imports``) in one of three syntaxes (``rdfxml``,
+``turtle``, ``manchester``); ``repairs`` makes their triples alike, ``checks`` reports what is wrong with them;
+``ontology`` answers questions about all of them (``classes``). ``terms`` holds names and values, ``triples`` stores
+what is stated, ``writing`` writes it again. Nothing is ever fetched from the network.
 """
 
 from planlang.ontology.classes import Restriction

@@ -1,23 +1,207 @@
-"""What only shows when all documents are read: superclasses that nothing defines, fillers of the wrong kind."""
+"""What a file builds wrongly of several triples (restrictions, lists, values), and what shows when all are read."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Protocol
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
-from planlang.ontology.documents import Reading
-from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, SUBCLASS_OF, XSD
-from planlang.ontology.triples import Triples
+from planlang.ontology.terms import (
+    FIRST,
+    KNOWROB,
+    NIL,
+    ON_PROPERTY,
+    OWL,
+    RDF,
+    RDFS,
+    REST,
+    SUBCLASS_OF,
+    XSD,
+    BNode,
+    Literal,
+    Term,
+    Triple,
+)
+from planlang.ontology.triples import Triples, counted
 from planlang.resources import bundled
 
-if TYPE_CHECKING:
-    from planlang.ontology.ontology import Ontology
-
 MOST_WARNINGS = 100
-"""Undefined superclasses of one file that are reported."""
+"""Of each kind about one file; the last one says how many more there are."""
+
+_FILLERS = frozenset(OWL + name for name in ("someValuesFrom", "allValuesFrom", "hasValue", "hasSelf"))
+_NUMBERS = frozenset(
+    f"{OWL}{name}ardinality" for name in ("minC", "maxC", "c", "minQualifiedC", "maxQualifiedC", "qualifiedC")
+)
+_INTEGER = re.compile(r"[+-]?[0-9]+")
+_NATURAL = re.compile(r"\+?[0-9]+|-0+")
+_DOUBLE = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?INF|NaN")
+_FORMS = {
+    **{XSD + name: _INTEGER for name in ("integer", "int", "long", "short", "byte")},
+    **{XSD + name: _NATURAL for name in ("nonNegativeInteger", "unsignedInt", "unsignedLong", "unsignedShort")},
+    XSD + "positiveInteger": re.compile(r"\+?0*[1-9][0-9]*"),
+    XSD + "decimal": re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)"),
+    XSD + "double": _DOUBLE,
+    XSD + "float": _DOUBLE,
+    XSD + "boolean": re.compile("true|false|0|1"),
+}
+"""Datatype -> what its values look like, after blanks at the ends are taken away."""
+
+
+def malformed(triples: Triples) -> list[Diagnostic]:
+    """Warnings about restrictions that say nothing, lists that do not end, and values that their datatype lacks."""
+    kinds = (_restrictions(triples), _lists(triples), _values(triples))
+    return [found for kind in kinds for found in _bounded(kind)]
+
+
+def _bounded(found: Iterable[Diagnostic]) -> list[Diagnostic]:
+    every = list(found)
+    return counted(every[:MOST_WARNINGS], len(every) - MOST_WARNINGS)
+
+
+def _said(triples: Triples, rows: Iterable[int], subjects: set[int]) -> list[list[Triple]]:
+    """Of those rows the triples of each of these subjects, in document order."""
+    said: dict[int, list[Triple]] = {}
+    for row in sorted(rows) if subjects else ():
+        if triples.subjects[row] in subjects:
+            said.setdefault(triples.subjects[row], []).append(triples.triple(row))
+    return list(said.values())
+
+
+def _not_once(triples: Triples, *columns: Sequence[int]) -> set[int]:
+    """The subjects that do not stand in each of these rows exactly once."""
+    found: set[int] = set()
+    sets = [_column(triples.subjects, rows) for rows in columns]
+    for rows, unique in zip(columns, sets, strict=True):
+        if len(rows) > len(unique):
+            numbers = Counter(map(triples.subjects.__getitem__, rows))
+            found.update(subject for subject, number in numbers.items() if number > 1)
+    if any(one != sets[0] for one in sets):
+        found |= sets[0].union(*sets) - sets[0].intersection(*sets)
+    return found
+
+
+def _column(column: Sequence[int], rows: Iterable[int]) -> set[int]:
+    """The numbers that stand in some rows of a column."""
+    return set(map(column.__getitem__, rows))
+
+
+def _restrictions(triples: Triples) -> Iterator[Diagnostic]:
+    properties, fillers, numbers = triples.by(ON_PROPERTY), triples.by(*_FILLERS, *_NUMBERS), triples.by(*_NUMBERS)
+    odd = _not_once(triples, properties, fillers)
+    values = {number for number in _column(triples.objects, properties) if isinstance(triples.terms[number], Literal)}
+    if values:
+        odd.update(triples.subjects[row] for row in properties if triples.objects[row] in values)
+    odd.update(triples.subjects[row] for row in numbers if not _is_number(triples.term(triples.objects[row])))
+    for said in _said(triples, (*properties, *fillers), odd):
+        yield from _restriction(said)
+
+
+def _restriction(triples: list[Triple]) -> Iterator[Diagnostic]:
+    properties = [t for t in triples if t.predicate == ON_PROPERTY]
+    fillers = [t for t in triples if t.predicate != ON_PROPERTY]
+    if not properties and fillers and isinstance(fillers[0].subject, BNode):
+        what = f"a restriction with {local_name(fillers[0].predicate)} names no property and is left out"
+        yield warning("O017", what, fillers[0].span, "add owl:onProperty")
+    for prop in properties[:1]:
+        name = _shown(prop.object)
+        if isinstance(prop.object, Literal):
+            yield warning("O017", f"a restriction of the value {name} is left out", prop.span, "name a property")
+        elif len(properties) > 1:
+            others = " and ".join(_shown(other.object) for other in properties)
+            yield warning("O017", f"one restriction names several properties: {others}", properties[1].span)
+        elif not fillers:
+            advice = "add owl:someValuesFrom or owl:hasValue"
+            yield warning("O017", f"a restriction of {name} has no filler and is left out", prop.span, advice)
+        elif len(fillers) > 1:
+            what = f"one restriction of {name} has {len(fillers)} fillers, which are read as one restriction each"
+            yield warning("O017", what, fillers[1].span, "write an owl:Restriction for each")
+    for filler in fillers:
+        if filler.predicate in _NUMBERS and not _is_number(filler.object):
+            what = f"{local_name(filler.predicate)} is no whole number: {_shown(filler.object)}"
+            yield warning("O017", what, filler.span, "the restriction is left out")
+
+
+def _is_number(term: Term) -> bool:
+    return isinstance(term, Literal) and term.value.strip().isdecimal() and len(term.value) < 10
+
+
+def _lists(triples: Triples) -> Iterator[Diagnostic]:
+    firsts, rests = triples.by(FIRST), triples.by(REST)
+    known = {triples.numbers.get(NIL, -1), *_column(triples.subjects, firsts)}
+    known.update(map(triples.subjects.__getitem__, rests))
+    odd = _not_once(triples, firsts, rests)
+    if not known.issuperset(map(triples.objects.__getitem__, rests)):
+        odd.update(triples.subjects[row] for row in rests if triples.objects[row] not in known)
+    for said in _said(triples, (*firsts, *rests), odd):
+        yield from _list(said, lambda term: triples.find(term) in known)
+    yield from _circles(triples, rests)
+
+
+def _list(triples: list[Triple], is_list: Callable[[Term], bool]) -> Iterator[Diagnostic]:
+    """Judge one cell of a list."""
+    firsts = [t for t in triples if t.predicate == FIRST]
+    rests = [t for t in triples if t.predicate == REST]
+    at = triples[0].span
+    if len(firsts) > 1:
+        yield warning("O018", "one cell of a list has several items", firsts[1].span, "write a cell for each")
+    elif not firsts:
+        yield warning("O018", "one cell of a list has no item", at, "add rdf:first, or leave the cell out")
+    if len(rests) > 1:
+        yield warning("O018", "a list goes on in several ways; one of them is taken", rests[1].span)
+    elif not rests:
+        yield warning("O018", "a list does not end; it is taken to end here", at, "add rdf:rest rdf:nil")
+    elif not is_list(rests[0].object):
+        what = f"a list goes on with {_shown(rests[0].object)}, which is no list; it is taken to end here"
+        yield warning("O018", what, rests[0].span, "add rdf:rest rdf:nil")
+
+
+def _circles(triples: Triples, rests: Sequence[int]) -> Iterator[Diagnostic]:
+    """A warning for each list that comes back to a cell of its own."""
+    end = triples.numbers.get(NIL, -1)
+    if all(triples.subjects[row] < triples.objects[row] or triples.objects[row] == end for row in rests):
+        return  # every list goes on with a cell that was met later
+    following = {triples.subjects[row]: row for row in reversed(rests)}
+    done: set[int] = set()
+    for begin in map(triples.subjects.__getitem__, rests):
+        way: dict[int, None] = {}
+        cell, row = begin, -1
+        while cell in following and cell not in done and cell not in way:
+            way[cell] = None
+            row = following[cell]
+            cell = triples.objects[row]
+        if cell in way:
+            yield warning("O018", "a list comes back to itself; it is taken to end here", triples.span(row))
+        done.update(way)
+
+
+def _values(triples: Triples) -> Iterator[Diagnostic]:
+    wrong = {number for term, number in triples.numbers.items() if isinstance(term, Literal) and _is_wrong(term)}
+    if wrong:
+        for row, number in enumerate(triples.objects):
+            if number in wrong:
+                triple = triples.triple(row)
+                assert isinstance(triple.object, Literal)
+                kind = local_name(triple.object.datatype or "")
+                what = f"{local_name(triple.predicate)} is no {kind}: {triple.object.value[:40]!r}"
+                yield warning("O019", what, triple.span, "correct the value, or its datatype")
+
+
+def _is_wrong(value: Literal) -> bool:
+    form = _FORMS.get(value.datatype or "")
+    return form is not None and not form.fullmatch(value.value.strip())
+
+
+def _shown(term: Term) -> str:
+    if isinstance(term, BNode):
+        return "a nameless thing"
+    name = local_name(term) if isinstance(term, str) else term.value
+    return (name if not isinstance(term, str) or not term.startswith(RDF) else f"rdf:{name}")[:60]
+
 
 MOST_SUGGESTIONS = 20
 """Among these, those for which a similar name is looked for."""
@@ -25,16 +209,25 @@ MOST_SUGGESTIONS = 20
 _W3C = (OWL, RDF, RDFS, XSD)
 
 
-def checked(ontology: Ontology, readings: Sequence[Reading]) -> Iterator[Diagnostic]:
-    """Diagnostics about every document that is not one of ours."""
+class Declarations(Protocol):
+    """What all documents together declare."""
+
+    def is_class(self, iri: str) -> bool: ...
+    def is_individual(self, iri: str) -> bool: ...
+    def defined(self, iri: str) -> bool: ...
+    def class_names(self) -> tuple[str, ...]: ...
+
+
+def check(ontology: Declarations, documents: Iterable[tuple[Path, Triples]]) -> Iterator[Diagnostic]:
+    """Yield diagnostics about every document that is not bundled; ``documents`` are their paths and triples."""
     ours = bundled("ontologies").resolve()
     has_vocabulary = ontology.is_class(KNOWROB + "Action")
-    for reading in readings:
-        if not reading.document.path.resolve().is_relative_to(ours):
+    for path, triples in documents:
+        if not path.resolve().is_relative_to(ours):
             if has_vocabulary:
-                yield from _undefined_superclasses(ontology, reading.triples)
-            yield from _individuals_as_classes(ontology, reading.triples)
-            yield from _classes_as_individuals(ontology, reading.triples)
+                yield from _undefined_superclasses(ontology, triples)
+            yield from _individuals_as_classes(ontology, triples)
+            yield from _classes_as_individuals(ontology, triples)
 
 
 def _named_objects(triples: Triples, predicate: str) -> dict[str, int]:
@@ -45,7 +238,7 @@ def _named_objects(triples: Triples, predicate: str) -> dict[str, int]:
     return {name: row for number, row in found.items() if (name := triples.name(number)) is not None}
 
 
-def _undefined_superclasses(ontology: Ontology, triples: Triples) -> Iterator[Diagnostic]:
+def _undefined_superclasses(ontology: Declarations, triples: Triples) -> Iterator[Diagnostic]:
     named = _named_objects(triples, SUBCLASS_OF)
     first = {name: row for name, row in named.items() if not name.startswith(_W3C)}
     undefined = [name for name in first if not ontology.defined(name)]
@@ -58,7 +251,7 @@ def _undefined_superclasses(ontology: Ontology, triples: Triples) -> Iterator[Di
         yield warning("O041", message, triples.span(first[name]), advice)
 
 
-def _similar(ontology: Ontology, name: str) -> str | None:
+def _similar(ontology: Declarations, name: str) -> str | None:
     """The local name of a declared class of the same namespace that is written almost like this one."""
     local = local_name(name)
     namespace = name.removesuffix(local)
@@ -66,7 +259,7 @@ def _similar(ontology: Ontology, name: str) -> str | None:
     return next(iter(get_close_matches(local, others, n=1, cutoff=0.75)), None)
 
 
-def _individuals_as_classes(ontology: Ontology, triples: Triples) -> Iterator[Diagnostic]:
+def _individuals_as_classes(ontology: Declarations, triples: Triples) -> Iterator[Diagnostic]:
     named = _named_objects(triples, OWL + "someValuesFrom")
     found = [name for name in named if ontology.is_individual(name) and not ontology.is_class(name)]
     if found:
@@ -74,7 +267,7 @@ def _individuals_as_classes(ontology: Ontology, triples: Triples) -> Iterator[Di
         yield note("O042", message, triples.span(named[found[0]]))
 
 
-def _classes_as_individuals(ontology: Ontology, triples: Triples) -> Iterator[Diagnostic]:
+def _classes_as_individuals(ontology: Declarations, triples: Triples) -> Iterator[Diagnostic]:
     named = _named_objects(triples, OWL + "hasValue")
     found = [name for name in named if ontology.is_class(name) and not ontology.is_individual(name)]
     if found:

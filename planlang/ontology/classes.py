@@ -1,9 +1,9 @@
-"""Class expressions in triples: superclasses, restrictions, members of intersections."""
+"""Class expressions in triples (superclasses, restrictions, members of intersections), and the hierarchy of classes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from planlang.diagnostics import Span
 from planlang.ontology.terms import (
@@ -23,8 +23,55 @@ from planlang.ontology.terms import (
 )
 from planlang.ontology.triples import Triples
 
-if TYPE_CHECKING:
-    from planlang.ontology.ontology import Ontology
+
+class Taxonomy:
+    """Named classes and which are directly below which.
+
+    ``edges`` are pairs (class, direct superclass) in document order; equivalent classes are below each other.
+    """
+
+    def __init__(self, edges: Iterable[tuple[str, str]]) -> None:
+        self._parents: dict[str, dict[str, None]] = {}
+        self._children: dict[str, list[str]] = {}
+        self._ancestors: dict[str, tuple[str, ...]] = {}
+        for lower, upper in edges:
+            above = self._parents.setdefault(lower, {})
+            if upper not in above and upper != lower:
+                above[upper] = None
+                self._children.setdefault(upper, []).append(lower)
+
+    def parents(self, cls: str) -> tuple[str, ...]:
+        """Return the direct superclasses in document order."""
+        return tuple(self._parents.get(cls, ()))
+
+    def ancestors(self, cls: str) -> tuple[str, ...]:
+        """Return the class itself, then what is above it, nearest first; at the same distance in document order."""
+        found = self._ancestors.get(cls)
+        if found is None:
+            found = self._ancestors[cls] = by_distance(cls, self._parents)
+        return found
+
+    def descendants(self, cls: str) -> tuple[str, ...]:
+        """Return the class itself, then what is below it, nearest first; at the same distance in document order."""
+        return by_distance(cls, self._children)
+
+    def is_below(self, cls: str, upper: str) -> bool:
+        """Return True if the classes are the same or the first is below the second."""
+        return cls == upper or upper in self.ancestors(cls)
+
+
+def by_distance(start: str, neighbours: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
+    """Return everything that is reached from ``start``, itself first, level by level; circles are walked once."""
+    reached = {start: None}
+    queue: list[str] = [start]
+    none: Sequence[str] = ()
+    for node in queue:  # grows while it is walked
+        for neighbour in neighbours.get(node, none):
+            if neighbour not in reached:
+                reached[neighbour] = None
+                queue.append(neighbour)
+    return tuple(queue)
+
 
 _FILLERS = {OWL + "someValuesFrom": "some", OWL + "hasValue": "value", OWL + "allValuesFrom": "only"}
 _CARDINALITIES = {
@@ -205,11 +252,11 @@ def edges(triples: Triples) -> Iterator[tuple[str, str]]:
                 yield lower, member
 
 
-def alias_edges(ontology: Ontology, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+def alias_edges(is_class: Callable[[str], bool], names: Iterable[str]) -> Iterator[tuple[str, str]]:
     """RoboEarth's class of the same name as one of KnowRob's is below it, wherever a document mentions it."""
     for name in dict.fromkeys(name for name in names if name.startswith(ROBOEARTH)):
         upper = twin(name)
-        if upper is not None and ontology.is_class(upper):
+        if upper is not None and is_class(upper):
             yield name, upper
 
 

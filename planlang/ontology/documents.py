@@ -1,25 +1,86 @@
-"""From a path to everything that it and its imports say, in load order."""
+"""From a path to everything that a file and its imports say, in load order; which syntax a file is in."""
 
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from functools import cache
 from pathlib import Path
 
 from planlang.cache import Cache
-from planlang.diagnostics import BadInput, Diagnostic, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.files import read_file
-from planlang.ontology.canonical import use_canonical_names
+from planlang.ontology.checks import malformed
 from planlang.ontology.imports import ImportMap
-from planlang.ontology.repairs import repair
-from planlang.ontology.structure import malformed
-from planlang.ontology.syntaxes import read_syntax
+from planlang.ontology.repairs import repair, use_canonical_names
 from planlang.ontology.terms import IMPORTS, ONTOLOGY, TYPE, BNode, Triple
-from planlang.ontology.triples import Triples
-from planlang.ontology.xml_text import LARGEST_FILE
+from planlang.ontology.triples import Parsed, Triples
+from planlang.ontology.xml_text import LARGEST_FILE, decode
 from planlang.resources import bundled
+
+
+class Syntax(Enum):
+    """The syntaxes of OWL that are read. N-Triples is read as Turtle, of which it is a part."""
+
+    RDFXML = "RDF/XML"
+    MANCHESTER = "Manchester syntax"
+    TURTLE = "Turtle"
+
+
+_MANCHESTER = re.compile(
+    r"(?:Prefix|Namespace|Ontology|Import|Annotations|Class|ObjectProperty|DataProperty|AnnotationProperty|Datatype"
+    r"|Individual|EquivalentClasses|DisjointClasses|EquivalentProperties|DisjointProperties|SameIndividual"
+    r"|DifferentIndividuals):(?=\s|$|<)"
+)
+_NOTHING_SAID = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
+_TURTLE = re.compile(
+    r"""@prefix\b|@base\b|(?i:prefix|base)\s
+      | <(?:[^<>\s]*://|urn:|tag:|file:|[#/]|>)  # an IRI; no element of XML is written so
+      | _:[\w] | [\[(]
+      | (?:[^\W\d_][\w.-]*)?:(?!//)[^\s:]*\s+(?:a\s|<|[\w.-]*:)""",
+    re.VERBOSE,
+)
+
+
+def syntax_of(content: bytes, file: str) -> Syntax:
+    """The syntax of a file's content. Raises BadInput if it is none of those that are read."""
+    return syntax_of_text(decode(content, file), file)
+
+
+def syntax_of_text(text: str, file: str) -> Syntax:
+    """The syntax of a text; see :func:`syntax_of`."""
+    beginning = _NOTHING_SAID.match(text)
+    assert beginning is not None
+    position = beginning.end()
+    start = text[position : position + 10_000].lstrip()[:2000]
+    if _MANCHESTER.match(start):
+        return Syntax.MANCHESTER
+    if _TURTLE.match(start):
+        return Syntax.TURTLE
+    if start.startswith("<"):
+        return Syntax.RDFXML
+    if not start:
+        raise BadInput([error("O002", "the file holds nothing but comments", Span(file))])
+    span = Span(file, text.count("\n", 0, position) + 1)
+    advice = "an ontology is RDF/XML (rdf:RDF), Turtle (@prefix) or in Manchester syntax (Prefix:, Ontology:, Class:)"
+    raise BadInput([error("O001", "this is neither RDF/XML, Turtle nor Manchester syntax", span, advice)])
+
+
+def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
+    """The triples of a file in any of the syntaxes. Raises BadInput as their readers do."""
+    text = decode(content, file)
+    match syntax_of_text(text, file):
+        case Syntax.RDFXML:
+            from planlang.ontology.rdfxml import read_rdfxml as read
+        case Syntax.MANCHESTER:
+            from planlang.ontology.manchester import read_manchester as read
+        case Syntax.TURTLE:
+            from planlang.ontology.turtle import read_turtle as read
+    return read(text, file, base=base, label=label)
+
 
 MOST_DOCUMENTS = 200
 """Files that one ontology may be made of."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from planlang.diagnostics import BadInput, Span, error
-from planlang.ontology.parsed import MOST_TRIPLES
 from planlang.ontology.terms import (
     CLASS,
     COMPLEMENT_OF,
@@ -27,7 +26,7 @@ from planlang.ontology.terms import (
     Literal,
     Term,
 )
-from planlang.ontology.triples import Triples
+from planlang.ontology.triples import MOST_TRIPLES, Triples
 
 DATATYPE = RDFS + "Datatype"
 BOOLEAN = XSD + "boolean"

@@ -13,7 +13,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from planlang.diagnostics import Diagnostic, Span, warning
-from planlang.ontology.canonical import HOST, OLD_HOST, canonical
+from planlang.ontology.repairs import HOST, OLD_HOST, canonical
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES
 from planlang.resources import bundled
 

@@ -10,10 +10,19 @@ from typing import Any
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span
-from planlang.ontology.checks import checked
-from planlang.ontology.classes import Restriction, Words, alias_edges, conjuncts, edges, restrictions_of, twin
+from planlang.ontology.checks import check
+from planlang.ontology.classes import (
+    Restriction,
+    Taxonomy,
+    Words,
+    alias_edges,
+    by_distance,
+    conjuncts,
+    edges,
+    restrictions_of,
+    twin,
+)
 from planlang.ontology.documents import Document, Reading, read_all
-from planlang.ontology.taxonomy import Taxonomy, by_distance
 from planlang.ontology.terms import (
     ABSOLUTE,
     CLASS,
@@ -72,7 +81,10 @@ class Ontology:
         self._kinds: dict[tuple[str, ...], dict[int, int]] = {}
         self._words: dict[tuple[str, ...], dict[int, None]] = {}
         found = [diagnostic for reading in readings for diagnostic in reading.diagnostics]
-        self.diagnostics: tuple[Diagnostic, ...] = (*found, *checked(self, readings))
+        self.diagnostics: tuple[Diagnostic, ...] = (
+            *found,
+            *check(self, ((one.document.path, one.triples) for one in readings)),
+        )
 
     @property
     def iri(self) -> str | None:
@@ -292,7 +304,7 @@ class Ontology:
     def taxonomy(self) -> Taxonomy:
         """The class hierarchy."""
         mentioned = (term for term in self.store.terms if isinstance(term, str))
-        return Taxonomy((*edges(self.store), *alias_edges(self, mentioned)))
+        return Taxonomy((*edges(self.store), *alias_edges(self.is_class, mentioned)))
 
     def ancestors(self, cls: str) -> tuple[str, ...]:
         """The class itself, then its superclasses, nearest first."""

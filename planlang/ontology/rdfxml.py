@@ -10,16 +10,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from xml.parsers import expat
-from xml.sax.saxutils import escape, quoteattr
+from xml.sax.saxutils import escape
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.ontology.entities import EntityTable
-from planlang.ontology.iris import resolve
-from planlang.ontology.parsed import MOST_TRIPLES, Parsed, counted
-from planlang.ontology.terms import FIRST, NIL, ONTOLOGY, RDF, REST, TYPE, BNode, Literal
-from planlang.ontology.triples import Triples
+from planlang.ontology.terms import FIRST, NIL, RDF, REST, TYPE, BNode, Literal, resolve
+from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples, counted
 from planlang.ontology.xml_repairs import repair
-from planlang.ontology.xml_text import decode, explain
+from planlang.ontology.xml_text import EntityTable, decode, explain, must_be_rdf, opening_tag
 
 DEEPEST = 100
 """Elements inside each other."""
@@ -61,8 +58,7 @@ class _Frame:
 
     def __init__(self, kind: int, base: str, language: str | None, line: int, column: int, subject: int = -1) -> None:
         self.kind, self.base, self.language = kind, base, language
-        self.line, self.column = line, column
-        self.subject = subject
+        self.line, self.column, self.subject = line, column, subject
         if kind == _NODE:
             self.items = 0
         elif kind != _SKIPPED:
@@ -112,8 +108,8 @@ def _parsed(text: str, file: str, base: str, label: str, *, in_pieces: bool) -> 
     try:
         parser.Parse(text, True)
     except expat.ExpatError as problem:
-        open_lines = [frame.line for frame in handler.frames[1:]]
-        raise BadInput([explain(problem, text, file, open_lines, handler.entities.names)]) from None
+        lines = [frame.line for frame in handler.frames[1:]]
+        raise BadInput([explain(problem, text, file, lines, handler.entities.names)]) from None
     if not all(map(str.isspace, handler.gaps)):
         raise _Stray
     return Parsed(handler.triples, counted(handler.diagnostics, handler.unsaid), handler.prefixes)
@@ -132,7 +128,7 @@ class _Handler:
         self.unsaid = 0
         self.frames = [_Frame(_DOCUMENT, base, None, 1, 1)]
         self.ids: dict[str, Span] = {}
-        self.entities = EntityTable(text, file)
+        self.entities = EntityTable(text, file, self.here)
         self.resolved: dict[str, dict[str, int]] = {}
         """Base -> reference -> number of the IRI that it means there."""
         self.tags: dict[str, str] = {}
@@ -156,12 +152,10 @@ class _Handler:
         parser.EndElementHandler = self._ending()
         parser.StartNamespaceDeclHandler = self.namespace
         parser.CharacterDataHandler = self.between
-        parser.StartDoctypeDeclHandler = self.doctype
+        parser.StartDoctypeDeclHandler = self.entities.begin
         parser.EndDoctypeDeclHandler = self.entities.check
-        parser.EntityDeclHandler = self.entity
-        parser.SkippedEntityHandler = self.skipped_entity
-
-    # positions and messages
+        parser.EntityDeclHandler = self.entities.declare
+        parser.SkippedEntityHandler = self.entities.skip
 
     def here(self) -> Span:
         return Span(self.file, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
@@ -172,38 +166,9 @@ class _Handler:
         else:
             self.unsaid += 1
 
-    # document type
-
-    def doctype(self, name: str, system: str | None, public: str | None, internal: bool) -> None:
-        if system or public:
-            advice = "declare the entities in the file itself"
-            raise BadInput([error("O009", f"an external document type is refused: {system}", self.here(), advice)])
-
-    def entity(
-        self,
-        name: str,
-        is_parameter: bool,
-        value: str | None,
-        base: str | None,
-        system: str | None,
-        public: str | None,
-        notation: str | None,
-    ) -> None:
-        if is_parameter:
-            raise BadInput([error("O009", f"a parameter entity is refused: %{name};", self.here())])
-        if value is None:
-            advice = "write its value into the file"
-            raise BadInput([error("O009", f"an external entity is refused: &{name}; {system}", self.here(), advice)])
-        self.entities.declare(name, value, self.here())
-
-    def skipped_entity(self, name: str, is_parameter: bool) -> None:
-        raise BadInput([error("O009", f"an entity that is not in the file is refused: &{name};", self.here())])
-
     def namespace(self, prefix: str | None, namespace: str | None) -> None:
         if namespace and len(self.prefixes) < MOST_PREFIXES:
             self.prefixes.setdefault(prefix or "", namespace)
-
-    # elements
 
     def _starting(self) -> Callable[[str, list[str]], None]:
         """What expat calls where an element begins.
@@ -215,15 +180,9 @@ class _Handler:
         frames, triples, parser, plain, complete = self.frames, self.triples, self.parser, self.plain, self.complete
         predicates, objects = triples.predicates.append, triples.objects.append
         lines, columns, state = triples.lines.append, triples.columns.append, triples.subjects.append
-        resolved, resolve, start, push = self.resolved, self._resolve, self._start, frames.append
-        between = self.between
-        subjects, classes, kind_of, fresh, append = (
-            triples.subjects,
-            self.classes,
-            self.type,
-            triples.fresh,
-            self._append,
-        )
+        resolved, resolve, start, push, between = self.resolved, self._resolve, self._start, frames.append, self.between
+        subjects, classes, kind_of = triples.subjects, self.classes, self.type
+        fresh, append = triples.fresh, self._append
 
         def begin(tag: str, attributes: list[str]) -> None:
             parent = frames[-1]
@@ -274,7 +233,7 @@ class _Handler:
     def _start(self, parent: _Frame, tag: str, attributes: list[str], line: int, column: int) -> None:
         frames, kind = self.frames, parent.kind
         if kind == _LITERAL:
-            self._literal_start(parent, tag, attributes)
+            parent.text.append(opening_tag(tag, attributes, is_outermost=not parent.names))
             frame = _Frame(_LITERAL, parent.base, parent.language, line, column)
             frame.text, frame.names = parent.text, True
             frames.append(frame)
@@ -302,19 +261,8 @@ class _Handler:
         elif name == _ROOT:
             frames.append(_Frame(_RDF, base, language, line, column))
         else:
-            self._must_be_rdf(tag)
+            must_be_rdf(tag, self.here())
             self._node(frame, name, tag, given)
-
-    def _must_be_rdf(self, tag: str) -> None:
-        namespace, _, local = tag.rpartition(" ")
-        if tag.replace(" ", "") == ONTOLOGY:
-            message, advice = "this is OWL/XML, another syntax", "save it as RDF/XML or in Manchester syntax"
-        elif not namespace or namespace == "http://www.w3.org/1999/xhtml":
-            message = f"this is XML, but not RDF: its first element is {local}"
-            advice = "an ontology begins with rdf:RDF or in Manchester syntax"
-        else:
-            return
-        raise BadInput([error("O001", message, self.here(), advice)])
 
     def _fill(self, parent: _Frame, frame: _Frame, name: str, tag: str, given: dict[str, str]) -> None:
         """The node element that is the value of a property: the triple first, then what is said about the node."""
@@ -352,16 +300,20 @@ class _Handler:
         if kind == _PROPERTY:
             if not frame.filled:
                 language = None if frame.datatype else frame.language
-                self._state_literal(frame, Literal("".join(frame.text), frame.datatype, language))
+                self._state(frame, self.triples.number(Literal("".join(frame.text), frame.datatype, language)))
             elif stray := "".join(frame.text).strip():
-                self.warn("O010", f"text beside an element is skipped: {stray[:40]!r}", self._span(frame))
+                self.warn(
+                    "O010",
+                    f"text beside an element is skipped: {stray[:40]!r}",
+                    Span(self.file, frame.line, frame.column),
+                )
             if frame is self.complete:
                 frame.text.clear()
         elif kind == _LITERAL:
             if frame.names:
                 frame.text.append(f"</{tag.rpartition(' ')[2]}>")
             else:
-                self._state_literal(frame, Literal("".join(frame.text), RDF + "XMLLiteral"))
+                self._state(frame, self.triples.number(Literal("".join(frame.text), RDF + "XMLLiteral")))
         elif kind == _COLLECTION:
             end = self.triples.number(NIL)
             if frame.last_cell < 0:
@@ -382,9 +334,6 @@ class _Handler:
             stray, start = data.strip(), self.here()
             span = Span(self.file, start.line, start.column + len(data) - len(data.lstrip()))
             self.warn("O010", f"text between elements is skipped: {stray[:40]!r}", span)
-
-    def _span(self, frame: _Frame) -> Span:
-        return Span(self.file, frame.line, frame.column)
 
     # nodes and properties
 
@@ -425,9 +374,7 @@ class _Handler:
                 frame.kind = _SKIPPED
                 return False
             cls = self.classes[tag] = -1 if name == _DESCRIPTION else self.triples.number(name)
-        if not given:
-            subject = self.triples.fresh()
-        elif (value := given.get(_ID)) is not None:
+        if (value := given.get(_ID)) is not None:
             subject = self._identifier(value, frame.base)
         elif (value := given.get(_ABOUT)) is not None:
             subject = self._resolve(frame.base, value)
@@ -476,15 +423,15 @@ class _Handler:
             if parse_type != "Literal":
                 self.warn("O010", f"parseType {parse_type!r} is read as Literal", self.here())
         elif (value := given.get(_RESOURCE)) is not None:
-            self._empty(frame, self._resolve(frame.base, value), given)
+            self._fill_empty(frame, self._resolve(frame.base, value), given)
         elif (value := given.get(_NODE_ID)) is not None:
-            self._empty(frame, self._named_node(value), given)
+            self._fill_empty(frame, self._named_node(value), given)
         elif any(key not in _SYNTAX for key in given):
-            self._empty(frame, self.triples.fresh(), given)
+            self._fill_empty(frame, self.triples.fresh(), given)
         elif datatype is not None:
             frame.datatype = resolve(frame.base, datatype)
 
-    def _empty(self, frame: _Frame, node: int, given: dict[str, str]) -> None:
+    def _fill_empty(self, frame: _Frame, node: int, given: dict[str, str]) -> None:
         frame.filled = True
         self._state(frame, node)
         self._property_attributes(node, given, frame)
@@ -501,9 +448,6 @@ class _Handler:
             else:
                 number = self.triples.number(Literal(value, None, frame.language))
             self.triples.add(subject, self.triples.number(key), number, frame.line, frame.column)
-
-    def _state_literal(self, frame: _Frame, value: Literal) -> None:
-        self._state(frame, self.triples.number(value))
 
     def _state(self, frame: _Frame, value: int, place: int | None = None) -> None:
         """Add the triple of a property, in front of the row ``place`` if that is given."""
@@ -529,16 +473,6 @@ class _Handler:
             triples.add(before, self.rest, cell, line, column)
         triples.add(cell, self.first, item.subject, line, column)
         frame.last_cell = cell
-
-    def _literal_start(self, parent: _Frame, tag: str, attributes: list[str]) -> None:
-        parts = [tag.rpartition(" ")[2]]
-        if not parent.names and " " in tag:
-            parts.append(f"xmlns={quoteattr(tag.rpartition(' ')[0])}")
-        parts += (
-            f"{key.rpartition(' ')[2]}={quoteattr(value)}"
-            for key, value in zip(attributes[::2], attributes[1::2], strict=True)
-        )
-        parent.text.append(f"<{' '.join(parts)}>")
 
     # names
 

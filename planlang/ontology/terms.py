@@ -1,4 +1,4 @@
-"""RDF terms, triples with positions, and the names of the W3C and KnowRob vocabularies."""
+"""RDF terms, triples with positions, the names of the W3C and KnowRob vocabularies, and references made absolute."""
 
 from __future__ import annotations
 
@@ -6,10 +6,29 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from urllib.parse import urljoin
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.resources import bundled
+
+_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
+
+
+def resolve(base: str, reference: str) -> str:
+    """The IRI that a reference means in a document with this address; what has a scheme is left as it is."""
+    if reference.startswith("#"):
+        return base.partition("#")[0] + reference
+    if not reference:
+        return base.partition("#")[0]
+    if _SCHEME.match(reference):
+        return reference
+    try:
+        joined = urljoin(base, reference)
+    except ValueError:
+        return reference
+    return joined + "#" if reference.endswith("#") and not joined.endswith("#") else joined  # urljoin drops it
+
 
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 RDFS = "http://www.w3.org/2000/01/rdf-schema#"

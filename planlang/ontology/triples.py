@@ -13,11 +13,31 @@ import sys
 from array import array
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import overload
 
-from planlang.diagnostics import Span
+from planlang.diagnostics import Diagnostic, Span
 from planlang.ontology.terms import INTERSECTION_OF, BNode, Literal, Term, Triple
+
+MOST_TRIPLES = 1_000_000
+"""Triples of one file."""
+
+
+@dataclass
+class Parsed:
+    """What a file says: its triples in document order, what was repaired on the way, the prefixes that it declares."""
+
+    triples: Triples
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    prefixes: dict[str, str] = field(default_factory=dict)
+
+
+def counted(shown: list[Diagnostic], more: int) -> list[Diagnostic]:
+    """The diagnostics that are shown; the last says how many there are besides, so that nothing is silent."""
+    if more <= 0 or not shown:
+        return shown
+    return [*shown[:-1], replace(shown[-1], message=f"{shown[-1].message}; {more} more like this are not shown")]
 
 
 class Triples(Sequence[Triple]):

@@ -19,9 +19,8 @@ import pyoxigraph
 from pyoxigraph import BlankNode, NamedNode, RdfFormat
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.ontology.parsed import MOST_TRIPLES, Parsed
 from planlang.ontology.terms import PREFIXES, STRING, BNode, Literal
-from planlang.ontology.triples import Triples
+from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples
 from planlang.ontology.xml_text import decode, offset_of, position_of
 
 DEEPEST = 100

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from planlang.diagnostics import Diagnostic, warning
-from planlang.ontology.parsed import counted
 from planlang.ontology.terms import PREFIXES
+from planlang.ontology.triples import counted
 from planlang.ontology.xml_text import position_of
 
 _SECTIONS = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}

@@ -40,7 +40,7 @@ class Lexicon:
 
     @staticmethod
     def of(ontology: Ontology, things: Mapping[str, Object] | None = None) -> Lexicon:
-        """All classes of an ontology and the things of a map, by name."""
+        """Return all classes of an ontology and the things of a map, by name."""
         things = dict(things or {})
         persons = {*ontology.subclasses("Person"), *ontology.subclasses("Person-Individual")}
         used = [thing.type for thing in things.values()]
@@ -51,7 +51,7 @@ class Lexicon:
 
     @staticmethod
     def from_classes(kinds: Mapping[str, type[Object]], things: Mapping[str, Object] | None = None) -> Lexicon:
-        """Classes by local name, each with the kind of designator it takes; those of things count more than others."""
+        """Return the nouns of classes by local name, each with its kind of designator; those of things count more."""
         things = dict(things or {})
         classes: dict[str, Object] = {}
         used = dict.fromkeys(thing.type for thing in things.values())
@@ -79,7 +79,7 @@ class Lexicon:
         return Lexicon(things, classes, present, written)
 
     def meaning(self, words: str, *, named: bool) -> Object | tuple[str, ...]:
-        """What a noun means; the words of all that it could mean if that is not exactly one.
+        """Return what a noun means; the words of all that it could mean if that is not exactly one.
 
         ``named``: without article, so that the thing of that name goes before the class.
         """
@@ -91,17 +91,17 @@ class Lexicon:
         return self.classes[several[0]] if len(several) == 1 else several
 
     def wording(self, what: Object) -> str | None:
-        """The words that mean exactly this designator, the shortest there are; None if no words do."""
+        """Return the words that mean exactly this designator, the shortest there are; None if no words do."""
         return self._written.get(what)
 
     def similar(self, words: str) -> str | None:
-        """The known noun that looks most like words that are none."""
+        """Return the known noun that looks most like words that are none."""
         names = {plain(name): name for name in (*self.classes, *self.present, *self.things)}
         close = get_close_matches(plain(words), list(names), n=1, cutoff=0.7)
         return names[close[0]] if close else None
 
     def known(self) -> Iterable[str]:
-        """What to tell somebody who looks for nouns: the things of the map, or else the classes."""
+        """Return what to tell somebody who looks for nouns: the things of the map, or else the classes."""
         return self.things or self.classes
 
 

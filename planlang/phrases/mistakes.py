@@ -37,7 +37,7 @@ SPOKEN: Mapping[str, str] = {
 
 
 def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
-    """The diagnostic for a place at which the grammar does not go on."""
+    """Return the diagnostic for a place at which the grammar does not go on."""
     offset = problem.pos_in_stream if problem.pos_in_stream is not None else len(phrase)
     at_end = (isinstance(problem, UnexpectedToken) and problem.token.type == "$END") or not phrase[offset:].strip()
     if at_end:
@@ -67,7 +67,7 @@ def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
 def unknown_noun(
     words: str, several: Sequence[str], noun: Tree[Token], said: Tree[Token], lexicon: Lexicon, file: str
 ) -> Diagnostic:
-    """The diagnostic for a noun that means nothing, or not one thing only; ``said`` is the relation to it."""
+    """Return the diagnostic for a noun that means nothing, or not one thing only; ``said`` is the relation to it."""
     span = _at(noun, file)
     if several:
         return error("P007", f"{words!r} could mean several classes", span, f"say which: {', '.join(several)}")
@@ -92,7 +92,7 @@ def unknown_noun(
 
 
 def unknown_device(words: str, noun: Tree[Token], file: str) -> Diagnostic:
-    """The diagnostic for something that nothing can be reached with."""
+    """Return the diagnostic for something that nothing can be reached with."""
     close = get_close_matches(plain(words), list(DEVICES), n=1, cutoff=_ALIKE)
     guess = f"did you mean {close[0]!r}? " if close else ""
     return error("P002", f"nothing reaches with {words!r}", _at(noun, file), f"{guess}what does: {', '.join(DEVICES)}")
@@ -104,7 +104,7 @@ def _unknown_relation(said: str, guess: str | None, span: Span) -> Diagnostic:
 
 
 def _clause_before(phrase: str, offset: int) -> int | None:
-    """Where the clause begins that is broken off at an offset; None if nothing of it is there."""
+    """Return where the clause begins that is broken off at an offset; None if nothing of it is there."""
     start = 0
     for match in re.finditer(r"(?:\b(?:and|but|not|a\s+place)\b|[,(])\s*", phrase[:offset], re.IGNORECASE):
         start = match.end()
@@ -118,7 +118,7 @@ def _at(tree: Tree[Token], file: str) -> Span:
 
 
 def _most_similar(words: Sequence[str]) -> tuple[str, str | None]:
-    """The words that stand for a relation, and the form that looks most like them."""
+    """Return the words that stand for a relation, and the form that looks most like them."""
     best: tuple[float, str, str | None] = (_ALIKE, words[0], None)
     for number in range(1, min(5, len(words) + 1)):
         said = plain(" ".join(words[:number]))
@@ -137,7 +137,7 @@ def _relations() -> str:
 
 
 def _expected(problem: UnexpectedInput, before: str) -> set[str]:
-    """The terminals that could stand there, ``before`` being what is read already."""
+    """Return the terminals that could stand there, ``before`` being what is read already."""
     if isinstance(problem, UnexpectedToken):
         return set(problem.accepts or problem.expected)
     allowed = set(getattr(problem, "allowed", None) or ())

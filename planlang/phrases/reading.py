@@ -21,7 +21,7 @@ _COMMENT = re.compile(r"<[^<>\s]*>|(#[^\n]*)")
 
 
 def read_location(phrase: str, lexicon: Lexicon | None = None, *, file: str = "phrase") -> Location:
-    """The location that a phrase tells; ``file`` is what messages call the place where it stands.
+    """Return the location that a phrase tells; ``file`` is what messages call the place where it stands.
 
     A comment begins with ``#`` and ends with its line. Raises BadInput with all mistakes that were found.
     """
@@ -38,7 +38,7 @@ def read_location(phrase: str, lexicon: Lexicon | None = None, *, file: str = "p
 
 
 def read_thing(phrase: str, lexicon: Lexicon | None = None, *, file: str = "phrase") -> Object:
-    """The thing that a noun with or without article tells, e.g. "the bottle"; raises BadInput as above."""
+    """Return the thing that a noun with or without article tells, e.g. "the bottle"; raises BadInput as above."""
     tree = _parsed(phrase[:LONGEST], "only_thing", file)
     reader = _Reader(lexicon or Lexicon(), file)
     thing = reader.thing(_trees(tree)[0], tree, named=len(tree.children) == 1)
@@ -62,7 +62,7 @@ def parser() -> Lark:
 
 @cache
 def _parser(said: tuple[str, ...], opposite: tuple[str, ...]) -> Lark:
-    """The parser of phrases in which relations, and what says their opposites, are said like this."""
+    """Return the parser of phrases in which relations, and what says their opposites, are said like this."""
     grammar = files("planlang.phrases").joinpath("location.lark").read_text(encoding="utf-8")
     tables = {
         "RELATION": tuple(form for form in said if not form.startswith("not ")),
@@ -88,7 +88,7 @@ class _Reader:
         self.found.append(error(code, message, Span(self.file, token.line or 1, token.column or 1), help))
 
     def location(self, tree: Tree[Token], depth: int) -> Location:
-        """A conjunction."""
+        """Return a conjunction."""
         relations: dict[Relation, None] = {}
         device: Device | None = None
         grasp: str | None = None
@@ -112,7 +112,7 @@ class _Reader:
         return Location(tuple(relations), None, device, grasp)
 
     def clause(self, tree: Tree[Token], depth: int) -> Relation | None:
-        """One relation."""
+        """Return one relation."""
         said, reference = _trees(tree)
         before = len(tree.children) > 2
         relation = self.said(said)
@@ -122,7 +122,7 @@ class _Reader:
         return replace(relation, reference=what, negated=relation.negated != before)
 
     def said(self, tree: Tree[Token]) -> Relation | None:
-        """A relation to nothing yet."""
+        """Return a relation to nothing yet."""
         nothing = Object("Thing")
         match tree.data, tree.children:
             case "relation", [word]:
@@ -152,7 +152,7 @@ class _Reader:
         return None if None in bounds.values() else Relation(name, what, bounds.get("within"), bounds.get("beyond"))
 
     def measure(self, tree: Tree[Token]) -> dict[str, float | None]:
-        """Bounds by name."""
+        """Return bounds by name."""
         tokens = [token for token in tree.children if isinstance(token, Token)]
         if tree.data == "limit":
             return {LIMITS[plain(tokens[0])]: self.length(tokens[1])}
@@ -162,7 +162,7 @@ class _Reader:
         return {"beyond": least, "within": most}
 
     def length(self, token: Token) -> float | None:
-        """Metres."""
+        """Return metres."""
         try:
             return metres(str(token))
         except ValueError as problem:
@@ -171,7 +171,7 @@ class _Reader:
             return None
 
     def reference(self, tree: Tree[Token], depth: int, said: Tree[Token]) -> Object | Location | None:
-        """A thing, or a place told by relations; ``said`` is the relation to it."""
+        """Return a thing, or a place told by relations; ``said`` is the relation to it."""
         inner = _trees(tree)[-1]
         if tree.data == "thing":
             return self.thing(inner, said, named=len(tree.children) == 1)
@@ -184,7 +184,7 @@ class _Reader:
         return None if relation is None else Location((relation,))
 
     def thing(self, noun: Tree[Token], said: Tree[Token], *, named: bool) -> Object | None:
-        """What a noun means; ``named``: it has no article."""
+        """Return what a noun means; ``named``: it has no article."""
         words, kind, name, iri = _parts(noun)
         if name is not None:
             if plain(words) not in ("", *KINDS):
@@ -198,7 +198,7 @@ class _Reader:
         return None
 
     def device(self, manner: Tree[Token]) -> Device | None:
-        """What reaches."""
+        """Return what reaches."""
         noun = _trees(manner)[-1]
         words, _, name, iri = _parts(noun)
         if name is not None:
@@ -213,12 +213,12 @@ class _Reader:
 
 
 def _trees(tree: Tree[Token], data: str | None = None) -> list[Tree[Token]]:
-    """The parts of a tree that are trees themselves, of one rule if said."""
+    """Return the parts of a tree that are trees themselves, of one rule if said."""
     return [part for part in tree.children if isinstance(part, Tree) and data in (None, part.data)]
 
 
 def _parts(noun: Tree[Token]) -> tuple[str, type[Object], str | None, str | None]:
-    """Words, kind, class in brackets, IRI."""
+    """Return words, kind, class in brackets, IRI."""
     words = " ".join(str(part) for part in noun.children if isinstance(part, Token))
     inside = {str(part.data): str(part.children[-1])[1:-1] for part in noun.children if isinstance(part, Tree)}
     return words, KINDS.get(plain(words), Object), inside.get("exact"), inside.get("called")

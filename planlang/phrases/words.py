@@ -45,11 +45,11 @@ def opposites() -> dict[str, str]:
 
 
 def pattern(forms: tuple[str, ...]) -> str:
-    """A regular expression for any of the forms, the longest first, with any space between the words."""
+    """Return a regular expression for any of the forms, the longest first, with any space between the words."""
     ordered = sorted(forms, key=lambda form: (-len(form), form))
     return "|".join(r"\s+".join(map(re.escape, form.split())) for form in ordered)
 
 
 def plain(text: str) -> str:
-    """Lower case, one space between words."""
+    """Return lower case, one space between words."""
     return " ".join(text.lower().split())

@@ -14,7 +14,7 @@ _REACHING = ("in_reach_of", "in_center_of")
 
 
 def write_location(location: Location, lexicon: Lexicon | None = None) -> str:
-    """The phrase that :func:`planlang.phrases.read_location` reads as this location, with the same lexicon.
+    """Return the phrase that :func:`planlang.phrases.read_location` reads as this location, with the same lexicon.
 
     Nouns that the lexicon does not have are written in brackets. Raises ValueError for what no phrase says: a posture,
     or a name with spaces or brackets.
@@ -23,12 +23,12 @@ def write_location(location: Location, lexicon: Lexicon | None = None) -> str:
 
 
 def write_relation(relation: Relation, lexicon: Lexicon | None = None) -> str:
-    """The phrase of one relation, as :func:`write_location` writes it; ValueError as there."""
+    """Return the phrase of one relation, as :func:`write_location` writes it; ValueError as there."""
     return _clause(relation, lexicon or Lexicon())
 
 
 def write_thing(what: Object, lexicon: Lexicon | None = None) -> str:
-    """The words for a thing, a person or an arm, as :func:`write_location` writes them; ValueError as there."""
+    """Return the words for a thing, a person or an arm, as :func:`write_location` writes them; ValueError as there."""
     return _device(what) if isinstance(what, Device) else _noun(what, lexicon or Lexicon())
 
 
@@ -71,7 +71,7 @@ def _said(relation: Relation) -> str:
 
 
 def _length(metres: float) -> str:
-    """Centimetres below one metre; the very same number when it is read again."""
+    """Return centimetres below one metre; the very same number when it is read again."""
     value = Decimal(repr(metres))
     value, unit = (value * 100, "cm") if value < 1 else (value, "m")
     text = f"{value:f}" if abs(value.adjusted()) < 12 or not value else f"{value.normalize():e}".replace("+", "")

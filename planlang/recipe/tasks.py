@@ -1,4 +1,4 @@
-"""Which task of a file is meant, and the recipes below it."""
+"""The choice of a task, its performers, and the recipes below it as the model has them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from graphlib import CycleError, TopologicalSorter
 
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Span, error
+from planlang.files import printable
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import check
@@ -68,7 +69,7 @@ def choose_task(actions: Actions, wanted: str | None = None) -> str:
 
 
 def circular_task(actions: Actions) -> str | None:
-    """Of tasks of which each is, through others, a sub-action of its own, the first stated; None if there are none."""
+    """Return the first stated task that is a sub-action of itself, directly or not; None if there is none."""
     tasks = stated_tasks(actions)
     below = {task: sorted(_below(actions, task)) for task in tasks}
     try:
@@ -127,11 +128,11 @@ def read_recipes(actions: Actions, task: str) -> RecipeSet:
         below = [callee for step in recipe.steps for callee in step.recipes]
         waiting += [(callee, callee) for callee in reversed(below) if callee not in found]
     document = actions.ontology.documents[0]
-    return RecipeSet(task, found, Source(document.path.name, document.sha256))
+    return RecipeSet(task, found, Source(printable(document.path.name), document.sha256))
 
 
 def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
-    """Who performs an action: the classes whose recipes do, or the primitive class that does; the nearer wins.
+    """Return the performers of an action: classes with recipes, or a primitive class; the nearer wins.
 
     An individual's own recipe is nearer than any of its class. On a tie the recipe wins. Several recipes at the same
     distance are alternatives.

@@ -39,7 +39,7 @@ class Exact:
 
 
 def dump(value: object, depth: int = 0) -> Any:
-    """The value as JSON, from which :func:`load` makes an equal one; raises Lost if there is no such JSON."""
+    """Return the value as JSON, from which :func:`load` makes an equal one; raises Lost if there is no such JSON."""
     kind = value.__class__
     if value is None or kind is bool or kind is int:
         return value
@@ -64,7 +64,7 @@ def dump(value: object, depth: int = 0) -> Any:
 
 
 def load(json: object) -> Any:
-    """The value that was written; raises ValueError for what :func:`dump` cannot have written."""
+    """Return the value that was written; raises ValueError for what :func:`dump` cannot have written."""
     if isinstance(json, list):
         return [load(item) for item in json]
     if not isinstance(json, dict):
@@ -85,7 +85,7 @@ def load(json: object) -> Any:
 
 
 def dump_failure(failure: BaseException) -> Any:
-    """A failure with its fields, place, members, attachments and causes; raises Lost if one does not survive.
+    """Return a failure with its fields, place, members, attachments and causes; raises Lost if one does not survive.
 
     Of a cause that is no plan failure only class and message are kept.
     """
@@ -93,7 +93,7 @@ def dump_failure(failure: BaseException) -> Any:
 
 
 def load_failure(json: Any) -> BaseException:
-    """An equal failure; raises ValueError for what :func:`dump_failure` cannot have written."""
+    """Return an equal failure; raises ValueError for what :func:`dump_failure` cannot have written."""
     failure: BaseException
     match json:
         case {"type": str(name), "fields": dict(inside)}:
@@ -110,7 +110,7 @@ def load_failure(json: Any) -> BaseException:
 
 
 def failure_class(name: str) -> type[PlanFailure]:
-    """The class of failures of that full name; ValueError if the program has not defined one."""
+    """Return the class of failures of that full name; ValueError if the program has not defined one."""
     kinds: tuple[type[PlanFailure], ...] = (PlanFailure, *_subclasses(PlanFailure))
     for kind in kinds:
         if f"{kind.__module__}.{kind.__qualname__}" == name:
@@ -219,7 +219,7 @@ def _dump_failure(failure: BaseException, depth: int) -> Any:
 
 
 def _other(name: str, message: str) -> Exception:
-    """An exception that is no plan failure: one of Python's own, or another class that is called so."""
+    """Return an exception that is no plan failure: one of Python's own, or another class that is called so."""
     kind = getattr(builtins, name, None)
     known = kind if isinstance(kind, type) and issubclass(kind, Exception) else Exception
     if known is kind:

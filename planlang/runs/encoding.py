@@ -26,7 +26,7 @@ LONGEST_TEXT = 1000
 
 
 def encode(value: object, depth: int = 0) -> Any:
-    """A JSON value. Designators become their text, sets are sorted, unknown types their qualified name."""
+    """Return a JSON value. Designators become their text, sets are sorted, unknown types their qualified name."""
     kind = value.__class__
     if kind in PLAIN:
         return value
@@ -107,6 +107,6 @@ def _told(failure: BaseException) -> str:
 
 
 def _shortened(text: str) -> str:
-    """The text; the middle of a long one is left out: a failure is told again by each node that it leaves."""
+    """Return the text; the middle of a long one is left out: a failure is told again by each node that it leaves."""
     left_out = len(text) - LONGEST_TEXT
     return text if left_out <= 0 else f"{text[: LONGEST_TEXT // 2]} ... {left_out} ... {text[-LONGEST_TEXT // 2 :]}"

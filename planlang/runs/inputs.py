@@ -86,7 +86,7 @@ class RecordedInputs:
         return value_in(line)
 
     def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
-        """The call itself; in the part of a run that is taken over, what it gave then."""
+        """Return the call itself; in the part of a run that is taken over, what it gave then."""
         if self._past is None:
             return number, function
         if self._ahead is None:
@@ -117,7 +117,7 @@ class FluentKeys:
         self._numbers: dict[Node | None, int] = {}
 
     def of(self, fluent: BaseFluent[Any]) -> tuple[Node | None, int] | None:
-        """Node and number; None for a fluent of a process module at work."""
+        """Return node and number; None for a fluent of a process module at work."""
         if fluent not in self._keys:
             task = self._scheduler.current
             node = None if task is None else task.node

@@ -173,7 +173,7 @@ class Journal(RecordedInputs):
     def _details(
         self, node: Node, task: Task, opened: _Open, result: object, failure: BaseException | None
     ) -> dict[str, object]:
-        """What a completed step is recorded with; raises Lost."""
+        """Return what a completed step is recorded with; raises Lost."""
         details: dict[str, object] = {}
         if failure is not None:
             details["failure"] = Exact(dump_failure(failure))
@@ -196,7 +196,7 @@ class Journal(RecordedInputs):
     # -- Recorded: taking over
 
     def body(self, node: Node, body: Body) -> Body:
-        """What to await: the body itself, what gives the result that it had, or the body once the run goes on."""
+        """Return the body, or what gives the result that the node had, or the body once the run goes on."""
         past = self._past
         if self._ahead is None or past is None or node.parent not in self._spine:
             return body
@@ -285,7 +285,7 @@ def _moved(task: Task) -> tuple[int, float | None]:
 
 
 def _draws(task: Task) -> Any:
-    """How far a task's stream of random numbers has come; raises Lost."""
+    """Return how far a task's stream of random numbers has come; raises Lost."""
     assert isinstance(task.stream, CountedRandom)
     try:
         return task.stream.draws
@@ -312,7 +312,7 @@ def _named(fluent: Fluent[Any]) -> str:
 
 
 def _outside(fluent: Fluent[Any], node: Node) -> bool:
-    """Whether a fluent was made outside of a step."""
+    """Return whether a fluent was made outside of a step."""
     born: Node | None = fluent.born
     while born is not None and born is not node:
         born = born.parent

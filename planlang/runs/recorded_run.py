@@ -77,7 +77,7 @@ class RecordedRun:
 
     @staticmethod
     def read(path: str | os.PathLike[str]) -> RecordedRun:
-        """From a file; raises OSError, DamagedTrace."""
+        """Read a trace from a file; raises OSError, DamagedTrace."""
         place = Path(path)
         texts: list[bytes] = []
         with place.open("rb") as file:
@@ -100,7 +100,7 @@ class RecordedRun:
 
     @staticmethod
     def of(events: Sequence[Mapping[str, Any]]) -> RecordedRun:
-        """From the records that a trace has kept; raises DamagedTrace."""
+        """Make a run of the records that a trace has kept; raises DamagedTrace."""
         return RecordedRun(_lines(events))
 
 
@@ -161,7 +161,7 @@ _FRAME = frozenset({"step", "event", "node", "parent", "kind", "name"})
 
 
 def details(record: Mapping[str, Any]) -> dict[str, Any]:
-    """What a record tells besides when, what and where."""
+    """Return what a record tells besides when, what and where."""
     return {key: value for key, value in record.items() if key not in _FRAME}
 
 
@@ -182,7 +182,7 @@ class Done:
 
 
 class Past:
-    """What a resumed run takes over.
+    """The part of a recorded run that a resumed run takes over.
 
     ``done``: completed steps by path. ``kept``: the records that the resumed run's trace begins with, the header
     first. ``again``: paths of steps that had begun and not completed, which run again. ``until``: plan time at which
@@ -222,7 +222,7 @@ class Past:
         """What is taken over, in the order in which it completed, without what is inside of other such steps."""
 
     def expected(self) -> list[Line]:
-        """The kept records that the plan writes again on its way to where it goes on."""
+        """Return the kept records that the plan writes again on its way to where it goes on."""
         found = []
         for line in self.kept:
             path = line.path
@@ -239,7 +239,7 @@ class Past:
         return {str(record.get("asked")): outcome_of(record) for record in asked}
 
     def value_of(self, path: str | None, number: int, now: int) -> Line | None:
-        """The record of the value that a world fluent had, by the node in which it was first read and its number."""
+        """Return the record of a world fluent's value, by the node in which it was first read and its number."""
         found = None
         for line in self.kept:
             if line.event == "world" and line.path == path and line.record.get("number") == number and line.step <= now:
@@ -267,14 +267,14 @@ class Past:
 
 
 def _around(path: str) -> Iterator[str]:
-    """The paths of the nodes around a node, the nearest first."""
+    """Return the paths of the nodes around a node, the nearest first."""
     while (end := path.rfind("/")) >= 0:
         path = path[:end]
         yield path
 
 
 def _call(line: Line) -> int:
-    """The number of a call in a thread."""
+    """Return the number of a call in a thread."""
     number = line.record.get("call")
     if not isinstance(number, int):
         raise DamagedTrace("a call in a thread is told by its number", line.number)
@@ -322,7 +322,7 @@ def _paths(line: Line) -> tuple[str, ...]:
 
 
 def outcome_of(record: Mapping[str, Any]) -> Any:
-    """How a question was answered, for comparing: its value, failure or that it did not survive, as JSON."""
+    """Return how a question was answered, for comparing: its value, failure or that it did not survive, as JSON."""
     return {
         key: value.json if isinstance(value, Exact) else value
         for key, value in record.items()
@@ -331,7 +331,7 @@ def outcome_of(record: Mapping[str, Any]) -> Any:
 
 
 def value_in(line: Line) -> Any:
-    """The value that a record tells; raises the failure that it tells, or DamagedTrace."""
+    """Return the value that a record tells; raises the failure that it tells, or DamagedTrace."""
     record = line.record
     try:
         if "failure" not in record:
@@ -343,7 +343,7 @@ def value_in(line: Line) -> Any:
 
 
 def differences(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
-    """What is recorded otherwise than it is now: key -> (recorded, now), for the keys of ``now``."""
+    """Return what is recorded otherwise than it is now: key -> (recorded, now), for the keys of ``now``."""
     return {key: (recorded.get(key), value) for key, value in now.items() if recorded.get(key) != value}
 
 

@@ -64,11 +64,11 @@ class ReplayCheck(Trace):
     # -- the next record
 
     def next(self) -> Line | None:
-        """The next record that the plan or a process module has to write; None at the end."""
+        """Return the next record that the plan or a process module has to write; None at the end."""
         return self.lines[self.place] if self.place < len(self.lines) else None
 
     def step_after(self, now: int) -> int | None:
-        """The first step later than ``now`` of which something is recorded."""
+        """Return the first step later than ``now`` of which something is recorded."""
         place = bisect_right(self.lines, now, lo=min(self.place, len(self.lines)), key=lambda line: line.step)
         return self.lines[place].step if place < len(self.lines) else None
 
@@ -168,22 +168,22 @@ class ReplayCheck(Trace):
     # -- planlang.kernel.observer.Recorded
 
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
-        """What was answered last."""
+        """Return what was answered last."""
         if not self.knows(question):
             self._unknown(question)
         return self._value(self._answers[question])
 
     def knows(self, question: str) -> bool:
-        """Whether a question was asked by now."""
+        """Return whether a question was asked by now."""
         self._hear()
         return question in self._answers
 
     def was_asked(self, question: str) -> bool:
-        """Whether a question is recorded, at any time of the run."""
+        """Return whether a question is recorded, at any time of the run."""
         return any(line.event == "answer" and line.record.get("asked") == question for line in self.lines)
 
     def next_answer(self, question: str, find: Callable[[], Any]) -> Any:
-        """The next of the answers."""
+        """Return the next of the answers."""
         self._hear()
         lines = self._series.get(question, [])
         if not lines:
@@ -191,7 +191,7 @@ class ReplayCheck(Trace):
         return self._value(lines.pop(0))
 
     def sample(self, fluent: BaseFluent[Any], read: Callable[[], Any]) -> Any:
-        """The value that was recorded for this step."""
+        """Return the value that was recorded for this step."""
         node, number = self.keys.of(fluent) or (None, 0)  # a process module's own are not recorded, nor asked for here
         lines = self._worlds.get((None if node is None else node.path, number), [])
         place = bisect_right(lines, self.scheduler.now, key=lambda line: line.step)
@@ -200,14 +200,14 @@ class ReplayCheck(Trace):
         return self._value(lines[place - 1])
 
     def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
-        """The recorded number, and a function that gives what the call gave."""
+        """Return the recorded number, and a function that gives what the call gave."""
         line = self.next()
         if line is not None and line.event == "called" and line.path == node.path:
             number = int(line.record.get("call", number))
         return number, lambda: self.next_answer(f"call {number}", function)
 
     def body(self, node: Node, body: Body) -> Body:
-        """The body; that of a branch that a resumed run began again waits until it did."""
+        """Return the body; that of a branch that a resumed run began again waits until it did."""
         place = self._again.get(node.path) if self._again and isinstance(node, Task) else None
         return body if place is None else partial(self._later, place, body)
 
@@ -293,7 +293,7 @@ class RecordedOrder:
         """Paths of the tasks in which process modules work."""
 
     def choose(self, ready: Sequence[Task]) -> int:
-        """The place of that task."""
+        """Return the place of that task."""
         line = self._trace.next()
         if line is None or line.path is None:
             return 0

@@ -64,7 +64,7 @@ class Trace:
     def at(
         cls, path: str | os.PathLike[str], header: Mapping[str, object] | None = None, *, past: Past | None = None
     ) -> Self:
-        """A trace in a file at its final name, flushed line by line; an older one is renamed ``NAME.old``.
+        """Return a trace in a file at its final name, flushed line by line; an older one is renamed ``NAME.old``.
 
         What is no file but a device or a pipe is written to as it is.
 
@@ -244,7 +244,7 @@ class Trace:
         self._ended = f'{{"step": {step}, "event": "ended", "node": '
 
     def text(self) -> str:
-        """The kept records as JSON Lines."""
+        """Return the kept records as JSON Lines."""
         return "".join(map(_line, self.events))
 
     def changed(self, fluent: BaseFluent[Any]) -> None:
@@ -277,7 +277,7 @@ class Trace:
 
 
 def with_paths(events: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
-    """The records of a trace; what happened in a node gets the node's ``path``, names from the root joined by ``/``."""
+    """Return the records of a trace with the ``path`` of their nodes: names from the root, joined by ``/``."""
     paths: dict[int, str] = {}
     for event in events:
         number = event.get("node")
@@ -300,7 +300,7 @@ _quoted = json.encoder.encode_basestring
 
 
 def _free(target: Path) -> Path:
-    """The first name for an older file that is not taken."""
+    """Return the first name for an older file that is not taken."""
     number = 1
     while True:
         older = target.with_name(f"{target.name}.old{number if number > 1 else ''}")

@@ -18,7 +18,7 @@ from pathlib import Path
 import pyhornedowl
 import rdflib
 
-from planlang.ontology.syntaxes import read_syntax
+from planlang.ontology.documents import read_syntax
 from planlang.ontology.writing import Target, write
 from planlang.resources import bundled
 

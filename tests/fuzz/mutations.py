@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 from planlang.diagnostics import BadInput, Span
 from planlang.ontology import BNode, Literal, Term, Triple
-from planlang.ontology.syntaxes import read_syntax
+from planlang.ontology.documents import read_syntax
 from planlang.ontology.terms import EQUIVALENT_CLASS, FIRST, NIL, REST, SUBCLASS_OF, TYPE, XSD
-from planlang.ontology.writing.ntriples import ntriples
+from planlang.ontology.writing.turtle_writer import ntriples
 
 Random = random.Random
 Bytes = Callable[[Random, bytearray, bytes], None]

@@ -41,6 +41,7 @@ TESTS = [
     f"{LANGUAGE}/test_partial_order.py",
     f"{LANGUAGE}/test_performing.py",
     f"{LANGUAGE}/test_recovery.py",
+    f"{LANGUAGE}/test_suspension_details.py",
 ]
 FIRST = {  # these before them, where one of these files is broken
     "language/policies.py": f"{LANGUAGE}/test_policies.py",

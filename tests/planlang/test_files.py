@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput
-from planlang.files import printable, read_file
+from planlang.files import from_printable, printable, read_file
+from planlang.plan_header import header
+from planlang.resources import bundled
 
 
 def test_a_file_is_read_and_a_link_followed(tmp_path: Path) -> None:
@@ -70,5 +73,17 @@ def test_a_name_that_no_file_can_have_is_one_error(name: str) -> None:
 
 
 def test_a_name_that_is_not_utf_8_is_shown_in_text() -> None:
-    assert printable(os.fsdecode(b"caf\xe9.omn")) == r"caf\xe9.omn"
+    name = os.fsdecode(b"caf\xe9.omn")
+    assert printable(name) == "caf%E9.omn"
+    assert from_printable("caf%E9.omn") == name
     assert printable("café.omn") == "café.omn"
+
+
+def test_a_recipe_whose_name_is_not_utf_8_compiles_to_a_plan_that_knows_it(tmp_path: Path) -> None:
+    recipe = tmp_path / os.fsdecode(b"caf\xe9.omn")
+    recipe.write_bytes((bundled("recipes") / "serve_a_drink.omn").read_bytes())
+    source = compile_recipe(recipe).source
+    compile(source.encode(), "plan", "exec")
+    found = header(source)
+    assert found is not None
+    assert found.find_recipe(tmp_path / "plan.py") == recipe

@@ -20,6 +20,7 @@ BREACHES = {
         "from planlang.geometry.pose import Pose",
     ),
     "sim knows designators, protocols and diagnostics only": ("sim", "import planlang.kernel"),
+    "no file of sim imports one that imports it": ("sim/robot.py", "import sim.contact"),
     "sim does not import the plan author's names": ("sim", "from planlang import run"),
     "the compiler reads recipes, recipes read ontologies": ("planlang/ontology", "import planlang.recipe"),
     "the language stands on recorded runs, these on the kernel": ("planlang/kernel", "import planlang.runs"),

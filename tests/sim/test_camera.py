@@ -3,18 +3,18 @@
 import struct
 import subprocess
 import sys
-import zlib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from sim import Body, CameraModel, PyBulletWorld
-from sim.picture import png
-from tests.sim.conftest import AMIGO, MakeWorld
+from sim.picture import save_png
+from tests.sim.conftest import AMIGO, MakeWorld, grasp
 
 LINK = "openni_rgb_optical_frame"
 LOOKING = {"neck_tilt_joint": 0.2}
@@ -104,21 +104,29 @@ def test_more_rays_than_a_batch_takes_are_all_answered(looking: PyBulletWorld) -
 
 
 def test_picture_is_a_valid_png_of_the_right_size(looking: PyBulletWorld, tmp_path: Path) -> None:
-    looking.save_picture(tmp_path / "scene.png", 64, 48)
+    looking.save_picture(tmp_path / "scene.png", width=64, height=48)
     data = (tmp_path / "scene.png").read_bytes()
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     assert struct.unpack(">II", data[16:24]) == (64, 48)
     assert [path.name for path in tmp_path.iterdir()] == ["scene.png"]
 
 
-def test_png_holds_the_pixels_it_was_given() -> None:
+def test_png_holds_the_pixels_it_was_given(tmp_path: Path) -> None:
     pixels = np.arange(4 * 3 * 3, dtype=np.uint8).reshape(4, 3, 3)
-    data = png(pixels)
-    start = data.index(b"IDAT") + 4
-    length = struct.unpack(">I", data[start - 8 : start - 4])[0]
-    rows = np.frombuffer(zlib.decompress(data[start : start + length]), np.uint8).reshape(4, 10)
-    assert (rows[:, 0] == 0).all()
-    assert (rows[:, 1:].reshape(4, 3, 3) == pixels).all()
+    save_png(tmp_path / "pixels.png", pixels)
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "pixels.png")), pixels)
+
+
+def test_a_close_view_shows_the_thing_and_the_hand_that_holds_it(world: PyBulletWorld) -> None:
+    grasp(world)
+    near, far = world.render(320, 240, of=["bottle"]), world.render(320, 240)
+    for name, first, second in (("bottle", 1, 0), ("fingers", 0, 2)):
+        shown = [(p[:, :, first] > p[:, :, second] + 40.0).sum() for p in map(np.int32, (near, far))]
+        assert shown[0] > 300, f"{name} in the close view"
+        assert shown[0] > 5 * shown[1], f"{name} against all of the room"
+    assert np.array_equal(world.render(64, 48, of=["cabinet", "nothing"]), world.render(64, 48)), (
+        "no thing, no close view"
+    )
 
 
 def test_default_view_shows_robot_and_furniture_and_walls_do_not_hide_them(looking: PyBulletWorld) -> None:

@@ -7,8 +7,9 @@ import pytest
 
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
-from sim import Body, PyBulletWorld, oracle, reach_of
-from sim.person import arm_parts, figure_of
+from sim import Body, PyBulletWorld, reach_of
+from sim.people import arm_parts, figure_of
+from sim.world import at_rest_on, held_by
 from tests.sim.conftest import MakeWorld, grasp, play
 
 OPEN = {"finger1_joint_right": 0.4, "finger2_joint_right": -0.4}
@@ -40,7 +41,7 @@ def test_offered_object_is_taken_after_reaching_and_a_second(offering: PyBulletW
     assert steps >= offering.rate * (1.0 + (travelled - 0.15) / 0.4), (
         "the hand is near enough a little before it arrives"
     )
-    assert oracle.held_by(offering, "bottle") == "robot", "as long as the robot has not let go"
+    assert held_by(offering, "bottle") == "robot", "as long as the robot has not let go"
 
 
 def test_released_after_taking_it_stays_in_the_persons_hand(offering: PyBulletWorld) -> None:
@@ -49,7 +50,7 @@ def test_released_after_taking_it_stays_in_the_persons_hand(offering: PyBulletWo
     assert play(offering, "right_gripper", OPEN) is None
     offering.release("bottle")
     assert play(offering, "base", {"y": -0.8}) is None
-    assert oracle.held_by(offering, "bottle") == "patient"
+    assert held_by(offering, "bottle") == "patient"
     assert offering.pose("bottle").distance(place) < 1e-5
     assert not offering.falling("bottle")
 
@@ -58,8 +59,8 @@ def test_released_before_it_is_taken_it_falls(offering: PyBulletWorld) -> None:
     offering.release("bottle")
     for _ in range(30):
         offering.step()
-    assert oracle.held_by(offering, "bottle") is None
-    assert oracle.at_rest_on(offering, "bottle") == "bed"
+    assert held_by(offering, "bottle") is None
+    assert at_rest_on(offering, "bottle") == "bed"
 
 
 def test_hand_moves_at_forty_centimetres_per_second_and_only_that_hand(offering: PyBulletWorld) -> None:
@@ -107,7 +108,7 @@ def test_robot_that_withdraws_the_object_has_it_again(offering: PyBulletWorld) -
     _steps_until_taken(offering, 150)
     play(offering, "base", {"y": -0.8})
     assert offering.taken("bottle") is None
-    assert oracle.held_by(offering, "bottle") == "robot"
+    assert held_by(offering, "bottle") == "robot"
 
 
 def _at_the_left_hand(world: PyBulletWorld) -> Configuration:

@@ -5,8 +5,9 @@ import math
 import pytest
 
 from planlang.geometry import Pose
-from sim import Body, PyBulletWorld, oracle
-from sim.sinking import upright
+from sim import Body, PyBulletWorld
+from sim.falling import upright
+from sim.world import at_rest_on, held_by
 from tests.sim.conftest import MakeWorld
 
 
@@ -25,21 +26,21 @@ def _drop(world: PyBulletWorld, name: str, pose: Pose) -> int:
 def test_released_object_falls_freely_and_rests_on_what_is_below(world: PyBulletWorld) -> None:
     steps = _drop(world, "bottle", Pose((-1.2, 2.2, 1.4)))
     assert world.pose("bottle").position == pytest.approx((-1.2, 2.2, 0.9), abs=1e-3)
-    assert oracle.at_rest_on(world, "bottle") == "cabinet"
+    assert at_rest_on(world, "bottle") == "cabinet"
     assert steps == pytest.approx(math.sqrt(2 * 0.5 / 9.81) * world.rate, abs=1.5)
 
 
 def test_object_over_the_floor_ends_on_the_floor(world: PyBulletWorld) -> None:
     _drop(world, "bottle", Pose((0.0, -1.0, 0.8)))
     assert world.pose("bottle").position == pytest.approx((0.0, -1.0, 0.1), abs=1e-3)
-    assert oracle.at_rest_on(world, "bottle") == "room"
+    assert at_rest_on(world, "bottle") == "room"
 
 
 def test_half_supported_object_stays_and_one_whose_centre_is_off_slips_past_the_edge(world: PyBulletWorld) -> None:
     _drop(world, "bottle", Pose((-0.81, 2.2, 1.0)))
-    assert oracle.at_rest_on(world, "bottle") == "cabinet"
+    assert at_rest_on(world, "bottle") == "cabinet"
     _drop(world, "bottle", Pose((-0.79, 2.2, 1.0)))
-    assert oracle.at_rest_on(world, "bottle") == "room"
+    assert at_rest_on(world, "bottle") == "room"
     assert world.pose("bottle").position[0] > -0.8 + 0.03 - 0.005, "beside the cabinet, not inside it"
 
 
@@ -66,7 +67,7 @@ def test_yaw_is_kept_when_an_object_is_set_upright() -> None:
 def test_robot_below_does_not_bear_what_it_lets_go(world: PyBulletWorld) -> None:
     x, y, _ = world.configuration().base
     _drop(world, "bottle", Pose((x + 0.25, y, 1.0)))
-    assert oracle.at_rest_on(world, "bottle") == "room"
+    assert at_rest_on(world, "bottle") == "room"
 
 
 def test_what_is_not_held_cannot_be_released(world: PyBulletWorld) -> None:
@@ -75,17 +76,17 @@ def test_what_is_not_held_cannot_be_released(world: PyBulletWorld) -> None:
 
 
 def test_oracle_knows_what_is_held_falls_and_hangs_in_the_air(world: PyBulletWorld) -> None:
-    assert oracle.at_rest_on(world, "bottle") == "cabinet"
+    assert at_rest_on(world, "bottle") == "cabinet"
     world.set_pose("bottle", Pose((0.0, -1.0, 0.8)))
-    assert oracle.at_rest_on(world, "bottle") is None
+    assert at_rest_on(world, "bottle") is None
     world.attach("grippoint_right", "bottle")
-    assert oracle.held_by(world, "bottle") == "robot"
+    assert held_by(world, "bottle") == "robot"
     world.release("bottle")
-    assert (oracle.held_by(world, "bottle"), oracle.at_rest_on(world, "bottle")) == (None, None)
+    assert (held_by(world, "bottle"), at_rest_on(world, "bottle")) == (None, None)
 
 
 def test_world_without_a_room_has_a_floor(make_world: MakeWorld) -> None:
     world = make_world(bodies=(Body("bottle", Pose((0.5, 0.5, 1.0)), (0.06, 0.06, 0.2), "cylinder", movable=True),))
     _drop(world, "bottle", world.pose("bottle"))
-    assert oracle.at_rest_on(world, "bottle") == "floor"
+    assert at_rest_on(world, "bottle") == "floor"
     assert world.names() == ("bottle",)

@@ -9,16 +9,14 @@ from pathlib import Path
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
-from planlang.ontology.documents import read_bytes
+from planlang.ontology.checks import malformed
+from planlang.ontology.documents import read_bytes, read_syntax
 from planlang.ontology.repairs import repair
-from planlang.ontology.structure import malformed
-from planlang.ontology.syntaxes import read_syntax
 from planlang.ontology.terms import ONTOLOGY, TYPE, BNode, Term, Triple
-from planlang.ontology.writing.manchester import manchester
+from planlang.ontology.writing.manchester_writer import manchester
 from planlang.ontology.writing.nodes import differences, labelled
-from planlang.ontology.writing.ntriples import ntriples
-from planlang.ontology.writing.rdfxml import rdfxml
-from planlang.ontology.writing.turtle import turtle
+from planlang.ontology.writing.rdfxml_writer import rdfxml
+from planlang.ontology.writing.turtle_writer import ntriples, turtle
 
 
 class Target(Enum):

@@ -59,7 +59,7 @@ def _own_classes(ontology: Ontology) -> Iterator[str]:
 
 
 def _here(ontology: Ontology, rows: Iterable[int]) -> list[int]:
-    """Those rows that are of the main document."""
+    """The rows of the main document among these."""
     main = ontology.store.ranges[0]
     return [row for row in rows if row in main]
 
@@ -155,13 +155,12 @@ def _is_about_others(actions: Actions, node: int) -> bool:
 def _texts_of_individuals(ontology: Ontology) -> Iterator[Diagnostic]:
     """Texts as values of words that name something."""
     store = ontology.store
-    naming = {store.numbers[name] for name in ontology.properties_named(*NAMING)}
-    for text, number in store.numbers.items() if naming else ():
-        if isinstance(text, Literal):
-            for row in _here(ontology, store.with_object(number)):
-                owner, word = store.name(store.subjects[row]), store.predicates[row]
-                if owner is not None and word in naming:
-                    yield from _text(local_name(owner), store.name(word) or "", text, store.span(row))
+    for row in _here(ontology, _using(ontology, *NAMING)):
+        owner = store.name(store.subjects[row])
+        if owner is not None and store.name(store.objects[row]) is None:
+            stated = store.triple(row)
+            if isinstance(stated.object, Literal):
+                yield from _text(local_name(owner), stated.predicate, stated.object, stated.span)
 
 
 def _text(owner: str, name: str, value: Literal, span: Span) -> Iterator[Diagnostic]:

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.ontology import load
-from planlang.ontology.documents import read_bytes
-from planlang.ontology.syntaxes import Syntax, syntax_of_text
+from planlang.ontology.documents import Syntax, read_bytes, syntax_of_text
 from planlang.ontology.xml_text import decode
 from planlang.recipe.actions import Actions
 from planlang.recipe.fixes.edits import CannotEdit, Edit, Editable, Fix, applied

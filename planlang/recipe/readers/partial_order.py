@@ -28,16 +28,17 @@ _DIALECTS = {"intersection": INTERSECTION, "flat": FLAT, "equivalent": EQUIVALEN
 
 
 def tasks(ontology: Ontology) -> Iterator[str]:
-    """The named classes of the main document that state restrictions."""
-    for predicate in (SUBCLASS_OF, EQUIVALENT_CLASS, INTERSECTION_OF):
-        for triple in ontology.triples(p=predicate):
-            subject = triple.subject
-            if isinstance(subject, str) and isinstance(triple.object, BNode) and ontology.main(subject):
-                yield subject
+    """Yield the named classes of the main document that state restrictions, each once."""
+    store = ontology.store
+    rows = store.by(SUBCLASS_OF, EQUIVALENT_CLASS, INTERSECTION_OF)
+    restricted = dict.fromkeys(store.subjects[row] for row in rows if store.is_node(store.objects[row]))
+    for name in map(store.name, restricted):
+        if name is not None and ontology.main(name):
+            yield name
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
-    """What a class states about its sub-actions; None if it names none."""
+    """Return the statements of a class about its sub-actions; None if it names none."""
     restrictions = ontology.restrictions(iri)
     subs = [restriction for restriction in restrictions if is_sub_action(restriction)]
     if not subs:

@@ -20,7 +20,7 @@ from executive.robots import Robot
 from planlang.geometry import Array, Pose
 from sim import Body
 from sim.engine import quiet
-from sim.person import parts_of
+from sim.people import parts_of
 from tests.benchmarks.locations.rooms import Room
 
 TOUCHING = 0.002

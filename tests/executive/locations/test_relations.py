@@ -11,7 +11,6 @@ import pytest
 
 from executive.locations.consistency import LocationMeaningless
 from executive.locations.demands import base_demand
-from executive.runs import memory
 from planlang.designators import Location, Relation, a_location, a_person, an_object, located
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
@@ -69,15 +68,15 @@ def test_whose_left_is_meant_survives_the_state_of_a_run_that_is_resumed(ward: S
     stand(ward, (0.3, 0.0, 0.0))
     place = bases(ward, left, 1)[0]
     stand(ward, place)
-    state = json.loads(json.dumps(memory.snapshot(ward.platform)))
+    state = json.loads(json.dumps(ward.executive.snapshot()))
     ward.resolver.remember_viewers([])
     assert ward.resolver.satisfies(left, place) is None, "from there it is before the bottle"
-    memory.restore(ward.platform, state, world=False)
+    ward.executive.restore(state)
     assert ward.resolver.satisfies(left, place) is not None
-    assert json.loads(json.dumps(memory.snapshot(ward.platform)))["viewers"] == state["viewers"]
+    assert json.loads(json.dumps(ward.executive.snapshot()))["viewers"] == state["viewers"]
     state["viewers"] = [[{"a": 1}, [0.0, 0.0]]]
     with pytest.raises(ValueError, match="damaged"):
-        memory.restore(ward.platform, state, world=False)
+        ward.executive.restore(state)
 
 
 def test_what_faces_a_thing_has_it_ahead(ward: Stage) -> None:

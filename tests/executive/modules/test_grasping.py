@@ -21,7 +21,7 @@ from planlang.failures import (
 from planlang.geometry import Pose
 from planlang.protocols import Detection
 from sim import Body
-from sim.oracle import at_rest_on, held_by
+from sim.world import at_rest_on, held_by
 from tests.executive.conftest import BED, BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage, hold_bottle, stand
 
 MOVED = Pose((1.53, 0.05, 0.9))

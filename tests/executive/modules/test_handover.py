@@ -9,7 +9,7 @@ import pytest
 from planlang import perform
 from planlang.designators import a_location, a_person, action
 from planlang.failures import ActionUnresolvable, HandoverNotTaken
-from sim.oracle import held_by
+from sim.world import held_by
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage, hold_bottle, stand
 
 OFFERED = a_location(in_reach_of=a_person("Patient"))

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from executive.motion.hulls import Hull
 from executive.motion.spheres import MOST, kept_spheres, spheres_in
 from planlang.geometry import Array, Pose
-from sim import hull_of
+from planlang.geometry.solid import convex_solid
 
 HERE = Pose((0.0, 0.0, 0.0))
 
 
 def hull(kind: str, size: tuple[float, float, float]) -> Hull:
     """A primitive."""
-    shape = hull_of(kind, size, HERE)
+    shape = convex_solid(kind, size, HERE)
     return Hull(shape.points, shape.radius, shape.beyond)
 
 
@@ -94,7 +94,7 @@ def test_depth_in_a_box_is_the_distance_from_its_nearest_side() -> None:
 
 
 def test_capsule_reaches_half_a_ball_beyond_its_height() -> None:
-    points = hull_of("capsule", (0.08, 0.08, 0.2), HERE).points
+    points = convex_solid("capsule", (0.08, 0.08, 0.2), HERE).points
     assert points[:, 2].max() == pytest.approx(0.1 + 0.04)
     assert np.hypot(points[:, 0], points[:, 1]).max() == pytest.approx(0.04)
 

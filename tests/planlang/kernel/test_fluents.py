@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from functools import partial
 from typing import Any
 
@@ -10,10 +11,12 @@ import pytest
 from planlang import (
     DeadlockError,
     Fluent,
+    PlanStructureError,
     Return,
     SimulationHost,
     VirtualHost,
     checkpoint,
+    in_thread,
     now,
     par,
     run,
@@ -433,3 +436,43 @@ def test_missed_is_one_of_three_words() -> None:
 def test_expressions_read_as_they_were_written() -> None:
     speed, load = Fluent(1, "speed"), Fluent(2, "load")
     assert str(~(speed > 3) & (abs(-load) == 1)) == "(~(speed > 3) & (abs(-load) == 1))"
+
+
+def test_in_simulation_a_fluent_that_a_thread_sets_is_refused_with_the_right_code_there_and_in_the_run() -> None:
+    door: Fluent[bool] = Fluent(False, "door")
+    raised: list[BaseException] = []
+
+    def callback() -> None:
+        try:
+            door.set(True)
+        except PlanStructureError as error:
+            raised.append(error)
+
+    async def body() -> None:
+        await wait_for(door)
+
+    async def world() -> None:
+        thread = threading.Thread(target=callback, name="driver")
+        await sleep(1)
+        thread.start()
+        thread.join()
+        await sleep(1)
+
+    with pytest.raises(PlanStructureError, match="door is set from thread driver while a simulated run") as caught:
+        run(partial(par, body, world), host=VirtualHost())
+    assert raised == [caught.value]
+    assert "right: door.set(await in_thread(" in str(caught.value)
+
+
+def test_in_simulation_what_a_call_in_a_thread_sets_is_set_before_its_caller_goes_on() -> None:
+    door: Fluent[bool] = Fluent(False, "door")
+
+    async def opens() -> bool:
+        await in_thread(partial(door.set, True))
+        return door.value
+
+    async def waits() -> str:
+        await wait_for(door)
+        return "open"
+
+    assert run(partial(par, waits, opens), host=VirtualHost()) == ["open", True]

@@ -14,7 +14,6 @@ from planlang import (
     DeadlockError,
     Fluent,
     NoProgress,
-    PlanStructureError,
     RealTimeHost,
     SimulationHost,
     StepLimit,
@@ -413,46 +412,6 @@ def test_a_pulse_of_another_thread_is_handed_over_too() -> None:
         return "rung"
 
     assert run(body, host=host) == "rung"
-
-
-def test_in_simulation_a_fluent_that_a_thread_sets_is_refused_with_the_right_code_there_and_in_the_run() -> None:
-    door: Fluent[bool] = Fluent(False, "door")
-    raised: list[BaseException] = []
-
-    def callback() -> None:
-        try:
-            door.set(True)
-        except PlanStructureError as error:
-            raised.append(error)
-
-    async def body() -> None:
-        await wait_for(door)
-
-    async def world() -> None:
-        thread = threading.Thread(target=callback, name="driver")
-        await sleep(1)
-        thread.start()
-        thread.join()
-        await sleep(1)
-
-    with pytest.raises(PlanStructureError, match="door is set from thread driver while a simulated run") as caught:
-        run(partial(par, body, world), host=VirtualHost())
-    assert raised == [caught.value]
-    assert "right: door.set(await in_thread(" in str(caught.value)
-
-
-def test_in_simulation_what_a_call_in_a_thread_sets_is_set_before_its_caller_goes_on() -> None:
-    door: Fluent[bool] = Fluent(False, "door")
-
-    async def opens() -> bool:
-        await in_thread(partial(door.set, True))
-        return door.value
-
-    async def waits() -> str:
-        await wait_for(door)
-        return "open"
-
-    assert run(partial(par, waits, opens), host=VirtualHost()) == ["open", True]
 
 
 def test_a_fluent_of_a_run_that_is_over_is_set_as_any_other() -> None:

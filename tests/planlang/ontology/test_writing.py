@@ -16,10 +16,10 @@ from typer.testing import CliRunner
 from executive.cli.app import app
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Term, Triple
+from planlang.ontology.documents import Syntax, read_syntax, syntax_of
 from planlang.ontology.manchester import read_manchester
-from planlang.ontology.parsed import Parsed
-from planlang.ontology.syntaxes import Syntax, read_syntax, syntax_of
 from planlang.ontology.terms import RDF, XSD
+from planlang.ontology.triples import Parsed
 from planlang.ontology.writing import Target, convert, write
 from planlang.ontology.writing.nodes import differences, labelled
 from planlang.resources import bundled

@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 
 from planlang.ontology.terms import IMPORTS, ONTOLOGY, OWL, RDF, TYPE, BNode, Literal, Term, Triple
-from planlang.ontology.writing.expressions import FORMS, Expressions, Words
-from planlang.ontology.writing.frames import (
+from planlang.ontology.writing.expression_text import FORMS, Expressions, Words
+from planlang.ontology.writing.names import Names
+from planlang.ontology.writing.nodes import ANNOTATION, AXIOM, CannotSay, Graph
+from planlang.ontology.writing.sections import (
     ANNOTATING,
     CHARACTERISTICS,
     FRAMES,
@@ -20,8 +22,6 @@ from planlang.ontology.writing.frames import (
     Frame,
     section,
 )
-from planlang.ontology.writing.graph import ANNOTATION, AXIOM, CannotSay, Graph
-from planlang.ontology.writing.names import Names
 
 
 def manchester(triples: Iterable[Triple], prefixes: Mapping[str, str]) -> tuple[str, list[Triple]]:
