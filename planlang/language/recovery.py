@@ -8,11 +8,7 @@ from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from planlang.failures import (
-    CompositeFailure,
-    PlanFailure,
-    matches,
-)
+from planlang.failures import CompositeFailure, PlanFailure, matches
 from planlang.kernel.core import here
 from planlang.kernel.primitives import called, given, node, record
 from planlang.language.branches import evaporating
