@@ -221,7 +221,7 @@ class QuickCheck:
         return pair[close], row[close], gap[close]
 
     def _near_standing(self, width: Array, middles: Array, pairs: _Pairs) -> tuple[Index, Index, Index, Array]:
-        """Return pairs, standing pieces and rows where a mover is near by ball and box, and the middles of the balls."""
+        """Return pairs, standing pieces and rows that are near by ball and box, and the middles of the balls."""
         mover = self._mover[pairs.standing]
         far = np.maximum(self._balls[mover, 3] + width[pairs.standing], 0.0)[:, None]
         low, high = (corners[pairs.pieces] for corners in self._boxes)
