@@ -228,9 +228,9 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
         message = f"the recovery for {type(failure).__name__} returned {written(decision)}; it has to return "
         raise WrongType(contrast(f"{message}RETRY, PROPAGATE or Return(value)", "async def do(failure): ...", _DECIDES))
     record("recovery", recovery=number, decision="retry", used=entry.used, failure=failure)
-    await take_attempt("with_failure_handling")
     if evaporating():  # ``do`` has swallowed its evaporation
         raise failure
+    await take_attempt("with_failure_handling")
     keywords.update(values)
     return None
 
