@@ -311,7 +311,8 @@ class InverseKinematics:
         """
         q = self.chain.functions.within(q)
         found, errors, solved = np.empty_like(q), np.empty(q.shape[1]), np.zeros(q.shape[1], np.bool_)
-        row, least, slow = np.arange(q.shape[1]), np.inf, 0
+        row, least = np.arange(q.shape[1]), np.full(q.shape[1], np.inf)
+        slow = np.zeros(q.shape[1], np.intp)
         for step in range(STEPS + 1):
             moved, squares = self._step(q, targets)
             met = (squares <= TOLERANCES).all(axis=0)
