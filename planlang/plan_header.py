@@ -35,7 +35,7 @@ _HEADER = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class PlanHeader:
-    """Where a plan came from."""
+    """The origin of a plan."""
 
     version: str
     recipe: str
@@ -68,7 +68,7 @@ class PlanHeader:
         return None
 
     def paragraphs(self) -> list[str]:
-        """What the header says, as lines of the docstring."""
+        """Return the header as lines of the docstring."""
         lines = [
             f"Compiled by planlang {self.version} from {self.recipe}",
             f"(sha256 {self.sha256}), task {self.task}.",
@@ -86,7 +86,7 @@ def digest(source: str) -> str:
 
 
 def header(source: str) -> PlanHeader | None:
-    """Where a plan's source says it came from, at its start; None if it does not say. The source need not be valid."""
+    """Return the origin that a plan's source states at its start, or None. The source need not be valid."""
     found = _HEADER.search(" ".join(source[:LONGEST].split()))
     if found is None:
         return None

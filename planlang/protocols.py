@@ -85,19 +85,19 @@ class World(Protocol):
         """Advance by one step: motions, people, falling objects."""
 
     def names(self) -> tuple[str, ...]:
-        """Names of all bodies, in the order of the scene."""
+        """Return the names of all bodies, in the order of the scene."""
 
     def pose(self, name: str) -> Pose:
-        """Pose of the body's box centre in the map."""
+        """Return the pose of the body's box centre in the map."""
 
     def size(self, name: str) -> tuple[float, float, float]:
-        """Extents of the body's box along its own axes [m]."""
+        """Return the extents of the body's box along its own axes [m]."""
 
     def configuration(self) -> Configuration:
-        """Where the robot is."""
+        """Return where the robot is."""
 
     def link_pose(self, link: str) -> Pose:
-        """Pose of a link frame of the robot in the map."""
+        """Return the pose of a link frame of the robot in the map."""
 
     def start(self, group: str, trajectory: Trajectory) -> None:
         """Begin a motion of a group ("base", an arm, ...); it ends by itself, at an obstacle, or by :meth:`halt`."""
@@ -109,10 +109,10 @@ class World(Protocol):
         """Stop the group where it is."""
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
-        """What the camera sees, unoccluded and within its limits, in the order of the scene."""
+        """Return what the camera sees, unoccluded and within its limits, in the order of the scene."""
 
     def between_fingers(self, fingers: str | Collection[str]) -> str | None:
-        """The body that the fingers of a hand (its link, or the finger links) feel between them."""
+        """Return the body that the fingers of a hand (its link, or the finger links) feel between them."""
 
     def attach(self, link: str, name: str) -> None:
         """Fix a body to a link of the robot."""
@@ -124,10 +124,10 @@ class World(Protocol):
         """Body -> link of the robot that holds it."""
 
     def falling(self, name: str) -> bool:
-        """Whether a body that was let go is still on its way down."""
+        """Return whether a body that was let go is still on its way down."""
 
     def taken(self, name: str) -> str | None:
-        """The person who pulls at a body or has it, None if nobody does."""
+        """Return the person who pulls at a body or has it, None if nobody does."""
 
 
 @runtime_checkable

@@ -171,7 +171,7 @@ class Bodies:
         self.hidden.difference_update(indices)
 
     def name_of(self, uid: int) -> str | None:
-        """Name of the body that a piece of this id belongs to."""
+        """Return the name of the body that a piece of this id belongs to."""
         index = self._index.get(uid)
         return None if index is None else self.pieces[index].body
 
@@ -180,14 +180,14 @@ class Bodies:
         return overlaps(lower, upper, self.lower, self.upper)
 
     def box_of(self, name: str) -> tuple[Array, Array]:
-        """Lower and upper corner of the box around the body along the map's axes; a removed one has none (inf)."""
+        """Return the lower and upper corner of the box around a body, along the map's axes; inf for a removed one."""
         indices = self.of[name]
         if not indices:
             return np.full(3, np.inf), np.full(3, -np.inf)
         return self.lower[indices].min(axis=0), self.upper[indices].max(axis=0)
 
     def gap(self, first: Sequence[int], second: Sequence[int], within: float) -> float:
-        """Smallest distance between two sets of pieces [m], negative in penetration, ``inf`` beyond ``within``."""
+        """Return the distance of two sets of pieces [m], negative in penetration, ``inf`` beyond ``within``."""
         smallest = float("inf")
         for a in first:
             for b in second:
@@ -202,7 +202,7 @@ _HERE = Pose((0.0, 0.0, 0.0))
 
 
 def plain(body: Body) -> tuple[Part, ...]:
-    """Parts of a body that is no person."""
+    """Return parts of a body that is no person."""
     match body.shape:
         case BodyShape.MARKER | BodyShape.PERSON:
             return ()
@@ -213,7 +213,7 @@ def plain(body: Body) -> tuple[Part, ...]:
 
 
 def _room(body: Body) -> tuple[Part, ...]:
-    """A slab under the interior and four walls around it."""
+    """Return a slab under the interior and four walls around it."""
     x, y, z = body.size
     floor = Part(
         SolidKind.BOX, (x + 2 * WALL, y + 2 * WALL, WALL), Pose((0.0, 0.0, -z / 2 - WALL / 2)), (0.62, 0.64, 0.66, 1.0)

@@ -37,7 +37,7 @@ class Camera:
         self.client, self.bodies = client, bodies
 
     def detect(self, model: CameraModel, pose: Pose) -> tuple[Detection, ...]:
-        """Objects with enough pixels in a segmentation picture taken at the pose of the camera's link.
+        """Return objects with enough pixels in a segmentation picture taken at the pose of the camera's link.
 
         The visible share is the number of pixels over the area of the silhouette that an unoccluded view would have,
         parts beyond the border of the picture included.
@@ -70,7 +70,7 @@ class Camera:
         return counts
 
     def _silhouette(self, name: str, model: CameraModel, pose: Pose) -> float:
-        """Pixels that the body would have without anything in front of it."""
+        """Return pixels that the body would have without anything in front of it."""
         eye, forward, up = _axes(model, pose)
         right = np.cross(forward, up)
         focal = model.width / 2 / math.tan(model.fov / 2)
@@ -82,7 +82,7 @@ class Camera:
         return total
 
     def _outline(self, index: int) -> Array:
-        """Points in the map whose convex hull is the piece (a polygonal one for round pieces)."""
+        """Return points in the map whose convex hull is the piece (a polygonal one for round pieces)."""
         piece = self.bodies.pieces[index]
         place = piece.pose
         size = piece.part.size
@@ -98,7 +98,7 @@ class Camera:
         return moved(place.matrix(), np.vstack(rings))
 
     def sight(self, name: str, model: CameraModel, pose: Pose, cast: Any) -> tuple[float, dict[str, int]]:
-        """Share (0..1) of a body's surface facing the camera that a straight line of sight reaches; what lines hit.
+        """Return the share (0..1) of a body's surface facing the camera that a line of sight reaches; what lines hit.
 
         0 when its centre is beyond the camera's distances; points outside the field of view count as hidden, but their
         lines are told as well. ``cast`` is the world's batch of rays.
@@ -120,7 +120,7 @@ class Camera:
         return round(float(weights[seen].sum() / weights.sum()), 3), found
 
     def _facing(self, name: str, eye: Array) -> tuple[Array, Array]:
-        """Points on the surface that face the eye, and their shares of the silhouette."""
+        """Return points on the surface that face the eye, and their shares of the silhouette."""
         points, weights = [], []
         for index in self.bodies.of[name]:
             piece = self.bodies.pieces[index]
@@ -174,7 +174,7 @@ def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
 
 
 def _framed(offset: Array, model: CameraModel, axes: tuple[Array, Array, Array]) -> NDArray[np.bool_]:
-    """Which points, told by their offsets from the camera, are in its field of view."""
+    """Return which points, told by their offsets from the camera, are in its field of view."""
     _, forward, up = axes
     right = np.cross(forward, up)
     depth = offset @ forward
@@ -188,7 +188,7 @@ def _framed(offset: Array, model: CameraModel, axes: tuple[Array, Array, Array])
 
 @lru_cache(maxsize=256)
 def _surface(kind: SolidKind, size: tuple[float, float, float], per_side: int = 5) -> tuple[Array, Array, Array]:
-    """Points, outward normals and areas of patches of a primitive's surface, in its frame."""
+    """Return points, outward normals and areas of patches of a primitive's surface, in its frame."""
     grid = (np.arange(per_side) + 0.5) / per_side - 0.5
     points: list[Array] = []
     normals: list[Array] = []

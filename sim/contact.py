@@ -88,7 +88,7 @@ class Contacts:
         self._hands = frozenset().union(*hands)
 
     def find(self, query: Query) -> tuple[Contact, ...]:
-        """All contacts: links first, in the order of the URDF, then held objects in the order of grasping."""
+        """Return all contacts: links first, in the order of the URDF, then held objects in the order of grasping."""
         found: dict[tuple[str, str], float] = {}
         if query.among is not None:
             for part, body in query.among:
@@ -192,7 +192,7 @@ class Contacts:
                 _deepen(found, name, link, self.robot.depth_with(number, self.bodies.pieces[mine].uid))
 
     def touching(self, name: str, within: float) -> set[str]:
-        """Bodies not farther than ``within`` [m] from a body; the robot is none."""
+        """Return bodies not farther than ``within`` [m] from a body; the robot is none."""
         mine = self.bodies.of[name]
         lower, upper = self.bodies.box_of(name)
         near = self.bodies.near(lower[None] - within, upper[None] + within)[0]
@@ -209,7 +209,7 @@ class Contacts:
                 held.touched &= self.touching(name, PARTED)
 
     def between(self, fingers: Collection[str], reach: float = 0.01) -> str | None:
-        """The body that two or more finger links, of all that are given, have between them within ``reach`` [m]."""
+        """Return the body that two or more of these finger links have between them within ``reach`` [m]."""
         numbers = [self.robot.number[link] for link in fingers if link in self.robot.number]
         if len(numbers) < 2:
             return None
@@ -228,7 +228,7 @@ class Contacts:
         return None if best is None else best[1]
 
     def _normal(self, number: int, name: str, reach: float) -> Array | None:
-        """Direction from a body towards a link where they are nearest."""
+        """Return the direction from a body towards a link where they are nearest."""
         nearest: tuple[float, Array] | None = None
         for index in self.bodies.of[name]:
             for point in bullet.getClosestPoints(
@@ -250,7 +250,7 @@ def _deepen(found: dict[tuple[str, str], float], part: str, body: str, depth: fl
 
 
 def watched_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
-    """Pairs of solid links that must not touch, computed once per URDF and robot's body.
+    """Return pairs of solid links that must not touch, computed once per URDF and robot's body.
 
     Left out are pairs that may touch, that are rigidly connected or joined by one joint, that touch nearly always, and
     those that touch in the posture that is said to begin with: there the model is wrong, not the robot.

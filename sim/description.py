@@ -109,7 +109,7 @@ def read_description(path: Path) -> Description:
 
 @contextmanager
 def loadable(description: Description) -> Iterator[Path]:
-    """A temporary file with the description, for as long as PyBullet reads it."""
+    """Yield a temporary file with the description, for as long as PyBullet reads it."""
     with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(description.text, encoding="utf-8")
@@ -228,7 +228,7 @@ def _replace_meshes(robot: Element, meshes: _Meshes) -> list[str]:
 
 
 def _box_of(link: ElementTree.Element) -> list[ElementTree.Element]:
-    """The box of the link's inertia as a collision element, if the link has one."""
+    """Return the box of the link's inertia as a collision element, if the link has one."""
     inertial = link.find("inertial")
     mass, moments = (None if inertial is None else inertial.find(tag) for tag in ("mass", "inertia"))
     if inertial is None or mass is None or moments is None:
@@ -246,7 +246,7 @@ def _box_of(link: ElementTree.Element) -> list[ElementTree.Element]:
 
 
 def inertia_box(mass: float, inertia: Array) -> tuple[Array, Array] | None:
-    """Extents (3,) [m] and axes (3, 3), one per column, of the box of even density with this mass and inertia (3, 3).
+    """Return the extents (3,) [m] and axes (3, 3), as columns, of the even box of this mass and inertia (3, 3).
 
     From m / 12 (b^2 + c^2) and so on for the principal moments. None without mass or moments, and for a box lighter
     than foam (:data:`LIGHTEST`). What no body can have (a moment larger than the others' sum) gives the thinnest box.
@@ -265,7 +265,7 @@ def inertia_box(mass: float, inertia: Array) -> tuple[Array, Array] | None:
 
 
 def _looks_of(link: ElementTree.Element) -> list[ElementTree.Element]:
-    """The link's collision elements as visual ones."""
+    """Return the link's collision elements as visual ones."""
     looks = []
     for shape in link.findall("collision"):
         visual = ElementTree.Element("visual")

@@ -34,7 +34,7 @@ class Falling:
         """Body -> speed [m/s] and where it will rest."""
 
     def rest(self, name: str) -> tuple[Pose, str | None]:
-        """Where a body would come to rest if it were let go here, and on what (None: there is nothing below)."""
+        """Return where a body would come to rest if it were let go here, and on what (None: there is nothing below)."""
         body = self.bodies.bodies[name]
         with self.rays.without(name):
             return resting(
@@ -48,7 +48,7 @@ class Falling:
             self.on_the_way[name] = (0.0, rest)
 
     def stop(self, name: str) -> None:
-        """The body is held, or was put somewhere."""
+        """Forget that a body falls: it is held, or was put somewhere."""
         self.on_the_way.pop(name, None)
 
     def step(self) -> None:
@@ -65,7 +65,7 @@ class Falling:
 
 
 def upright(pose: Pose) -> Pose:
-    """The pose turned so that its axis nearest to the vertical is vertical."""
+    """Return the pose turned so that its axis nearest to the vertical is vertical."""
     axes = pose.rotation
     k = int(np.argmax(np.abs(axes[2])))
     axis, goal = axes[:, k], np.array([0.0, 0.0, math.copysign(1.0, axes[2, k])])
@@ -81,7 +81,7 @@ def upright(pose: Pose) -> Pose:
 
 
 def resting(pose: Pose, size: Sequence[float], rays: Cast, *, cylinder: bool = False) -> tuple[Pose, str | None]:
-    """Where the body comes to rest below ``pose`` and on what (None: there is nothing below).
+    """Return where the body comes to rest below ``pose`` and on what (None: there is nothing below).
 
     A surface bears the body when its centre lies in the hull of the points of the footprint that are on the surface.
     One that does not is left behind: the body slips off, away from that surface's points, just far enough.

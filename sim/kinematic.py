@@ -62,7 +62,7 @@ class KinematicScene:
         return self._robot
 
     def configuration(self) -> Configuration:
-        """Where the robot is."""
+        """Return where the robot is."""
         return Configuration(self._now.base, dict(self._now.joints))
 
     def set_configuration(self, configuration: Configuration) -> None:
@@ -104,21 +104,21 @@ class KinematicScene:
     # Bodies
 
     def names(self) -> tuple[str, ...]:
-        """Names of all bodies, in the order of the scene; removed ones are left out."""
+        """Return the names of all bodies, in the order of the scene; removed ones are left out."""
         return tuple(body.name for body in self.scene.bodies if body.name not in self._bodies.removed)
 
     def pose(self, name: str) -> Pose:
-        """Pose of the body's box centre in the map; ``KeyError`` for an unknown body."""
+        """Return the pose of the body's box centre in the map; ``KeyError`` for an unknown body."""
         self._here()
         self.scene.body(name)
         return self._bodies.poses[name]
 
     def size(self, name: str) -> tuple[float, float, float]:
-        """Extents of the body's box along its own axes [m]."""
+        """Return the extents of the body's box along its own axes [m]."""
         return self.scene.body(name).size
 
     def pieces(self, name: str) -> tuple[tuple[Part, Pose], ...]:
-        """The primitives that a body consists of, each with its pose in the body's frame; that of a limb changes."""
+        """Return the primitives of a body, each with its pose in the body's frame; that of a limb changes."""
         return tuple((self._bodies.pieces[k].part, self._bodies.pieces[k].offset) for k in self._bodies.of[name])
 
     def set_pose(self, name: str, pose: Pose) -> None:
@@ -168,13 +168,13 @@ class KinematicScene:
         return {name: held.link for name, held in self._held.items()}
 
     def support(self, name: str) -> str | None:
-        """What a body would rest on if it were let go here; None when that is nothing."""
+        """Return what a body would rest on if it were let go here; None when that is nothing."""
         self.scene.body(name)
         self._here()
         return self._falling.rest(name)[1]
 
     def height_above_support(self, name: str) -> float:
-        """How far a body would sink if it were let go here [m]; ``inf`` when there is nothing below."""
+        """Return how far a body would sink if it were let go here [m]; ``inf`` when there is nothing below."""
         self.scene.body(name)
         self._here()
         rest, support = self._falling.rest(name)
@@ -185,7 +185,7 @@ class KinematicScene:
         return self._people.reach(name)
 
     def shoulder(self, name: str) -> tuple[float, float, float]:
-        """The point between a person's shoulders, in the map."""
+        """Return the point between a person's shoulders, in the map."""
         return self._people.reach(name).shoulder
 
     def arm_length(self, name: str) -> float:

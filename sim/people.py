@@ -63,7 +63,7 @@ class Reach:
         return None if best is None else best[1]
 
     def comfortable(self, point: Sequence[float]) -> bool:
-        """Whether the person would take something at this point of the map."""
+        """Return whether the person would take something at this point of the map."""
         return self.arm_for(point) is not None
 
 
@@ -151,7 +151,7 @@ def _triple(vector: Array) -> tuple[float, float, float]:
 
 
 def reach_of(body: Body, pose: Pose | None = None) -> Reach:
-    """What a person of the scene reaches, at the body's pose or another."""
+    """Return what a person of the scene reaches, at the body's pose or another."""
     return reach_from(figure_of(body), pose or body.pose)
 
 
@@ -166,7 +166,7 @@ def reach_from(figure: Figure, pose: Pose) -> Reach:
 
 
 def parts_of(body: Body) -> tuple[Part, ...]:
-    """Trunk first, then upper arm, fore arm and hand of the right arm and of the left, hands at rest."""
+    """Return the trunk first, then upper arm, fore arm and hand of the right arm and of the left, hands at rest."""
     figure = figure_of(body)
     parts = list(figure.trunk)
     for k in (0, 1):
@@ -230,7 +230,7 @@ class Person:
         return Person(body, figure, [hand.copy() for hand in figure.hands])
 
     def free(self, k: int) -> bool:
-        """Whether a hand holds nothing."""
+        """Return whether a hand holds nothing."""
         return all(arm != k for arm, _ in self.holds.values())
 
     def move_hand(self, k: int, goal: Array, rate: int) -> bool:
@@ -243,7 +243,7 @@ class Person:
 
 
 def taking_point(pose: Pose, size: Sequence[float], shoulder: Sequence[float]) -> Array:
-    """Where a palm goes to take an object: beside its upper half, on the side of the shoulder, in the map."""
+    """Return where a palm goes to take an object: beside its upper half, on the side of the shoulder, in the map."""
     center = np.asarray(pose.position)
     aside = np.asarray(shoulder, dtype=float) - center
     aside[2] = 0.0
@@ -273,7 +273,7 @@ class People:
         self._reach: dict[str, tuple[Pose, Reach]] = {}
 
     def reach(self, name: str) -> Reach:
-        """What a person reaches now; ``KeyError`` when that is no person."""
+        """Return what a person reaches now; ``KeyError`` when that is no person."""
         if name not in self.persons:
             raise KeyError(f"{name!r} is no person; the persons are {', '.join(self.persons) or 'none'}")
         pose = self.bodies.poses[name]
@@ -282,11 +282,11 @@ class People:
         return self._reach[name][1]
 
     def hand(self, name: str, k: int) -> Array:
-        """Position of a palm (0 right, 1 left) in the map."""
+        """Return the position of a palm (0 right, 1 left) in the map."""
         return moved(self.bodies.poses[name].matrix(), self.persons[name].hands[k])
 
     def holder(self, name: str) -> str | None:
-        """The person who has taken a body."""
+        """Return the person who has taken a body."""
         return next((person for person, state in self.persons.items() if name in state.holds), None)
 
     def lose(self, name: str) -> None:
@@ -343,7 +343,7 @@ class People:
             person.reaching, person.close = None, 0
 
     def _offer(self, name: str, person: Person, held: Mapping[str, Pose]) -> tuple[int, str] | None:
-        """The arm and the object to reach for: at rest, in the comfort zone, not yet taken by anybody."""
+        """Return the arm and the object to reach for: at rest, in the comfort zone, not yet taken by anybody."""
         reach = self.reach(name)
         for thing, pose in held.items():
             if self.still[thing][1] < _REST or self.holder(thing):

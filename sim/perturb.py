@@ -28,7 +28,7 @@ _FLAT = 0.999
 
 
 def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.6) -> Scene:
-    """The scene as it might really be; seed 0 leaves it unchanged, equal seeds give equal scenes.
+    """Return the scene as it might really be; seed 0 leaves it unchanged, equal seeds give equal scenes.
 
     ``radius`` and ``height`` [m] are those of a standing cylinder around the robot. Movable furniture goes first and
     takes along what stands on it, then graspable objects move on their support and turn, then the robot's start.
@@ -52,7 +52,7 @@ def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.
 
 
 def _support(body: Body, bodies: Sequence[Body]) -> str | None:
-    """What a body stands on or in: the one whose top is at its bottom, or that contains its centre."""
+    """Return what a body stands on or in: the one whose top is at its bottom, or that contains its centre."""
     if body.shape in (BodyShape.ROOM, BodyShape.MARKER):
         return None
     bottom = body.pose.position[2] - _half_height(body.pose, body)
@@ -73,7 +73,7 @@ def _half_height(pose: Pose, body: Body) -> float:
 
 
 def _drawn(generator: np.random.Generator, distance: float, turn: float) -> tuple[float, float, float]:
-    """A shift uniform in a disc and a turn uniform in an interval."""
+    """Return a shift uniform in a disc and a turn uniform in an interval."""
     angle, radius = generator.uniform(0, 2 * math.pi), distance * math.sqrt(generator.uniform(0, 1))
     return radius * math.cos(angle), radius * math.sin(angle), float(generator.uniform(-turn, turn))
 
@@ -107,7 +107,7 @@ def _move_furniture(
 
 
 def _contents(name: str, supports: Mapping[str, str | None]) -> tuple[str, ...]:
-    """The body and everything that stands on it, directly or not."""
+    """Return the body and everything that stands on it, directly or not."""
     group = [name]
     for member in group:
         group += [other for other, support in supports.items() if support == member and other not in group]
@@ -142,7 +142,7 @@ def _move_start(
     bounds: tuple[float, float, float, float],
     generator: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """Where a standing cylinder of this radius and height is free."""
+    """Return where a standing cylinder of this radius and height is free."""
     radius, height = outline
     size = (2 * radius, 2 * radius, height)
     for _ in range(_TRIES):
@@ -158,7 +158,7 @@ def _move_start(
 
 
 def _free(body: Body, pose: Pose, bodies: Mapping[str, Body], poses: Mapping[str, Pose], group: Sequence[str]) -> bool:
-    """Whether a body at a pose keeps clear of all bodies outside its group; a support below it does not count."""
+    """Return whether a body at a pose keeps clear of all bodies outside its group, supports below it apart."""
     return not any(
         _overlap(body, pose, other, poses[other.name])
         for other in bodies.values()
@@ -179,7 +179,7 @@ def _overlap(a: Body, a_pose: Pose, b: Body, b_pose: Pose) -> bool:
 
 
 def _separated(polygon: Array, other: Array) -> bool:
-    """Whether an edge of a convex polygon has all of the other one outside, by the clearance (separating axis)."""
+    """Return whether an edge of a convex polygon has all of another outside, by the clearance (separating axis)."""
     edges = np.roll(polygon, -1, axis=0) - polygon
     normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
     distances = np.einsum("ij,kij->ki", normals, other[:, None] - polygon[None])

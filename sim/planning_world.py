@@ -34,7 +34,7 @@ class Solid:
 
 
 def solids(bodies: Bodies, left_out: Iterable[str]) -> Iterator[Solid]:
-    """The pieces of all bodies, floors and some bodies left out."""
+    """Yield the pieces of all bodies, floors and some bodies left out."""
     for index, piece in enumerate(bodies.pieces):
         if piece.body in left_out or piece.body in bodies.removed or bodies.upper[index, 2] < 1e-3:
             continue
@@ -65,7 +65,7 @@ _shapes: dict[object, Shape] = {}
 
 
 def shape_of(robot: Robot, joints: Mapping[str, float], without: Collection[str], show: Callable[[], None]) -> Shape:
-    """A robot at joint values, without links that a joint of ``without`` moves; worked out once in a process.
+    """Return a robot at joint values, without links that a joint of ``without`` moves; worked out once in a process.
 
     ``show`` is called if it has to be: it shows the robot there, with its base at the origin of the map.
     """
@@ -88,7 +88,7 @@ def _shown(robot: Robot, left_out: frozenset[int]) -> Shape:
 
 
 def held_bands(robot: Robot, bodies: Bodies, held: Mapping[str, Held], without: Collection[str]) -> Iterator[Band]:
-    """Those of held bodies, without what links hold that a joint of ``without`` moves.
+    """Yield those of held bodies, without what links hold that a joint of ``without`` moves.
 
     The robot must be shown with its base at the origin of the map.
     """
@@ -149,7 +149,7 @@ class PlanningWorld(KinematicScene):
         return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
 
     def self_contacts(self, configuration: Configuration | None = None) -> tuple[Contact, ...]:
-        """Those of :meth:`contacts` that do not depend on where the robot is: with what it holds, in itself."""
+        """Return those of :meth:`contacts` that do not depend on where the robot is: with what it holds, in itself."""
         return () if self._robot is None else self._find(configuration or self._now, Query(others=False))
 
     @property
@@ -158,7 +158,7 @@ class PlanningWorld(KinematicScene):
         return self._contacts.self_pairs
 
     def passed(self, start: Configuration, steps: Sequence[Mapping[str, float]]) -> frozenset[str]:
-        """Bodies that the links which some joints move may meet on a way; no others can be touched there.
+        """Return bodies that the links which some joints move may meet on a way; no others can be touched there.
 
         ``start``: the configuration at the beginning; ``steps``: the joints' values, one after another.
         """
@@ -169,7 +169,7 @@ class PlanningWorld(KinematicScene):
         return frozenset(self._bodies.pieces[index].body for index in np.flatnonzero(near).tolist())
 
     def silhouette(self, without: Collection[str] = ()) -> tuple[Band, ...]:
-        """What the robot, with what it holds, needs of room when it turns on the spot in its present posture.
+        """Return what the robot, with what it holds, needs of room when it turns on the spot in its present posture.
 
         Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object;
         what a joint of ``without`` moves is left out.
@@ -182,7 +182,7 @@ class PlanningWorld(KinematicScene):
         return found
 
     def outlines(self, without: Collection[str] = ()) -> tuple[Outline, ...]:
-        """The robot from above in its present posture: z_low, z_high [m] and a convex polygon for each solid link.
+        """Return the robot from above in its present posture: z_low, z_high [m] and a polygon for each solid link.
 
         Polygons (n, 2) are in the frame of the base, counter-clockwise, and hold no more than the link does; what a
         joint of ``without`` moves is left out.
@@ -198,12 +198,12 @@ class PlanningWorld(KinematicScene):
         self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
 
     def solids(self) -> tuple[Solid, ...]:
-        """The convex pieces of all bodies not held, where they are, floors left out."""
+        """Return the convex pieces of all bodies not held, where they are, floors left out."""
         self._here()
         return tuple(solids(self._bodies, self._held))
 
     def touched_since_grasp(self, name: str) -> frozenset[str]:
-        """Bodies that a held one has touched ever since it was grasped: it may go on touching them a little."""
+        """Return bodies that a held one has touched ever since it was grasped: it may go on touching them a little."""
         return frozenset(self._held[name].touched)
 
     def clearance(self, first: str, second: str, within: float = 1.0) -> float:
@@ -213,7 +213,7 @@ class PlanningWorld(KinematicScene):
         return self._bodies.gap(pieces[0], pieces[1], within)
 
     def visible(self, name: str, camera: Pose | str | None = None, configuration: Configuration | None = None) -> float:
-        """Share (0..1) of a body that the camera would see without obstruction, by rays.
+        """Return the share (0..1) of a body that the camera would see without obstruction, by rays.
 
         ``camera``: a link (default: the camera's), at the robot's configuration or another; or a pose of the camera's
         link in the map, from where the robot itself hides nothing.
@@ -227,7 +227,7 @@ class PlanningWorld(KinematicScene):
         return self._camera.sight(name, self._optics(), pose, self._rays.cast)[0]
 
     def sight(self, name: str, configuration: Configuration | None = None) -> tuple[float, Mapping[str, int]]:
-        """What is :meth:`visible` of a body by the robot's camera, and what lines to the side that faces it hit first.
+        """Return how much of a body is :meth:`visible` to the robot's camera, and what lines to it hit first.
 
         The latter as name -> lines; the robot's own links are told by their names, and lines that reach the body count
         for it.
@@ -238,7 +238,7 @@ class PlanningWorld(KinematicScene):
         return self._camera.sight(name, self._optics(), pose, self._rays.cast)
 
     def ray(self, start: Sequence[float], end: Sequence[float]) -> str | None:
-        """Name of the body, or of the robot's link, that a segment hits first; None when it is free."""
+        """Return the name of the body, or of the robot's link, that a segment hits first; None when it is free."""
         return self.rays(np.asarray([start], dtype=float), np.asarray([end], dtype=float))[0]
 
     def rays(self, starts: Array, ends: Array) -> tuple[str | None, ...]:

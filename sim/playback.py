@@ -105,12 +105,12 @@ def _check(robot: Robot, now: Configuration, trajectory: Trajectory) -> None:
 
 
 def coordinate(configuration: Configuration, name: str) -> float:
-    """Value of a joint or of x, y, yaw."""
+    """Return the value of a joint or of x, y, yaw."""
     return configuration.base[BASE.index(name)] if name in BASE else configuration.joints[name]
 
 
 def moved(configuration: Configuration, names: Sequence[str], values: Array) -> Configuration:
-    """The configuration with some coordinates changed."""
+    """Return the configuration with some coordinates changed."""
     base, joints = list(configuration.base), dict(configuration.joints)
     for name, value in zip(names, values.tolist(), strict=True):
         if name in BASE:

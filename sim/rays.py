@@ -54,7 +54,7 @@ class Rays:
         return tuple(self._name(hit) for hit in self._hits(starts, ends, _NOT_ROBOT))
 
     def down(self, starts: Array, ends: Array) -> tuple[tuple[str | None, ...], Array]:
-        """Names of bodies below, the robot left out, and the heights of the hits (0 where there is none)."""
+        """Return the names of bodies below, the robot left out, and the heights of the hits (0 where there is none)."""
         hits = self._hits(starts, ends, _NOT_ROBOT)
         return tuple(self._name(hit) for hit in hits), np.array([float(hit[3][2]) for hit in hits])
 

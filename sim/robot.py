@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from planlang.diagnostics import BadInput, Span, error
 from planlang.geometry import Array, Pose
 from planlang.geometry.box import corners
-from planlang.geometry.matrices import moved, product, rotated, rotations
+from planlang.geometry.matrices import moved, product, rigid, rotated, rotations
 from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
 from planlang.protocols import Configuration
 from sim.description import Follower, loadable, read_description
@@ -72,7 +72,6 @@ class Robot:
             del _spanning[next(iter(_spanning))]
         self._points = _spanning.setdefault(self.key, {})
         self.shown: dict[str, float] = {}
-        self._shapes: dict[int, tuple[Shape, ...]] = {}
         self.base = (0.0, 0.0, 0.0)
         every = len(self.solid)
         self._boxed = _Boxes(self.base, np.zeros((every, 3)), np.zeros((every, 3, 3)), set(range(every)))
@@ -90,7 +89,7 @@ class Robot:
         self.show(Configuration(self.base, {**self.shown, **self._known(body.posture)}))
 
     def _load(self) -> int:
-        """The body in the client; raises BadInput if PyBullet refuses the URDF."""
+        """Load the body into the client; raises BadInput if PyBullet refuses the URDF."""
         with loadable(self.description) as path, quiet():
             # what is kept of a file would be taken for another one of the same name
             bullet.setPhysicsEngineParameter(enableFileCaching=0, physicsClientId=self.client)
@@ -159,7 +158,7 @@ class Robot:
         return {name: float(value) for name, value in posture.items()}
 
     def configuration(self) -> Configuration:
-        """The configuration that is shown."""
+        """Return the configuration that is shown."""
         return Configuration(self.base, dict(self.shown))
 
     def show(self, configuration: Configuration) -> None:
@@ -192,11 +191,11 @@ class Robot:
             self.base = base
 
     def _following(self, name: str, value: float) -> list[tuple[int, float]]:
-        """Where the joints are that mimic a joint, by index."""
+        """Return where the joints are that mimic a joint, by index."""
         return [(index, one.multiplier * value + one.offset) for index, one in self._followers.get(name, ())]
 
     def link_pose(self, link: str) -> Pose:
-        """Pose of a link frame in the map; ``KeyError`` for an unknown link."""
+        """Return the pose of a link frame in the map; ``KeyError`` for an unknown link."""
         if link not in self.links:
             raise KeyError(f"the robot has no link {link!r}; it has {', '.join(self.links)}")
         index = self.links[link]
@@ -210,7 +209,7 @@ class Robot:
         return self._frames(range(len(self.solid)))
 
     def _frames(self, numbers: Sequence[int]) -> Array:
-        """The same for links of some numbers, in their order."""
+        """Return the same for links of some numbers, in their order."""
         indices, rows = [self.solid[number] for number in numbers], []
         if indices and indices[0] < 0:
             pose = Pose.planar(*self.base)
@@ -222,7 +221,7 @@ class Robot:
         return np.array(rows, dtype=float).reshape(-1, 7)
 
     def _measure(self) -> None:
-        """A box around each solid link, in its frame: the map-aligned one at this configuration, taken along."""
+        """Keep a box around each solid link, in its frame: the map-aligned one at this configuration."""
         frames = self.frames()
         axes = rotations(frames[:, 3:])
         around = [bullet.getAABB(self.uid, index, physicsClientId=self.client) for index in self.solid]
@@ -255,11 +254,11 @@ class Robot:
         )
 
     def boxes_of(self, numbers: Sequence[int]) -> tuple[Array, Array]:
-        """The same for links of some numbers in ascending order, to the last bit whatever was shown before."""
+        """Return the same for links of some numbers in ascending order, to the last bit whatever was shown before."""
         return self._corners(*self._spans(self._frames(numbers), numbers), numbers)
 
     def _spans(self, frames: Array, numbers: Numbers) -> tuple[Array, Array]:
-        """Centres (m, 3) of boxes around links of some numbers, and their axes (m, 3, 3), at frames (m, 7)."""
+        """Return centres (m, 3) of boxes around links of some numbers, and their axes (m, 3, 3), at frames (m, 7)."""
         axes = rotations(frames[:, 3:])
         return frames[:, :3] + rotated(axes, self._center[numbers]), product(axes, self._axes[numbers])
 
@@ -268,7 +267,7 @@ class Robot:
         return center - half, center + half
 
     def boxes_along(self, numbers: Sequence[int], steps: Iterable[Mapping[str, float]]) -> tuple[Array, Array]:
-        """The same for links of some numbers in ascending order, at joint values that are shown one after another."""
+        """Return the same for links of some numbers, ascending, at joint values that are shown one after another."""
         frames = [np.zeros((0, 7))]
         for joints in steps:
             self.show(Configuration(self.base, joints))
@@ -277,7 +276,7 @@ class Robot:
         return self._corners(*self._spans(np.concatenate(frames), every), every)
 
     def ancestors(self, index: int) -> list[int]:
-        """A link and those it hangs from, by index."""
+        """Return a link and those it hangs from, by index."""
         chain = [index]
         while chain[-1] != -1:
             chain.append(self.parent[chain[-1]])
@@ -291,11 +290,11 @@ class Robot:
         return frozenset[int]().union(*map(self._below, indices))
 
     def moved_by(self, name: str) -> frozenset[int]:
-        """Numbers of the solid links that a joint, or "x", "y", "yaw" of the base, moves."""
+        """Return the numbers of the solid links that a joint, or "x", "y", "yaw" of the base, moves."""
         return self._moved[name] if name in self._moved else frozenset(range(len(self.solid)))
 
     def moved_apart(self, names: frozenset[str]) -> NDArray[np.bool_]:
-        """Which pairs of solid links some joints move against each other, (n, n)."""
+        """Return which pairs of solid links some joints move against each other, (n, n)."""
         if names not in self._apart:
             moved = np.zeros((len(names), len(self.solid)), bool)
             for row, name in zip(moved, sorted(names), strict=True):
@@ -305,74 +304,50 @@ class Robot:
         return self._apart[names]
 
     def carrier(self, link: str) -> frozenset[int]:
-        """Numbers of the nearest solid link upwards from a link: it moves when the link does."""
+        """Return the numbers of the nearest solid link upwards from a link: it moves when the link does."""
         index = self.links[link]
         while index not in self.solid and index != -1:
             index = self.parent[index]
         return frozenset({self.solid.index(index)}) if index in self.solid else frozenset()
 
     def hand_of(self, link: str) -> frozenset[int]:
-        """Numbers of the solid links of the hand at a link: the nearest solid link upwards and all below it."""
+        """Return the numbers of the solid links of the hand at a link: the next solid link upwards and all below it."""
         index = self.links[link]
         while index not in self.solid and index != -1:
             index = self.parent[index]
         return self._below(index)
 
     def spread(self, number: int) -> float:
-        """How far a solid link reaches from the map's z axis, in its present place [m]."""
-        index = self.solid[number]
-        if index == -1:
-            place = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client))
-        else:
-            state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
-            place = Pose(state[0], state[1])
+        """Return how far a solid link reaches from the map's z axis, in its present place [m]."""
+        frame = self.link_pose(self.solid_names[number])
         away = 0.0
-        for shape in bullet.getCollisionShapeData(self.uid, index, physicsClientId=self.client):
-            points, radius = _support(shape[2], shape[3])
-            if points is None:
+        for one in self.hulls(number):
+            if one.kind == SolidKind.MESH:
                 return float(np.hypot(*self.points([number])[0].T[:2]).max()) + MESH_MARGIN
-            centre = place @ Pose(shape[5], shape[6])
-            there = rotated(centre.rotation, points) + np.asarray(centre.position)
+            points, radius = one.points, 0.0
+            if one.kind != SolidKind.BOX:  # balls at the ends of a round shape hold it
+                points, radius = np.array([[0.0, 0.0, one.size[2] / 2], [0.0, 0.0, -one.size[2] / 2]]), one.size[0] / 2
+            if one.kind == SolidKind.SPHERE:
+                points = np.zeros((1, 3))
+            there = moved((frame @ one.pose).matrix(), points)
             away = max(away, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
         return away
 
     def shapes(self, number: int) -> tuple[Shape, ...]:
-        """Primitives of a solid link: "box", "cylinder", "sphere" or "mesh", extents [m], pose in the link's frame.
+        """Return the primitives of a solid link: kinds, extents [m] and poses in the link's frame.
 
-        A cylinder lies along z (a capsule is told as one, without its caps); of a mesh it is a box around it.
+        A cylinder lies along z (a capsule is given as one, without its caps); of a mesh it is a box around it.
         """
-        if number not in self._shapes:
-            self._shapes[number] = self._read_shapes(number)
-        return self._shapes[number]
-
-    def _read_shapes(self, number: int) -> tuple[Shape, ...]:
-        index = self.solid[number]
-        frame = self.link_pose(self.link_names[index])
-        if index == -1:
-            place = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client))
-        else:
-            state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
-            place = Pose(state[0], state[1])
-        found = []
-        for shape in bullet.getCollisionShapeData(self.uid, index, physicsClientId=self.client):
-            a, b, c = shape[3]
-            at = frame.inverse() @ place @ Pose(shape[5], shape[6])
-            match shape[2]:
-                case bullet.GEOM_BOX:
-                    found.append((SolidKind.BOX, (a, b, c), at))
-                case bullet.GEOM_SPHERE:
-                    found.append((SolidKind.SPHERE, (2 * a, 2 * a, 2 * a), at))
-                case bullet.GEOM_CYLINDER | bullet.GEOM_CAPSULE:
-                    found.append((SolidKind.CYLINDER, (2 * b, 2 * b, a), at))
-                case _:
-                    matrix = np.eye(4)
-                    matrix[:3, :3], matrix[:3, 3] = self._axes[number], self._center[number]
-                    x, y, z = (2 * self._half[number]).tolist()
-                    return ((SolidKind.MESH, (x, y, z), Pose.from_matrix(matrix)),)
-        return tuple(found)
+        found = self.hulls(number)
+        if any(one.kind == SolidKind.MESH for one in found):
+            matrix = rigid(self._axes[number], self._center[number])
+            x, y, z = (2 * self._half[number]).tolist()
+            return ((SolidKind.MESH, (x, y, z), Pose.from_matrix(matrix)),)
+        kinds = [SolidKind.CYLINDER if one.kind == SolidKind.CAPSULE else one.kind for one in found]
+        return tuple((kind, one.size, one.pose) for kind, one in zip(kinds, found, strict=True))
 
     def hulls(self, number: int) -> list[ConvexSolid]:
-        """The convex shapes of a solid link, in the link's frame."""
+        """Return the convex shapes of a solid link, in the link's frame."""
         if number in self._hulls:
             return self._hulls[number]
         index = self.solid[number]
@@ -386,13 +361,13 @@ class Robot:
         return self._hulls[number]
 
     def points(self, numbers: Sequence[int]) -> list[Array]:
-        """Points (n, 3) in the map that span what solid links surely fill; round shapes have points all around."""
+        """Return points (n, 3) in the map that span what solid links surely fill, all around round shapes."""
         frames = self.frames()[list(numbers)]
         turns = rotations(frames[:, 3:])
         return [rotated(turn, self._spanning(k)) + at[:3] for k, turn, at in zip(numbers, turns, frames, strict=True)]
 
     def _spanning(self, number: int) -> Array:
-        """The points of one link in its own frame."""
+        """Return the points of one link in its own frame."""
         if number not in self._points:
             found = []
             for one in self.hulls(number):
@@ -402,11 +377,11 @@ class Robot:
         return self._points[number]
 
     def hand_links(self, link: str) -> frozenset[str]:
-        """Names of the solid links of the hand at a link."""
+        """Return the names of the solid links of the hand at a link."""
         return frozenset(self.solid_names[number] for number in self.hand_of(link))
 
     def hand_radius(self, link: str, axis: tuple[float, float, float]) -> float:
-        """How far the hand at a link extends around an axis through the link's frame, in its present posture [m]."""
+        """Return how far the hand at a link extends around an axis through the link's frame, as it is now [m]."""
         lower, upper = self.boxes_of(sorted(self.hand_of(link)))
         points = np.array([np.where(side, lower, upper) for side in np.ndindex(2, 2, 2)]).reshape(-1, 3)
         pose = self.link_pose(link)
@@ -415,7 +390,7 @@ class Robot:
         return float(np.linalg.norm(across, axis=1).max())
 
     def hand_corners(self, link: str) -> Array:
-        """Corners (n, 3) [m] of boxes around the pieces of the hand at a link, in its frame, in the present posture."""
+        """Return the corners (n, 3) [m] of boxes around the pieces of the hand at a link, in its frame, as it is."""
         back = self.link_pose(link).inverse()
         found = [np.zeros((0, 3))]
         for number in sorted(self.hand_of(link)):
@@ -425,35 +400,23 @@ class Robot:
         return np.concatenate(found)
 
     def near_pairs(self, pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-        """Those pairs whose boxes overlap."""
+        """Return those pairs whose boxes overlap."""
         lower, upper = self.boxes()
         first, second = np.array(pairs, np.intp).reshape(-1, 2).T
         near = np.all((lower[first] <= upper[second]) & (upper[first] >= lower[second]), axis=1)
         return [pairs[k] for k in np.flatnonzero(near).tolist()]
 
     def depth_between(self, a: int, b: int) -> float:
-        """Penetration of two solid links [m], 0 when they are apart."""
+        """Return the penetration of two solid links [m], 0 when they are apart."""
         points = bullet.getClosestPoints(
             self.uid, self.uid, WITHIN, self.solid[a], self.solid[b], physicsClientId=self.client
         )
         return max((-point[8] for point in points), default=0.0)
 
     def depth_with(self, number: int, uid: int) -> float:
-        """Penetration of a solid link and a piece [m], 0 when they are apart."""
+        """Return the penetration of a solid link and a piece [m], 0 when they are apart."""
         points = bullet.getClosestPoints(self.uid, uid, 0.0, self.solid[number], -1, physicsClientId=self.client)
         return max((-point[8] for point in points), default=0.0)
-
-
-def _support(kind: int, size: Sequence[float]) -> tuple[Array | None, float]:
-    """Points (n, 3) in a primitive's frame and a radius: the spheres around them enclose it; None for a mesh."""
-    match kind:
-        case bullet.GEOM_BOX:
-            return np.array([np.where(side, size, np.negative(size)) / 2 for side in np.ndindex(2, 2, 2)]), 0.0
-        case bullet.GEOM_SPHERE:
-            return np.zeros((1, 3)), size[0]
-        case bullet.GEOM_CYLINDER | bullet.GEOM_CAPSULE:
-            return np.array([[0.0, 0.0, size[0] / 2], [0.0, 0.0, -size[0] / 2]]), size[1]
-    return None, 0.0
 
 
 def _text(name: bytes) -> str:
@@ -461,7 +424,7 @@ def _text(name: bytes) -> str:
 
 
 def _solids_of(client: int, uid: int, index: int, at: Pose) -> list[ConvexSolid]:
-    """The shapes of a link whose frame of mass is at a pose."""
+    """Return the shapes of a link whose frame of mass is at a pose."""
     shapes = bullet.getCollisionShapeData(uid, index, physicsClientId=client)
     found = []
     for shape in shapes:

@@ -82,14 +82,14 @@ class Scene:
             raise ValueError(f"bodies of a scene have names of their own, these occur twice: {', '.join(twice)}")
 
     def body(self, name: str) -> Body:
-        """The body of that name; ``KeyError`` lists the names there are."""
+        """Return the body of that name; ``KeyError`` lists the names there are."""
         for body in self.bodies:
             if body.name == name:
                 return body
         raise KeyError(f"no body {name!r} in the scene; there are {', '.join(body.name for body in self.bodies)}")
 
     def with_poses(self, poses: Mapping[str, Pose]) -> Scene:
-        """The same scene with some bodies elsewhere."""
+        """Return the same scene with some bodies elsewhere."""
         return replace(self, bodies=tuple(replace(body, pose=poses.get(body.name, body.pose)) for body in self.bodies))
 
 

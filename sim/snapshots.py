@@ -21,21 +21,25 @@ from sim.playback import Playback
 from sim.robot import Robot
 
 JSON = dict[str, Any]
+FARTHEST = 1e4
+"""Greatest coordinate [m], angle [rad] or speed [m/s] that is believed: ten kilometres, farther than any map goes."""
+UNIT = 1e-3
+"""How far the length of a quaternion may be from 1: a pose that was written comes back to the last digit."""
 
 
 def configuration(now: Configuration) -> JSON:
-    """Where the robot is."""
+    """Return where the robot is."""
     return {"base": list(now.base), "joints": dict(now.joints)}
 
 
 def configuration_of(state: Mapping[str, Any]) -> Configuration:
-    """The inverse of :func:`configuration`; raises ValueError."""
+    """Return the inverse of :func:`configuration`; raises ValueError."""
     x, y, yaw = _numbers(state["base"], 3)
     return Configuration((x, y, yaw), {str(name): _numbers([value], 1)[0] for name, value in state["joints"].items()})
 
 
 def bodies(all_: Bodies, held: Mapping[str, Held]) -> JSON:
-    """Where bodies are that are neither held nor where the scene has them, and which were removed."""
+    """Return where bodies are that are neither held nor where the scene has them, and which were removed."""
     moved = {
         name: pose_json(pose)
         for name, pose in all_.poses.items()
@@ -56,7 +60,7 @@ def restore_bodies(all_: Bodies, state: Mapping[str, Any]) -> None:
 
 
 def held(all_: Mapping[str, Held]) -> JSON:
-    """What is in the robot's hands, in the order of grasping."""
+    """Return what is in the robot's hands, in the order of grasping."""
     return {name: [one.link, pose_json(one.offset), sorted(one.touched)] for name, one in all_.items()}
 
 
@@ -71,7 +75,7 @@ def restore_held(all_: dict[str, Held], robot: Robot, known: Bodies, state: Mapp
 
 
 def falling(all_: Falling) -> JSON:
-    """What is on its way down: speed [m/s] and where it will rest."""
+    """Return what is on its way down: speed [m/s] and where it will rest."""
     return {name: [speed, pose_json(rest)] for name, (speed, rest) in all_.on_the_way.items()}
 
 
@@ -111,18 +115,20 @@ def restore_people(all_: People, state: Mapping[str, Any]) -> None:
 
 
 def at_rest() -> Playback:
-    """A motion that is over: groups keep their order, in which motions are played."""
+    """Return a motion that is over: groups keep their order, in which motions are played."""
     return Playback(Trajectory((), np.zeros((1, 0))), [], grip=False)
 
 
 def pose_json(pose: Pose) -> list[float]:
-    """Position and quaternion, seven numbers."""
+    """Return the position and quaternion, seven numbers."""
     return [*pose.position, *pose.orientation]
 
 
 def pose_of(state: object) -> Pose:
-    """The inverse of :func:`pose_json`; raises ValueError."""
+    """Return the inverse of :func:`pose_json`; raises ValueError."""
     x, y, z, a, b, c, d = _numbers(state, 7)
+    if abs(math.hypot(a, b, c, d) - 1.0) > UNIT:
+        raise ValueError(f"a unit quaternion is expected, not {[a, b, c, d]!r}")
     return Pose((x, y, z), (a, b, c, d))
 
 
@@ -131,6 +137,8 @@ def _numbers(state: object, count: int) -> list[float]:
         raise ValueError(f"{count} numbers are expected, not {state!r}")
     if not all(type(value) in (int, float) and math.isfinite(value) for value in state):
         raise ValueError(f"finite numbers are expected, not {state!r}")
+    if any(abs(value) > FARTHEST for value in state):
+        raise ValueError(f"numbers up to {FARTHEST:g} are expected, not {state!r}")
     return state
 
 

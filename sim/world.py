@@ -81,26 +81,26 @@ class PyBulletWorld(KinematicScene):
             self._falling.begin(name)
 
     def falling(self, name: str) -> bool:
-        """Whether a body is on its way down."""
+        """Return whether a body is on its way down."""
         return name in self._falling.on_the_way
 
     def taken(self, name: str) -> str | None:
-        """The person who has taken a body, None if nobody has."""
+        """Return the person who has taken a body, None if nobody has."""
         return self._people.holder(name)
 
     def hand(self, name: str, side: str = "right") -> tuple[float, float, float]:
-        """Where a person's palm is, in the map."""
+        """Return where a person's palm is, in the map."""
         x, y, z = self._people.hand(name, 0 if side == "right" else 1).tolist()
         return (x, y, z)
 
     def between_fingers(self, fingers: str | Collection[str]) -> str | None:
-        """The body between the fingers of a hand (its link, or the finger links), each within 1 cm of it."""
+        """Return the body between the fingers of a hand (its link, or the finger links), each within 1 cm of it."""
         links = self.robot.body.hands[fingers] if isinstance(fingers, str) else fingers
         self._here()
         return self._contacts.between(links)
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
-        """What the camera at a link sees in its picture, in the order of the scene."""
+        """Return what the camera at a link sees in its picture, in the order of the scene."""
         self._here()
         return self._camera.detect(self._optics(), self.robot.link_pose(camera_link))
 
@@ -124,18 +124,20 @@ class PyBulletWorld(KinematicScene):
             steps, groups = int(state["step"]), [str(group) for group in state["groups"]]
         except (KeyError, TypeError, OverflowError) as problem:
             raise ValueError(f"the state of the world is damaged: {problem!r}") from None
+        if steps < 0:
+            raise ValueError(f"the state of the world is damaged: it is {steps} steps old")
         super().restore_state(state)
         self._motions = {group: snapshots.at_rest() for group in groups}
         self.steps = steps
 
 
 def held_by(world: PyBulletWorld, name: str) -> str | None:
-    """Who holds a body: "robot" as long as it does, else the person who has taken it, else None."""
+    """Return who holds a body: "robot" as long as it does, else the person who has taken it, else None."""
     return ROBOT if name in world.attached() else world.taken(name)
 
 
 def at_rest_on(world: PyBulletWorld, name: str) -> str | None:
-    """The body that a body stands on; None while it is held, falls, or has nothing below it within 5 mm."""
+    """Return the body that a body stands on; None while it is held, falls, or has nothing below it within 5 mm."""
     if held_by(world, name) or world.falling(name):
         return None
     return world.support(name) if world.height_above_support(name) <= _RESTS else None

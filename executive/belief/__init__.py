@@ -5,9 +5,7 @@ into bodies (``support`` says what stands on what, ``start`` where the robot beg
 """
 
 from executive.belief.belief import Belief, Grip
-from executive.belief.scene import scene_of
+from executive.belief.scene import default_starts, scene_of, support_of
 from executive.belief.semantic_map import MapObject, SemanticMap, read_map
-from executive.belief.start import default_starts
-from executive.belief.support import support_of
 
 __all__ = ["Belief", "Grip", "MapObject", "SemanticMap", "default_starts", "read_map", "scene_of", "support_of"]

@@ -1,19 +1,65 @@
-"""The world of a map: every thing with a place becomes a body of the simulator."""
+"""The scene of a map: every thing with a pose becomes a body; what stands on what; where a robot can start."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.belief.semantic_map import MapObject, SemanticMap
-from executive.belief.support import PENETRATION, footprint, holds, support_of
 from planlang.diagnostics import Diagnostic, note, warning
-from planlang.geometry import Pose
+from planlang.geometry import Array, Pose
 from planlang.geometry.box import corners
+from planlang.geometry.outline import inside, outline_of
 from planlang.ontology import expand, shorten
 from sim import Body, Scene
 from sim.scene import GRASPABLE_WIDTH, BodyShape
+
+PENETRATION = 0.02
+"""How far a thing may sink into what it stands on [m]."""
+
+GAP = 0.03
+"""How far it may hover above it [m]; the cameras that made real maps were not better."""
+
+FLOOR = "floor"
+"""What stands on no body but on the ground."""
+
+
+def footprint(body: Body, pose: Pose | None = None) -> Array:
+    """Convex outline of the body seen from above, counter-clockwise, (n, 2) [m]."""
+    return outline_of(corners(pose or body.pose, body.size)[:, :2])
+
+
+def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None) -> str | None:
+    """Name of the body that a body stands on, :data:`FLOOR`, or None when there is nothing below it.
+
+    The support is the highest top within :data:`PENETRATION` above and :data:`GAP` below the body's lowest point, under
+    the body's centre. ``poses`` replace those of the scene.
+    """
+    poses = poses or {}
+    body = scene.body(name)
+    pose = poses.get(name, body.pose)
+    low = float(corners(pose, body.size)[:, 2].min())
+    best: tuple[float, str] | None = (0.0, FLOOR) if -PENETRATION <= low <= GAP else None
+    for other in scene.bodies:
+        if other.name == name or other.shape in (BodyShape.MARKER, BodyShape.ROOM):
+            continue
+        place = poses.get(other.name, other.pose)
+        top = float(corners(place, other.size)[:, 2].max())
+        if top - PENETRATION <= low <= top + GAP and inside(footprint(other, place), pose.position):
+            best = max(best, (top, other.name)) if best else (top, other.name)
+    return best[1] if best else None
+
+
+def holds(container: Body, body: Body) -> bool:
+    """Whether the centre of a body lies inside the box of another, below its top."""
+    if container.shape in (BodyShape.MARKER, BodyShape.ROOM, BodyShape.PERSON):
+        return False
+    local = container.pose.inverse() @ body.pose
+    half = np.asarray(container.size) / 2
+    return bool(np.all(np.abs(np.asarray(local.position)) < half))
+
 
 ROUND = ("DrinkingVessel", "Bottle", "Vase", "Can", "Jar-Container", "DrinkingCan", "CookingVessel")
 """Classes of things that are cylinders about their z axis."""
@@ -141,3 +187,76 @@ def _bounds(bodies: Iterable[Body]) -> tuple[float, float, float, float]:
     margin = 0.0 if rooms else MARGIN
     low, high = np.vstack(points).min(axis=0) - margin, np.vstack(points).max(axis=0) + margin
     return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+
+GRIDS = ((10.0, 0.05), (50.0, 0.25), (1000.0, 5.0))
+"""How far from the centre places are looked for, and how far apart they are [m]; coarser only when there is none."""
+
+CLEARANCE = 0.1
+"""Free distance around the robot's radius [m]."""
+
+BLOCK = 500
+"""Places that are looked at in one go."""
+
+HEADROOM = 2.0
+"""Bodies above this height are driven under [m]."""
+
+
+def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, float]]:
+    """Free poses (x, y, yaw 0), those nearest the centre of the room, or of all things without one, first.
+
+    Free: a disc of ``radius`` and :data:`CLEARANCE` [m] touches no body and lies within the room. Of equally near
+    places the one with the smallest x, then y is the first. A coarser grid is looked at only when a finer has none.
+    """
+    rooms = [body for body in scene.bodies if body.shape is BodyShape.ROOM]
+    x_min, y_min, x_max, y_max = scene.bounds
+    centre = np.array(rooms[0].pose.position[:2] if rooms else ((x_min + x_max) / 2, (y_min + y_max) / 2))
+    inner = [footprint(room) for room in rooms]
+    outer = [
+        footprint(body)
+        for body in scene.bodies
+        if body.shape not in (BodyShape.MARKER, BodyShape.ROOM) and corners(body.pose, body.size)[:, 2].min() < HEADROOM
+    ]
+    found = False
+    for reach, spacing in GRIDS:
+        points = _grid(centre, min(reach, max(x_max - x_min, y_max - y_min)), spacing)
+        points = points[np.all((points >= (x_min, y_min)) & (points <= (x_max, y_max)), axis=1)]
+        for first in range(0, len(points), BLOCK):
+            block = points[first : first + BLOCK]
+            free = block[_free(block, inner, outer, radius + CLEARANCE)]
+            found = found or len(free) > 0
+            yield from ((x + 0.0, y + 0.0, 0.0) for x, y in free.tolist())
+        if found:
+            return
+
+
+def _grid(centre: Array, reach: float, spacing: float) -> Array:
+    """Points (n, 2) up to ``reach`` from the centre along each axis, the nearest first, then by x, then by y."""
+    steps = int(np.ceil(reach / spacing))
+    axis = spacing * np.arange(-steps, steps + 1)
+    offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    order = np.lexsort((offsets[:, 1], offsets[:, 0], np.hypot(*offsets.T).round(6)))
+    points: Array = (offsets[order] + centre).round(6)
+    return points
+
+
+def _free(points: Array, rooms: Sequence[Array], bodies: Sequence[Array], keep: float) -> NDArray[np.bool_]:
+    """Which of (m, 2) points keep a distance [m] from the outlines of all bodies and from the edges of a room, (m,)."""
+    free = np.ones(len(points), bool)
+    if rooms:
+        free &= np.any([_signed_distance(room, points) <= -keep for room in rooms], axis=0)
+    for body in bodies:
+        free &= _signed_distance(body, points) >= keep
+    return free
+
+
+def _signed_distance(polygon: Array, points: Array) -> Array:
+    """Distance of (m, 2) points to a counter-clockwise convex polygon (n, 2), negative inside, (m,)."""
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    lengths = np.maximum(np.linalg.norm(edges, axis=1), 1e-12)
+    arrows = points[:, None] - polygon[None]
+    along = np.clip(np.einsum("mnk,nk->mn", arrows, edges) / lengths**2, 0.0, 1.0)
+    away = np.linalg.norm(arrows - along[..., None] * edges, axis=2).min(axis=1)
+    side = (edges[:, 0] * arrows[..., 1] - edges[:, 1] * arrows[..., 0]) / lengths
+    signed: Array = np.where(np.all(side >= 0, axis=1), -away, away)
+    return signed

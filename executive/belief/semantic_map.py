@@ -1,21 +1,21 @@
-"""Semantic maps: things with their classes, poses, sizes and how they hang together, read from an ontology."""
+"""Semantic maps: things with their classes, poses, sizes and parts, read from an ontology; the bundled ones."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from executive.belief.numbers import stated
-from executive.belief.sizes import EXTENTS, TRIPLES, Size, read_size
-from executive.belief.transforms import read_transform
+from executive.belief.stated_values import EXTENTS, TRIPLES, Size, read_size, read_transform, stated
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
-from planlang.ontology import Literal, Ontology, expand
+from planlang.ontology import Literal, Ontology, expand, load
+from planlang.resources import Bundled
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,3 +221,38 @@ class _Poses:
             self.found.append(note("M011", message, triple.span))
             return float("-inf")
         return float(number.group(1))
+
+
+DEFAULT_ENVIRONMENT = "hospital_room"
+"""The environment in which bundled recipes are run without ``--environment``."""
+
+
+def environments_with(things: Iterable[str]) -> tuple[str, ...]:
+    """Return the bundled environments in which all these things (local names or IRIs) have a pose, sorted."""
+    wanted = tuple(things)
+    return tuple(name for name in Bundled.ENVIRONMENT.names() if all(_has(_map(name), thing) for thing in wanted))
+
+
+def default_environment(things: Iterable[str], notes: list[Diagnostic]) -> str:
+    """Return the bundled environment for a run of a bundled recipe with these things.
+
+    The default is replaced, with a note, if only one environment contains the named objects.
+    """
+    wanted = tuple(things)
+    fitting = environments_with(wanted) if wanted else ()
+    if len(fitting) != 1 or fitting[0] == DEFAULT_ENVIRONMENT:
+        return DEFAULT_ENVIRONMENT
+    lacking = ", ".join(thing for thing in wanted if not _has(_map(DEFAULT_ENVIRONMENT), thing))
+    message = f"the environment {fitting[0]} is chosen, as {DEFAULT_ENVIRONMENT} has no {lacking}"
+    notes.append(note("X010", message, help="--environment names one"))
+    return fitting[0]
+
+
+@cache
+def _map(name: str) -> SemanticMap:
+    return read_map(load(Bundled.ENVIRONMENT.find(name)))
+
+
+def _has(semantic_map: SemanticMap, name: str) -> bool:
+    thing = semantic_map.find(name)
+    return thing is not None and thing.pose is not None

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from executive.cli.arguments import RecipeArguments, RecipeOrPlan, taking
+from executive.cli.arguments import PlanFile, RecipeArguments, RecipeFile, RecipeOrPlan, read, read_recipe_file, taking
 from executive.cli.console import Answer, ExitCode, answer
-from executive.cli.inputs import PlanFile, RecipeFile, read, read_recipe_file
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
 from planlang.outputs import check_outputs, replace
 from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES, PlanHeader, header

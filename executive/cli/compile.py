@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from executive.cli.arguments import Recipe, RecipeArguments, VerboseArguments, refuse, taking
+from executive.cli.arguments import Recipe, RecipeArguments, VerboseArguments, read_recipe_file, refuse, taking
 from executive.cli.console import Answer, answer
-from executive.cli.inputs import read_recipe_file
 from planlang.diagnostics import Diagnostic, error
 from planlang.outputs import check_outputs, write_plan, write_text
 

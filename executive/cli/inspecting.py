@@ -61,8 +61,8 @@ def _inspected(
         found = {**reachability_maps(model, robot.torso, kept)}
         maps[model.name] = {grasp: found.get(grasp) or built[model.name, grasp] for grasp in GraspClass}
     if record is not None:
-        from executive.pictures.reach_recording import save_reach_recording
-        from executive.pictures.shapes import drawn_in
+        from executive.pictures.reach_picture import save_reach_recording
+        from executive.pictures.recording import drawn_in
 
         drawn = drawn_in(world, robot.urdf)
         replace(record, lambda path: save_reach_recording(path, drawn, models, maps))

@@ -25,7 +25,7 @@ from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnr
 from planlang.ontology import expand, load, shorten
 from planlang.outputs import replace as write_complete
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
-from planlang.phrases.words import GRASP_FORMS
+from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.relations import RELATIONS
 from sim import PyBulletWorld
 
@@ -265,8 +265,7 @@ def _resolved(
         lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in counts.items())}")
     if options.explain is not None:
         from executive.pictures.explanation import save_picture
-        from executive.pictures.floor_plan import Resolution
-        from executive.pictures.scenery import scenery_of
+        from executive.pictures.floor_plan import Resolution, scenery_of
 
         bases = [(place["x"], place["y"], place["yaw"]) for _, place in places]
         arms = [place.get("arm", "") for _, place in places]

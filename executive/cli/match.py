@@ -10,9 +10,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from executive.cli.arguments import Recipe, Robot, TaskArguments, Urdf, check_files, chosen, refuse, taking
+from executive.cli.arguments import (
+    Recipe,
+    Robot,
+    TaskArguments,
+    Urdf,
+    check_files,
+    chosen,
+    read_recipe_file,
+    refuse,
+    taking,
+)
 from executive.cli.console import Answer, ExitCode, answer
-from executive.cli.inputs import read_recipe_file
 from planlang.diagnostics import BadInput, Diagnostic, has_errors, note
 from planlang.resources import Bundled
 
@@ -60,7 +69,7 @@ def _matched(arguments: MatchArguments) -> Answer:
     """Compare, and explain; a robot without URDF is judged by its self-model alone."""
     from executive.robots import Semantics, match
     from executive.robots.matching import Judge
-    from executive.robots.remedies import with_remedies
+    from executive.robots.tasks import with_remedies
     from planlang.ontology import load
     from planlang.recipe import Actions, read_recipe
 
@@ -93,8 +102,7 @@ def _matched(arguments: MatchArguments) -> Answer:
 def _possessions(robot: Path, urdf: Path | None, folders: Sequence[Path], found: list[Diagnostic]) -> Possessions:
     from executive.robots import bind_robot, possessions_of
     from executive.robots.matching import Possessions
-    from executive.robots.parts import claims_of, parts_of
-    from executive.robots.self_model import read_self_model
+    from executive.robots.self_model import claims_of, parts_of, read_self_model
     from planlang.ontology import load
 
     try:

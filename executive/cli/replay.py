@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from executive.cli.arguments import Modules, RecipeArguments, check_files, refuse, taking
+from executive.cli.arguments import Modules, PlanFile, RecipeArguments, RecipeFile, check_files, read, refuse, taking
 from executive.cli.console import Answer, ExitCode, answer
-from executive.cli.inputs import PlanFile, RecipeFile, read
 from planlang.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ def replay_command(arguments: ReplayArguments) -> None:
 
 def _replayed(arguments: ReplayArguments) -> Answer:
     from executive.runs.plan_run import Run, RunOptions
-    from executive.runs.recorded_runs import read_trace
+    from executive.runs.traces import read_trace
 
     problems: list[Diagnostic] = []
     check_files(problems, modules=arguments.modules)

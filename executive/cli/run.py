@@ -15,7 +15,9 @@ import typer
 from executive.cli.arguments import (
     Environment,
     Modules,
+    PlanFile,
     RecipeArguments,
+    RecipeFile,
     Robot,
     Start,
     Urdf,
@@ -23,11 +25,11 @@ from executive.cli.arguments import (
     check_files,
     chosen,
     planar,
+    read,
     refuse,
     taking,
 )
 from executive.cli.console import Answer, ExitCode, answer, say, show, silent
-from executive.cli.inputs import PlanFile, RecipeFile, read
 from planlang.diagnostics import Diagnostic, error
 from planlang.outputs import check_outputs
 from planlang.resources import Bundled
@@ -99,8 +101,8 @@ def run_command(arguments: RunArguments) -> None:
 
 
 def _run(arguments: RunArguments, start: tuple[float, float, float] | None, bindings: dict[str, str]) -> Answer:
-    from executive.belief.environments import DEFAULT, default_environment
-    from executive.runs.recorded_runs import TraceHeader, read_trace
+    from executive.belief.semantic_map import DEFAULT_ENVIRONMENT, default_environment
+    from executive.runs.traces import TraceHeader, read_trace
 
     recorded, header = None, TraceHeader()
     if arguments.resume is not None:
@@ -116,7 +118,9 @@ def _run(arguments: RunArguments, start: tuple[float, float, float] | None, bind
     environment = arguments.environment or header.environment
     if environment is None and is_bundled:
         environment = default_environment(bindings.values(), notes)
-    semantic_map = chosen(Bundled.ENVIRONMENT, environment, DEFAULT if is_bundled else None, problems, needs=_NEEDS)
+    semantic_map = chosen(
+        Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
+    )
     trace = arguments.trace or arguments.resume
     outputs = {"--picture": arguments.picture, "--trace": trace, "--record": arguments.record}
     inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}

@@ -9,10 +9,7 @@ import numpy as np
 
 from executive.locations import Resolver
 from executive.modules.arms import Arms
-from executive.modules.control import Control
-from executive.modules.drive import Drive
-from executive.modules.hands import Hands
-from executive.modules.sensing import Sensing
+from executive.modules.control import Control, Drive, Hands, Sensing
 
 
 @dataclass

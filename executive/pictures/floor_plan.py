@@ -1,17 +1,26 @@
-"""A room from above with what a resolution looked at: one view of it, in a box of a sheet."""
+"""A room from above with the candidates of a location: one view of it, in a box of a sheet."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from executive.belief.free_floor import BasePose
+from executive.belief.planning_scene import PlanningScene
+from executive.locations.areas import Facing
+from executive.locations.demands import base_demand, thing_demand
 from executive.locations.rejections import Validated
 from executive.pictures.drawing import FAINT, FINE, INK, PAPER, Colour, Sheet, blended, font
+from planlang.designators import Location
+from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
+from planlang.geometry.box import corners
+from planlang.geometry.outline import outline_of
+from sim.scene import BodyShape
 
 Bounds = tuple[float, float, float, float]
 """x_min, y_min, x_max, y_max [m]."""
@@ -248,3 +257,56 @@ class FloorPlan:
         """A corner of the box around a body in the picture: 0 upper left, 1 lower right."""
         low, high = body.polygon.min(axis=0), body.polygon.max(axis=0)
         return self._at(float(low[0] + share * (high[0] - low[0])), float(high[1] - share * (high[1] - low[1])))
+
+
+def scenery_of(
+    scene: PlanningScene, location: Location, meant: Collection[str], placed_thing: str | None = None
+) -> Scenery:
+    """The room as it is believed; places are as large as the base, or as a thing that is placed."""
+    world = scene.world
+    bodies = []
+    tops = {name: float(corners(world.pose(name), world.scene.body(name).size)[:, 2].max()) for name in world.names()}
+    for name in sorted(tops, key=lambda name: tops[name]):  # what is on top is drawn last
+        body = world.scene.body(name)
+        if body.shape is BodyShape.ROOM or name in world.attached():
+            continue
+        if body.shape is BodyShape.CYLINDER:
+            block = scene.bodies.block(name)
+            turns = np.arange(32) * 2 * np.pi / 32
+            circle = np.column_stack([block.half_x * np.cos(turns), block.half_y * np.sin(turns)])
+            points = block.to_map(circle)
+        else:
+            points = outline_of(corners(world.pose(name), body.size)[:, :2])
+        kind = (
+            "meant"
+            if name in meant
+            else body.shape.value
+            if body.shape in (BodyShape.PERSON, BodyShape.MARKER)
+            else "solid"
+        )
+        facing = scene.bodies.front(name) if body.shape is BodyShape.PERSON else None
+        bodies.append(Outline(name, points, kind, facing))
+    robot = scene.base_radius
+    size = robot if placed_thing is None else max(world.size(placed_thing)[:2]) / 2
+    regions = list(_regions(scene, location, placed_thing))
+    on_floor = placed_thing is None
+    return Scenery(world.scene.bounds, bodies, size, scene.base(), robot, regions, on_floor)
+
+
+def _regions(scene: PlanningScene, location: Location, placed_thing: str | None) -> Iterator[Region]:
+    """Where each conjunct about the floor holds, for the base or for a thing."""
+    x, y, _ = scene.base()
+    try:
+        if placed_thing is None:
+            areas = base_demand(location, scene, (x, y)).areas
+        else:
+            areas = thing_demand(location, placed_thing, scene, (x, y)).areas
+    except LocationUnresolvable:
+        return
+    for area in areas:
+        if not isinstance(area, Facing):
+            yield Region(area.words.replace("not not ", ""), partial(_positive, area.score))
+
+
+def _positive(score: Callable[[Array], Array], points: Array) -> Array:
+    return np.asarray(score(points) > 0)

@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from executive.robots.mechanism import Mechanism
-from executive.robots.naming import Naming
+from executive.robots.mechanism import Mechanism, Naming
 from executive.robots.robot import Arm, Axis, Gripper, side_of
 from executive.robots.robot_file import ArmNumbers, GripperNumbers, RobotFile
 from executive.robots.self_model import Composition, SelfModel

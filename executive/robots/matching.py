@@ -10,10 +10,9 @@ from dataclasses import dataclass, field, replace
 
 from executive.robots.closed_world import ClosedWorld, compared
 from executive.robots.finding import NEEDED, Availability, Finding, FindingKind, together
-from executive.robots.parts import Part
 from executive.robots.requirements import Requirement, Semantics, requirements_of
 from executive.robots.robot import Robot
-from executive.robots.self_model import SelfModel
+from executive.robots.self_model import Part, SelfModel
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import Ontology, expand
@@ -25,7 +24,7 @@ _SHAPE = ("srdl2-comp:ArmComponent", "srdl2-comp:GripperComponent", "srdl2-comp:
           "srdl2-comp:Camera", "srdl2-comp:MobileBase")  # fmt: skip
 """What the shape of a robot shows, so that without self-model it is missing rather than unknown."""
 _BY_CAMERA = frozenset(map(expand, ("srdl2-comp:ObjectRecognitionComponent", "knowrob:ObjectRecognitionModel")))
-"""What comes with a camera (:func:`executive.robots.parts.inherent`), and so is missing without one."""
+"""What comes with a camera (:func:`executive.robots.self_model.inherent`), and so is missing without one."""
 
 
 @dataclass(frozen=True)

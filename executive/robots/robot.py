@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 
-from executive.robots.parts import Part
-from executive.robots.self_model import SelfModel
+from executive.robots.self_model import Part, SelfModel
 from planlang.designators import Device, Object, local_name
 from planlang.diagnostics import Diagnostic, Span
 from sim import CameraModel, RobotBody

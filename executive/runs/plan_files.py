@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import Any
 
 from executive.belief import MapObject, SemanticMap
-from executive.belief.environments import environments_with
+from executive.belief.semantic_map import environments_with
 from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.language.plans import Plan

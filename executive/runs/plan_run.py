@@ -27,9 +27,8 @@ from executive.runs.plan_files import (
     main_plan,
 )
 from executive.runs.plan_requirements import Requirements, assess, needs_of, required, required_of_plan
-from executive.runs.progress import ListenedTrace, lines_of
-from executive.runs.recorded_runs import check_same_run, past_of, recorded_parameters, sha256
 from executive.runs.robot_executive import RobotExecutive
+from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
@@ -275,8 +274,7 @@ class Run:
         recording = None
         world: PyBulletWorld | _FilmedWorld = truth
         if options.record is not None:
-            from executive.pictures.recording import Recording
-            from executive.pictures.shapes import drawn_in
+            from executive.pictures.recording import Recording, drawn_in
 
             drawn = drawn_in(truth, executive.platform.robot.urdf)
             recording = Recording(truth.rate, drawn, title=self.plan.name)

@@ -16,7 +16,7 @@ from executive.belief.free_floor import BasePose
 from executive.locations import HandSolution, Reach, ReachKind
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
-from executive.modules.arm_choice import ArmChoices
+from executive.modules.arms import ArmChoices
 from executive.modules.platform import Platform
 from executive.modules.registry import bundled_modules
 from executive.robots import CARRYING

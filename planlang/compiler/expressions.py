@@ -52,7 +52,7 @@ class Expressions:
         return self._described("action", term.type, term.properties)
 
     def value(self, value: Value) -> Expression:
-        """What fills a property."""
+        """Return the expression of a filler."""
         match value:
             case Thing():
                 return Text(self._symbols.thing(value))

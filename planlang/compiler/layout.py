@@ -39,7 +39,7 @@ class Sum:
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """What a mapping or a sequence holds: ``holder[key]``."""
+    """An item of a mapping or a sequence: ``holder[key]``."""
 
     holder: str
     key: str

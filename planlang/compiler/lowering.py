@@ -60,7 +60,7 @@ class Lowering:
 
     @property
     def recoveries(self) -> Mapping[tuple[str, str], tuple[str, ...]]:
-        """Of a step of a recipe (both IRIs) what is done when it fails, in words; known when there is a tree."""
+        """The recoveries of each step of a recipe (both IRIs), in words; known when there is a tree."""
         return self._steps.said
 
     def _function(self, recipe: Recipe) -> Function:
@@ -169,10 +169,10 @@ class Steps:
         self._roles = roles
         self.recoveries = Recoveries(actions)
         self._around: dict[str, tuple[Recover, ...]] = {}
-        """Of a recipe that stays where it is the recoveries of its steps that leave the place, one for each failure."""
+        """The recoveries that leave the place, one for each failure, of each recipe that does not move the base."""
 
         self.said: dict[tuple[str, str], tuple[str, ...]] = {}
-        """Of a step of a recipe (both IRIs) what is done when it fails, in words."""
+        """The recoveries of each step of a recipe (both IRIs), in words."""
 
     def node(self, recipe: Recipe, step: Step, holding: AbstractSet[str]) -> Node:
         """A step; it holds its resources if it is one of ``holding`` (IRIs)."""

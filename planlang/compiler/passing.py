@@ -1,4 +1,4 @@
-"""Where values and events of a plan function are known: what each piece of it has to hand on to the rest."""
+"""The values and events that each piece of a plan function has to hand on to the rest."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def inside(node: Node) -> tuple[Node, ...]:
 
 
 class Passing:
-    """Of each node of a function's body what it makes and uses. Nodes are told apart by identity."""
+    """The values that each node of a function's body makes and uses. Nodes are distinguished by identity."""
 
     def __init__(self, body: Series) -> None:
         self._made: dict[int, dict[str, None]] = {}

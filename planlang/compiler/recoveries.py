@@ -1,4 +1,4 @@
-"""Which recoveries surround a step, and where: around the step itself, or around its location scope."""
+"""The recoveries around a step, or around its location scope."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CURED = frozenset(failure.__name__ for failure in CURABLE)
 """Failures for which a location scope tries the next place; rules cannot choose them."""
 
 RAISED = (ObjectUnreachable.__name__, ObjectUndeliverable.__name__)
-"""What a location scope raises when there is no further place: nothing is held, or something is."""
+"""The failures that a location scope raises without a further place: if nothing is held, and if something is."""
 
 LATER = frozenset({"OpenWhatIsInTheWay", "PutDownAndRegrasp"})
 """Strategies of the vocabulary for which no function is registered so far."""
@@ -103,7 +103,7 @@ class Recoveries:
         return found
 
     def attempts_at_places(self, step: Step) -> int:
-        """How many places a scope tries that starts with this base motion: one if no rule speaks of the next."""
+        """Return how many places the scope of this base motion tries: one if no rule is about the next place."""
         attempts = [rule.attempts for _, rule in self._of(step.iri) if rule.strategy == NEXT_SOLUTION]
         return max(attempts, default=1)
 
@@ -137,7 +137,7 @@ class Recoveries:
         return tuple(found.values())
 
     def looked_at(self, step: Step) -> Thing | None:
-        """What a step looks at before it acts: the object that it handles, or who is to receive what it lets go of."""
+        """Return the thing that a step looks at before it acts: the object that it handles, or the recipient."""
         primitive = self._primitives[step.primitive] if step.primitive is not None else None
         if primitive is not None and primitive.releases:
             return next((filler for filler in step.fillers("recipient") if isinstance(filler, Thing)), None)

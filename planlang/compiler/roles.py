@@ -1,4 +1,4 @@
-"""Which steps hold resources for as long as they last.
+"""The steps that hold resources for as long as they last.
 
 A resource is a role: base, torso, arm, gripper, head. A step with a recipe holds the roles of all its primitives from
 its first to its last one where it is unordered with a step that shares a role with it; that one waits, and so holds

@@ -23,7 +23,7 @@ from planlang.recipe.order.decomposition import Part, Prime, Serial, decomposed
 from planlang.recipe.order.graph import Precedence
 
 MOST_NESTED = 3
-"""How deep constructs stand in each other: what is nested deeper is one partial order, which says the same."""
+"""Greatest depth of nested constructs, for readers: deeper ones become one partial order, which means the same."""
 
 LONGEST_NAME = 50
 """Characters in the name of a branch of several steps."""

@@ -1,4 +1,4 @@
-"""What steps are about, in terms of plan functions: parameters, arguments of calls, devices, places."""
+"""The things that steps are about, in terms of plan functions: parameters, arguments of calls, devices, places."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Renaming = dict[Thing, Thing]
 """Parameter of a called function -> thing of its caller."""
 
 HandUse = tuple[PlaceUse | Thing, Thing | None]
-"""Where a hand goes, and the device it goes with, if that is known."""
+"""A goal of a hand, and the device that it reaches with, if that is known."""
 
 SEEN = "detectedObject"
 """The property of a condition that names what has to be seen."""
@@ -95,7 +95,7 @@ class Terms:
         return not self._actions.has_primitive_ancestor(step.iri) and not self._actions.is_any(step.action_class)
 
     def renaming(self, caller: Recipe, step: Step, callee: str) -> Renaming:
-        """What a call passes for each parameter of the called function.
+        """Return the thing that a call passes for each parameter of the called function.
 
         An individual stands for itself. Any of a class takes the caller's filler of the same property if there is
         just one and its class is below; else it stands for itself, too.
@@ -154,7 +154,7 @@ class Terms:
         return thing
 
     def place(self, recipe: Recipe, step: Step, place: Place) -> PlaceUse | Passed:
-        """Where a base motion goes, or what an earlier step has handed on for it."""
+        """Return the goal of a base motion, or the result of an earlier step that stands for it."""
         producer = self.passed(recipe, step, "toLocation", place)
         return Passed(producer, self.use(place)) if producer is not None else self.use(place)
 
@@ -212,7 +212,7 @@ class Terms:
         return self._devices.get(recipe.iri)
 
     def hand_uses(self, recipe: Recipe, steps: Iterable[Step]) -> Iterator[HandUse]:
-        """Where the hand goes in some steps and in the recipes that they call, each once for a step."""
+        """Yield the goals of the hand in some steps and in the recipes that they call, each once for a step."""
         for step in steps:
             for goal in self._actions.hand_goals(step):
                 yield goal if isinstance(goal, Thing) else self.use(goal), self.device(recipe, step)
@@ -275,7 +275,7 @@ class Terms:
 
 
 def renamed(where: PlaceUse | Thing, renaming: Renaming) -> PlaceUse | Thing:
-    """What a called function names, in terms of its caller."""
+    """Return a place or thing of a called function in terms of its caller."""
     if isinstance(where, Thing):
         return renaming.get(where, where)
     return PlaceUse(where.place, tuple(renaming.get(thing, thing) for thing in where.arguments))

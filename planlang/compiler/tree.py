@@ -26,7 +26,7 @@ class Described:
 
 @dataclass(frozen=True, slots=True)
 class Passed:
-    """What an earlier step (IRI) handed on, or ``otherwise`` if its result is not of that kind."""
+    """The result of an earlier step (IRI), or ``otherwise`` if that is not of the right kind."""
 
     producer: str
     otherwise: Thing | PlaceUse | Name | str | int | float | bool
@@ -34,14 +34,14 @@ class Passed:
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """What the states of a machine have made last under a name, or ``otherwise`` if it is not of that kind."""
+    """The last value that states have made under a name, or ``otherwise`` if it is not of the right kind."""
 
     name: str
     otherwise: Thing | PlaceUse | Name | str | int | float | bool
 
 
 Value = Thing | PlaceUse | Described | Passed | Kept | Name | str | int | float | bool
-"""What fills a property of an action in a plan."""
+"""A filler of a property of an action in a plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +191,7 @@ class Gate:
     closes: tuple[Event | tuple[Event, ...], ...]
     """After the body, likewise."""
     said: str = ""
-    """What the recipe says about how the step overlaps others, in words."""
+    """The overlaps of the step with others, in words."""
 
 
 @dataclass(frozen=True, slots=True)

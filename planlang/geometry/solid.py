@@ -42,13 +42,13 @@ class ConvexSolid:
 def convex_solid(kind: SolidKind, size: Size, pose: Pose) -> ConvexSolid:
     """Return a primitive of some extents at a pose; the height of a capsule is without its caps."""
     x, y, z = size
-    if kind is SolidKind.BOX:
+    if kind == SolidKind.BOX:
         points = np.array([np.where(side, size, np.negative(size)) / 2 for side in np.ndindex(2, 2, 2)])
-    elif kind is SolidKind.SPHERE:
+    elif kind == SolidKind.SPHERE:
         points = np.zeros((1, 3))
     else:
-        points = _round(max(x, y) / 2, z, capped=kind is SolidKind.CAPSULE)
-    if kind is SolidKind.SPHERE:
+        points = _round(max(x, y) / 2, z, capped=kind == SolidKind.CAPSULE)
+    if kind == SolidKind.SPHERE:
         return ConvexSolid(kind, size, pose, points, radius=max(x, y) / 2)
     share = {SolidKind.BOX: 0.0, SolidKind.CYLINDER: 1.0 - np.cos(np.pi / AROUND)}.get(
         kind, 1.0 - np.cos(np.pi / AROUND) ** 2
@@ -57,7 +57,7 @@ def convex_solid(kind: SolidKind, size: Size, pose: Pose) -> ConvexSolid:
 
 
 def _round(radius: float, height: float, *, capped: bool) -> Array:
-    """Points on the rims of a cylinder along z, and on half balls at its ends."""
+    """Return points on the rims of a cylinder along z, and on half balls at its ends."""
     turns = np.arange(AROUND) * 2 * np.pi / AROUND
     ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     tilts = np.arange(AROUND // 4 + 1 if capped else 1) * 2 * np.pi / AROUND

@@ -164,7 +164,7 @@ def joints_between(joints: Iterable[Joint], base_link: str, tip_link: str) -> tu
 
 
 def _joint(element: ElementTree.Element) -> Joint:
-    """A joint of a description that was checked."""
+    """Return a joint of a description that was checked."""
 
     def stated(tag: str, attribute: str, default: str) -> tuple[float, ...]:
         child = element.find(tag)
@@ -196,7 +196,7 @@ class _Checker:
         self.found: list[Diagnostic] = []
 
     def check(self) -> str:
-        """The root link; raises BadInput."""
+        """Return the root link; raises BadInput."""
         links, joints = self._named("link"), self._named("joint")
         if not links:
             self._bad("the robot has no links", self.robot)
@@ -264,7 +264,7 @@ class _Checker:
                     self._bad(f"<{shape.tag}> needs {' and '.join(needed)}, not below zero", shape)
 
     def _range(self, name: str, joint: Element) -> None:
-        """A joint that moves has an axis, and limits the right way round."""
+        """Report a moving joint that has no axis, or limits the wrong way round."""
         kind, axis, limit = joint.get("type", ""), joint.find("axis"), joint.find("limit")
         if kind in KINDS[:3] and axis is not None and not any(numbers(axis.get("xyz", "1 0 0"))):
             self._bad(f"joint {name!r} has an axis of length zero", joint)
@@ -284,7 +284,7 @@ def _linked(joint: ElementTree.Element, end: str) -> str:
 
 
 def extents_of(shape: ElementTree.Element) -> list[str]:
-    """Names of the attributes that say how large a primitive is."""
+    """Return the names of the attributes that say how large a primitive is."""
     return [attribute for tag, attribute in _NUMBERS if tag == shape.tag and tag != "mesh"]
 
 

@@ -42,7 +42,7 @@ class Actions:
         self._last_moving: tuple[RecipeSet, frozenset[str]] | None = None
 
     def statements(self, iri: str) -> Statements | None:
-        """What a class or an individual states as a recipe; None if it states none. Each is read once."""
+        """Return the recipe that a class or an individual states; None if it states none. Each is read once."""
         if iri not in self._statements:
             self._statements[iri] = statements_of(self.ontology, iri)
         return self._statements[iri]
@@ -108,7 +108,7 @@ class Actions:
         return primitive is not None and not _HAND.isdisjoint(primitive.resources)
 
     def hand_goals(self, step: Step) -> tuple[Place | Thing, ...]:
-        """Where a primitive step takes the hand, postures left out."""
+        """Return the goals of the hand of a primitive step, without postures."""
         if not self.uses_hand(step):
             return ()
         return tuple(
@@ -134,11 +134,6 @@ class Actions:
         if primitive is not None and primitive.releases:
             return True
         return self.is_a(step, "ReleasingGraspOfSomething", "PuttingDownAnObject")
-
-
-def described(step: Step | Recipe) -> str:
-    """How a message names a step or a task."""
-    return f"`{local_name(step.iri)}`"
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +162,7 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class RecoveryRule:
-    """How to recover from a failure of an action: strategy, how often, and what to raise when that is used up."""
+    """A recovery from a failure of an action: a strategy, its attempts, and the failure raised after the last."""
 
     name: str
     actions: tuple[str, ...]

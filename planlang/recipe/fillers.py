@@ -49,7 +49,7 @@ def nearest_in_vocabulary(ontology: Ontology, cls: str, below: str | None = None
 
 
 def kind_of(ontology: Ontology, cls: str) -> Kind:
-    """Whether things of a class are persons, parts of a robot, or objects."""
+    """Return whether things of a class are persons, parts of a robot, or objects."""
     if ontology.is_a(cls, expand("Person")):
         return Kind.PERSON
     return Kind.DEVICE if is_device(ontology, cls) else Kind.OBJECT
@@ -66,7 +66,7 @@ def is_place(ontology: Ontology, iri: str) -> bool:
 
 
 def read_filler(ontology: Ontology, term: Term, property_name: str | None = None) -> Filler | None:
-    """What a term denotes; None if it is an IRI that nothing defines, or an anonymous expression.
+    """Return the thing, place, value or name that a term denotes; None for undefined IRIs and anonymous expressions.
 
     What fills a property (IRI) that takes things is an object if nothing says what kind of thing it is.
     """
@@ -266,7 +266,7 @@ READ_BY_DIALECTS = (*ON_INDIVIDUALS, "adtChunkSupport")
 
 
 def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> Iterator[list[Filling]]:
-    """What is stated to fill the properties of an action, nearest first: ``more``, its facts, its class, ancestors.
+    """Yield the stated fillers of an action, nearest first: ``more``, those of its facts, its class, its ancestors.
 
     Superclasses and equivalent classes count alike. What the bundled vocabulary says about its own classes does not.
     """
@@ -301,7 +301,7 @@ def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
 def read_parameters(
     ontology: Ontology, iri: str, more: tuple[Filling, ...] = (), made: frozenset[str] = frozenset()
 ) -> tuple[Parameter, ...]:
-    """What fills the properties of an action: ``more``, what it states itself, and what its ancestors state.
+    """Return the parameters of an action: ``more``, those that it states itself, and those of its ancestors.
 
     A nearer filler replaces a farther one of the same property. A robot part given as a body part is the device used.
     ``made`` are individuals that need not be defined, as another step creates them.

@@ -47,7 +47,7 @@ WORKFLOW = Dialect("D5", "individuals that a workflow has by hasStep, related as
 
 
 class Kind(Enum):
-    """What a thing is for the robot."""
+    """The part that a thing has for the robot."""
 
     OBJECT = "object"
     PERSON = "person"
@@ -174,7 +174,7 @@ class Step:
         return self.cls or self.iri
 
     def fillers(self, property_name: str) -> tuple[Filler, ...]:
-        """What fills a property, in the order of the file."""
+        """Return the fillers of a property, in the order of the file."""
         return tuple(parameter.filler for parameter in self.parameters if parameter.property == property_name)
 
     @property
@@ -203,7 +203,7 @@ class Ordering(NamedTuple):
 
 
 class Allen(Enum):
-    """How two intervals overlap, after J. F. Allen (1983); their inverses are said the other way round."""
+    """The relations of two intervals that overlap, after J. F. Allen (1983); an inverse exchanges the two."""
 
     OVERLAPS = "overlaps"
     DURING = "during"
@@ -212,7 +212,7 @@ class Allen(Enum):
     EQUALS = "equals"
 
     def endpoints(self) -> tuple[tuple[End, str, End], ...]:
-        """What "first relation second" says about beginnings and ends, as (end, "<" or "=", end).
+        """Return what "first relation second" means for beginnings and ends, as (end, "<" or "=", end).
 
         In a plan ``<`` lets the later one happen only after the earlier one has; ``=`` lets both happen only when
         both can: steps begin together, and neither counts as ended while the other has not.
@@ -270,7 +270,7 @@ class Flow:
 
 
 class Ending(Enum):
-    """How a state ends, as transitions tell it apart.
+    """The endings of a state that transitions distinguish.
 
     DONE: its step was performed. TRUE and FALSE: what the step checks (its ``condition``) was found to be so, or not.
     FAILED: its step failed. OTHER: it said the outcome by name.
@@ -330,7 +330,7 @@ class Recipe:
     machine: StateMachine | None = None
     cls: str | None = None
     derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """What has been worked out from the rest; see :mod:`planlang.recipe.order.graph`."""
+    """Results that were computed from the rest; see :mod:`planlang.recipe.order.graph`."""
 
     @property
     def name(self) -> str:
@@ -350,7 +350,7 @@ class Recipe:
         return found
 
     def fillers(self, property_name: str) -> tuple[Filler, ...]:
-        """What fills a property of the task itself."""
+        """Return the fillers of a property of the task itself."""
         return tuple(parameter.filler for parameter in self.parameters if parameter.property == property_name)
 
 

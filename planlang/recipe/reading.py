@@ -78,7 +78,7 @@ _Subject = TypeVar("_Subject")
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What was read: the recipes, or None if not even a task was found, and what there is to say about the file.
+    """The result of reading a file: its recipes, or None if not even a task was found, and all diagnostics.
 
     ``actions`` are those of what was read: with right names in the place of ``misspelt`` ones. ``diagnostics`` are
     those of the ontology, too, misspellings first, then in the order of lines.

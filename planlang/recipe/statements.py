@@ -1,4 +1,4 @@
-"""What a recipe's file says about one task, before it is judged: the same for every dialect."""
+"""Statements of a recipe's file about one task, the same for every dialect, and the words of the recipe vocabulary."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def named(fillings: Iterable[Filling]) -> list[tuple[str, Span]]:
 
 
 def filled(restrictions: Iterable[Restriction]) -> tuple[Filling, ...]:
-    """What restrictions fill in."""
+    """Return the fillings that restrictions state."""
     return tuple(
         Filling(restriction.property, restriction.filler, restriction.span)
         for restriction in restrictions
@@ -149,7 +149,7 @@ ON_INDIVIDUALS = (
     "occursBeforeInOrdering", "occursAfterInOrdering", "isStepOf", "stepOf", "isPlanFor", "isTaskDefinedIn",
     "isDefinedIn", "hasPlan", "adtMainObject", "adtPrimaryObject", "adtSecondaryObject", "taskContext", "instruction",
 )  # fmt: skip
-"""Those of constraints, workflows and action data tables that describe no object and no place."""
+"""Properties of constraints, workflows and action data tables that describe no object and no place."""
 
 WORDS = (
     *ON_ACTIONS, *ON_INDIVIDUALS,
@@ -163,10 +163,10 @@ NAMING = (
     "inputOutputConstraints", "createsOutput", "requiresInput", "stateTransition", "fromState", "toState", "causedBy",
     "taskStartState", "taskEndState", "nextAction", "previousAction", "hasStep", "definesTask",
 )  # fmt: skip
-"""Those whose values are names of actions, constraints, states or outcomes, never texts."""
+"""Properties whose values are names of actions, constraints, states or outcomes, never texts."""
 
 REGISTERED_WORDS: list[str] = []
-"""Those that readers of further dialects take up; see :func:`planlang.recipe.readers.register`."""
+"""Properties that readers of further dialects take up; see :func:`planlang.recipe.readers.register`."""
 
 MEANINGS: dict[Ending, tuple[str, ...]] = {
     Ending.FAILED: (
@@ -180,7 +180,7 @@ MEANINGS: dict[Ending, tuple[str, ...]] = {
     Ending.TRUE: ("true", "yes", "obtain", "obtains", "hold", "holds"),
     Ending.FALSE: ("false", "no", "not"),
 }  # fmt: skip
-"""What the words in the names of outcomes mean; of those that are alike the usual one first."""
+"""Words in the names of outcomes, by their meaning; of similar ones the usual one first."""
 
 _IN_NAMES = re.compile(r"[A-Z]?[a-z]+|[A-Z]+|\d+")
 
@@ -191,7 +191,7 @@ def words_of(outcome: str) -> tuple[str, ...]:
 
 
 def ending_of(outcome: str) -> Ending:
-    """What an outcome means, told by the words in its local name, such as COMPLETED_OK or CONDITION_FALSE."""
+    """Return the meaning of an outcome by the words in its local name, such as COMPLETED_OK or CONDITION_FALSE."""
     words = {word.lower() for word in words_of(outcome)}
     said = {ending for ending, meaning in MEANINGS.items() if not words.isdisjoint(meaning)}
     if Ending.FAILED in said:

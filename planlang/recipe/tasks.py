@@ -1,4 +1,4 @@
-"""Which task of a file is meant, and the recipes below it."""
+"""The choice of a task, its performers, and the recipes below it as the model has them."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def choose_task(actions: Actions, wanted: str | None = None) -> str:
 
 
 def circular_task(actions: Actions) -> str | None:
-    """Of tasks of which each is, through others, a sub-action of its own, the first stated; None if there are none."""
+    """Return the first stated task that is a sub-action of itself, directly or not; None if there is none."""
     tasks = stated_tasks(actions)
     below = {task: sorted(_below(actions, task)) for task in tasks}
     try:
@@ -132,7 +132,7 @@ def read_recipes(actions: Actions, task: str) -> RecipeSet:
 
 
 def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
-    """Who performs an action: the classes whose recipes do, or the primitive class that does; the nearer wins.
+    """Return the performers of an action: classes with recipes, or a primitive class; the nearer wins.
 
     An individual's own recipe is nearer than any of its class. On a tie the recipe wins. Several recipes at the same
     distance are alternatives.

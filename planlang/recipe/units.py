@@ -61,7 +61,7 @@ def unit(name: str) -> Unit | None:
 
 
 def dimension_of(property_name: str) -> Dimension | None:
-    """What a property (local name) is measured in; None if that is not known."""
+    """Return the dimension of a property (local name); None if it is unknown."""
     return _table()[1].get(property_name)
 
 

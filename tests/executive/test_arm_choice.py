@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executive.modules.arm_choice import ArmChoices
+from executive.modules.arms import ArmChoices
 from executive.modules.grasping import Grasping
 from planlang import VirtualHost, checkpoint, par, perform, run, seq
 from planlang.designators import a_device, a_location, action, an_object

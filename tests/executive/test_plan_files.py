@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from executive.belief import SemanticMap, read_map
-from executive.belief.environments import default_environment
+from executive.belief.semantic_map import default_environment
 from executive.runs.plan_files import bound_parameters, import_plan, main_plan
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.ontology import load

@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from executive.runs.progress import ListenedTrace, line_of, lines_of
+from executive.runs.traces import ListenedTrace, line_of, lines_of
 from planlang import VirtualHost, run, sleep
 from planlang.designators import action, an_object
 from planlang.failures import ObjectNotFound

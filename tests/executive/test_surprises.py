@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from executive.runs.running import RunOptions, RunResult, run_plan_file
+from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from planlang.geometry import Pose
 from planlang.resources import bundled
 from sim import Body, Scene
@@ -28,7 +28,7 @@ def run_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Runs the bundled plan in a truth that differs from the map; its result and its trace."""
 
     def run(change: Callable[[Scene], Scene]) -> tuple[RunResult, list[dict[str, Any]]]:
-        monkeypatch.setattr("executive.runs.running.real_scene", lambda scene, seed, robot_in: change(scene))
+        monkeypatch.setattr("executive.runs.plan_run.real_scene", lambda scene, seed, robot_in: change(scene))
         result = run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl"))
         return result, [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
 
@@ -48,18 +48,18 @@ def with_body(scene: Scene, name: str, pose: Pose, size: tuple[float, float, flo
 def test_a_bottle_on_another_table_is_nowhere_to_be_found(run_in: Run) -> None:
     on_the_bedside_table = {"bottle1": Pose((2.7, 1.335, 0.7))}
     result, trace = run_in(lambda scene: scene.with_poses(on_the_bedside_table))
-    assert (result.exit_code, result.final_state) == (1, ("bottle1: at rest on bedside_table1",))
+    assert (result.outcome, result.final_state) == (Outcome.FAILED, ("bottle1: at rest on bedside_table1",))
     assert result.failure[:2] == ("ObjectNowhereToBeFound", "ObjectNotFound")
-    assert "bottle1" in result.outcome
+    assert "bottle1" in result.message
     looked = [record for record in trace if record["event"] == "belief" and record["change"] == "not_seen"]
     assert len({tuple(record["base"]) for record in looked}) >= 3, "it was looked for from several places"
 
 
 def test_without_the_patient_the_bottle_stays_in_the_gripper_while_they_are_looked_for(run_in: Run) -> None:
     result, _ = run_in(lambda scene: without(scene, "patient1"))
-    assert (result.exit_code, result.final_state) == (1, ("bottle1: held by robot",))
+    assert (result.outcome, result.final_state) == (Outcome.FAILED, ("bottle1: held by robot",))
     assert result.failure == ("ObjectNowhereToBeFound", "ObjectNotFound")
-    assert "what patient1" in result.outcome
+    assert "what patient1" in result.message
 
 
 def test_a_patient_who_does_not_take_it_leaves_the_bottle_in_the_gripper(run_in: Run) -> None:
@@ -71,9 +71,9 @@ def test_a_patient_who_does_not_take_it_leaves_the_bottle_in_the_gripper(run_in:
         return replace(doll, bodies=tuple(low if body.name == "patient1" else body for body in doll.bodies))
 
     result, _ = run_in(asleep)
-    assert (result.exit_code, result.final_state) == (1, ("bottle1: held by robot",))
+    assert (result.outcome, result.final_state) == (Outcome.FAILED, ("bottle1: held by robot",))
     assert result.failure[0] == "HandoverNotTaken"
-    assert "what bottle1, recipient patient1" in result.outcome
+    assert "what bottle1, recipient patient1" in result.message
 
 
 def test_a_chair_pushed_into_the_way_is_driven_around(run_in: Run) -> None:
@@ -96,13 +96,13 @@ def test_a_low_frame_around_the_bottle_that_no_map_shows_is_named(run_in: Run) -
         return scene
 
     result, _ = run_in(framed)
-    assert result.exit_code == 1
-    assert "frame" in result.outcome, "what was in the way is named"
+    assert result.outcome is Outcome.FAILED
+    assert "frame" in result.message, "what was in the way is named"
     assert result.final_state == ("bottle1: at rest on cabinet1",)
 
 
 def test_a_barrier_across_the_room_that_no_map_shows_is_named(run_in: Run) -> None:
     result, _ = run_in(lambda scene: with_body(scene, "barrier", Pose((-1.2, 0.0, 0.5)), (0.05, 5.0, 1.0)))
-    assert result.exit_code == 1
+    assert result.outcome is Outcome.FAILED
     assert "NavigationGoalNotReached" in result.failure
-    assert "barrier" in result.outcome
+    assert "barrier" in result.message

@@ -102,9 +102,13 @@ def test_a_snapshot_tells_only_what_differs_from_the_scene(world: PyBulletWorld)
         ("base", [0.0, 0.0]),
         ("base", [0.0, 0.0, "north"]),
         ("base", [0.0, 0.0, float("nan")]),
+        ("base", [0.0, 0.0, 1e300]),
         ("joints", {"third_arm": 1.0}),
         ("bodies", {"grail": [0.0] * 7}),
         ("bodies", {"cup": 17}),
+        ("bodies", {"cup": [1e300, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]}),
+        ("bodies", {"cup": [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0]}),
+        ("falling", {"cup": [1e300, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]}),
         ("held", {"cup": ["third_hand", [0.0] * 7, []]}),
         ("held", {"cup": []}),
         ("falling", {"cup": [0.0]}),
@@ -113,6 +117,7 @@ def test_a_snapshot_tells_only_what_differs_from_the_scene(world: PyBulletWorld)
         ("removed", ["grail"]),
         ("groups", None),
         ("step", "soon"),
+        ("step", -1),
     ],
 )
 def test_a_damaged_snapshot_is_a_value_error(key: str, value: Any, world: PyBulletWorld) -> None:

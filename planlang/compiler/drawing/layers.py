@@ -22,7 +22,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Layers:
-    """Where everything is: the top left corner of each box, the points of each edge, and the size of the whole.
+    """A layout: the top left corner of each box, the points of each edge, and the size of the whole.
 
     An edge starts at the bottom of its first box and ends at the top of its second. Between its points 1 and 2, 3 and
     4, ... it changes ranks, and is best drawn as a curve; the other parts are upright.

@@ -33,7 +33,7 @@ from planlang.relations import RELATIONS
 
 
 class Order(Enum):
-    """Where the order of an arrow comes from."""
+    """The origin of an arrow."""
 
     STATED = "stated"
     """The recipe states it, and it follows from no other."""
@@ -69,7 +69,7 @@ class Box:
     lines: tuple[str, ...]
     hover: tuple[str, ...]
     line: int | None
-    """Where the file states the step."""
+    """The line of the file that states the step."""
     is_abstract: bool = False
     groups: tuple[Group, ...] = ()
 

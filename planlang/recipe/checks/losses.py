@@ -59,7 +59,7 @@ def _own_classes(ontology: Ontology) -> Iterator[str]:
 
 
 def _here(ontology: Ontology, rows: Iterable[int]) -> list[int]:
-    """Those rows that are of the main document."""
+    """The rows of the main document among these."""
     main = ontology.store.ranges[0]
     return [row for row in rows if row in main]
 

@@ -336,7 +336,7 @@ def _space(iri: str) -> str:
 
 
 SURE = 0.85
-"""How alike two names have to be, as difflib measures it, to take the one for the other if no third is as like."""
+"""Least similarity (difflib) to take one name for another if no third one is as similar."""
 
 SHORTEST = 4
 """Letters that a name needs for one that differs in a single letter to be taken for it."""

@@ -133,7 +133,7 @@ def _out_of_range(ontology: Ontology, owner: Step | Recipe, created: frozenset[s
 
 
 def _references(ontology: Ontology, filling: Filling, reported: set[Term]) -> Iterator[Diagnostic]:
-    """What a place relates to without anything saying what that is; ``reported`` need no further word, and grows."""
+    """Report things of unknown kind that a place relates to; ``reported`` are left out, and grow."""
     if isinstance(filling.term, str) and is_place(ontology, filling.term):
         for relation, other in references_of_unknown_kind(ontology, filling.term):
             if other not in reported:
@@ -202,7 +202,7 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
 
 
 def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Diagnostic:
-    """What fills a property, or a place relates to, is defined, but not as anything of which it is known what it is."""
+    """A filler, or a thing that a place relates to, is defined, but of a class that is unknown."""
     cls = next(iter(classes_of(ontology, term)), term)
     meant = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
     is_what = f", of the class `{local_name(cls)}`" if cls != term else ""

@@ -23,7 +23,7 @@ from planlang.resources import bundled
 ANNOTATION_PROPERTY = OWL + "AnnotationProperty"
 
 _NO_NAME = re.compile(r"pose|posture|position|[\W_\d]+", re.IGNORECASE)
-"""What the name of a posture may have besides the posture's own."""
+"""Parts of a posture's name that do not distinguish it."""
 
 
 @check("R036")

@@ -43,12 +43,12 @@ ROLES: dict[str, tuple[str, ...]] = {
     "opens a gripper": ("OpeningAGripper",),
     "closes a gripper": ("ClosingAGripper",),
 }
-"""What a step does -> the classes of actions that do so."""
+"""Role of a step -> the classes of actions that have it."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Facts:
-    """What a step does and which things and places (IRIs) it is about."""
+    """The roles of a step, and the things and places (IRIs) that it is about."""
 
     roles: frozenset[str]
     about: frozenset[str]

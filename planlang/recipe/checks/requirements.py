@@ -19,7 +19,7 @@ _UPPER = {"dependsOnCapability": "Capability", "hasCapabilityDependency": "Capab
 _ENDINGS = ("Capability", "Component")
 _NO_COMPONENTS = ("Capability", "Action", "Event")
 _LIKE = 0.7
-"""How like a name has to be, without what all of them end with, to be the one that may be meant."""
+"""Least similarity (difflib) of names, without their common endings, for one to be suggested for the other."""
 _LAST_PART = re.compile(r"(?<=.)[A-Z][a-z]+$")
 _DISJOINT = "http://www.w3.org/2002/07/owl#disjointWith"
 

@@ -124,7 +124,7 @@ def same_names(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tuple[str, Rename | None]:
-    """What may have been meant by a name that nothing defines, in words and as a change."""
+    """The name that an undefined one probably stands for, in words and as a change."""
     for name in statements.mentioned():
         if name not in statements.names and ontology.defined(name):
             return f"did you mean `{local_name(name)}`, which is ordered but is not a sub-action?", None

@@ -24,7 +24,7 @@ class CannotEdit(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a new restriction of a task goes.
+    """The place of a new restriction of a task.
 
     ``task`` is the head of the task's class, ``sub_action`` and ``last`` are fillers of restrictions of it (``last``
     the one behind which the new one goes). ``word`` is the local name of the property that ``sub_action`` fills.
@@ -39,7 +39,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Anchors:
-    """Where a recipe's file says what a new ordering has to refer to.
+    """The places in a recipe's file that a new ordering refers to.
 
     ``before`` and ``after`` are the names of the two steps. ``suffix`` is what makes the constraint's name from the
     task's.
@@ -114,7 +114,7 @@ def _ordered(edits: Iterable[Edit]) -> Sequence[Edit]:
 
 
 def line_end(text: str) -> str:
-    """How lines end in a text: as the first one does."""
+    """Return the line ending of a text: that of its first line."""
     first = text.find("\n")
     return "\r\n" if first > 0 and text[first - 1] == "\r" else "\n"
 

@@ -1,4 +1,4 @@
-"""Which fixes a recipe needs: each told apart from its text edits, which a file's syntax makes."""
+"""The fixes that a recipe needs, apart from their text edits, which depend on the syntax of the file."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Precedence(Generic[Node]):
             if before is not None and after is not None:
                 following[before][after] = None
         self.number_of_edges = sum(map(len, following))
-        """How many different pairs the order was made from."""
+        """The number of different pairs that the order was made from."""
         successors = [list(after) for after in following]
         extension = _linear_extension(successors)
         if len(extension) != len(self.nodes):
@@ -96,11 +96,11 @@ class Precedence(Generic[Node]):
             bits ^= lowest
 
     def number_of_pairs(self) -> int:
-        """How many pairs (before, after) there are: the edges of the transitive closure."""
+        """Return the number of pairs (before, after): the edges of the transitive closure."""
         return sum(bits.bit_count() for bits in self._later)
 
     def size_of_reduction(self) -> int:
-        """How many pairs follow from no others."""
+        """Return the number of pairs that follow from no others."""
         return sum(map(len, self._covers))
 
     def reduction(self) -> Iterator[tuple[Node, Node]]:

@@ -1,4 +1,4 @@
-"""What orders and overlaps of steps say together: about the beginnings and ends of intervals.
+"""Consequences of orders and overlaps of steps, by the beginnings and ends of intervals.
 
 Each step is two points, its beginning before its end. Every relation is a set of ``<`` and ``=`` between points
 (:meth:`planlang.recipe.model.Allen.endpoints`), an order is "end < beginning", and no step begins before the recipe or

@@ -23,7 +23,7 @@ from planlang.recipe.statements import REGISTERED_WORDS, Statements
 
 @dataclass(frozen=True, slots=True)
 class Loose:
-    """How parts of a recipe are recognised that no task holds together.
+    """The marks of parts of a recipe that belong to no task.
 
     ``parts`` names them; ``marks`` are the local names of their properties, ``holder`` that of the property by which a
     task has them; ``help`` says what is missing where nothing has them.

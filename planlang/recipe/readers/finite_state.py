@@ -18,7 +18,7 @@ tasks = partial_order.tasks
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
-    """What a class states about states and transitions; None if it has no transition, start or end."""
+    """Return the statements of a class about states and transitions; None if it has no transition, start or end."""
     restrictions = [one for one in ontology.restrictions(iri) if one.kind in KINDS]
     if not any(is_word(one.property, "stateTransition", "taskStartState", "taskEndState") for one in restrictions):
         return None

@@ -38,7 +38,7 @@ def tasks(ontology: Ontology) -> Iterator[str]:
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
-    """What a class states about its sub-actions; None if it names none."""
+    """Return the statements of a class about its sub-actions; None if it names none."""
     restrictions = ontology.restrictions(iri)
     subs = [restriction for restriction in restrictions if is_sub_action(restriction)]
     if not subs:

@@ -76,7 +76,7 @@ def tasks(ontology: Ontology) -> Iterator[str]:
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
-    """What the workflow of a task, or a workflow, states; None if it has no steps."""
+    """Return the statements of a workflow, or of the workflow of a task; None if it has no steps."""
     if not ontology.properties_named(*_STEPS, *_STEP_OF):
         return None
     subs: list[SubAction] = []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from executive.belief import SemanticMap, default_starts, read_map, scene_of
-from executive.belief.sizes import EXTENTS
+from executive.belief.stated_values import EXTENTS
 from planlang.geometry import Pose
 from planlang.ontology import load
 from sim import PlanningWorld

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from executive.belief import SemanticMap, default_starts, read_map, scene_of, support_of
-from executive.belief.support import footprint
+from executive.belief.scene import footprint
 from planlang.diagnostics import Diagnostic
 from planlang.geometry import Pose
 from planlang.ontology import load

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.belief import SemanticMap
-from executive.belief.transforms import rigid
+from executive.belief.stated_values import rigid
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 
 Read = Callable[..., SemanticMap]

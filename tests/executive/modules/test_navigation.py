@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executive.modules.drive import ROOMY
+from executive.modules.control import ROOMY
 from executive.motion import clearance_at
 from planlang import perform
 from planlang.designators import Action, a_location, action

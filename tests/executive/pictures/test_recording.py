@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from executive.pictures import recording
-from executive.pictures.recording import Recording
-from executive.pictures.shapes import drawn_in, link_shapes
+from executive.pictures.recording import Recording, drawn_in, link_shapes
 from planlang.diagnostics import BadInput
 from planlang.geometry import Pose
 from planlang.resources import bundled

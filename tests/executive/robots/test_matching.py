@@ -12,10 +12,8 @@ from executive.cli.app import app
 from executive.robots import FindingKind, Semantics
 from executive.robots.closed_world import ClosedWorld, compared
 from executive.robots.matching import Judge, Possessions
-from executive.robots.parts import Part, claims_of, parts_of
-from executive.robots.remedies import with_remedies
-from executive.robots.self_model import read_self_model
-from executive.robots.tasks import Match, match
+from executive.robots.self_model import Part, claims_of, parts_of, read_self_model
+from executive.robots.tasks import Match, match, with_remedies
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, load
 from planlang.ontology.expressions import Expression

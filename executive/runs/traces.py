@@ -1,20 +1,86 @@
-"""Traces of earlier runs: what their header says, and whether a run may resume or replay them."""
+"""Traces of runs: written for listeners, shown to people, and read back to resume or replay a run."""
 
 from __future__ import annotations
 
 import hashlib
 import math
 import stat
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from planlang import Trace
 from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
+from planlang.kernel.tree import Node
 from planlang.resources import Bundled
 from planlang.runs import DamagedTrace, Past, RecordedRun, differences
 from planlang.runs.codec import load
+
+Record = Mapping[str, Any]
+
+
+class ListenedTrace(Trace):
+    """A trace that gives each record to listeners as well; written to a file when there is a path."""
+
+    listeners: tuple[Callable[[Record], None], ...] = ()
+
+    @classmethod
+    def to(
+        cls,
+        path: Path | None,
+        header: Mapping[str, object],
+        listeners: tuple[Callable[[Record], None], ...],
+        past: Past | None = None,
+    ) -> ListenedTrace:
+        """Return a trace into a file, or kept in memory without ``path``; ``past`` is what a resumed run takes over."""
+        trace = cls(None, header) if path is None else cls.at(path, header, past=past)
+        trace.listeners = listeners
+        return trace
+
+    def write(self, step: int, event: str, node: Node | None = None, /, **details: object) -> None:
+        """Write one record and give it to the listeners, ``node`` and values as they are."""
+        super().write(step, event, node, **details)
+        record = {"step": step, "event": event, **({} if node is None else {"node": node}), **details}
+        for listener in self.listeners:
+            try:
+                listener(record)
+            except BaseException as problem:  # this listener gets no more; the run ends with its problem
+                self.listeners = tuple(other for other in self.listeners if other is not listener)
+                self._fail(problem)
+
+
+def lines_of(say: Callable[[int, str], None]) -> Callable[[Record], None]:
+    """Return a listener that calls ``say`` with the world step and a line, for the records that people should see."""
+
+    def tell(record: Record) -> None:
+        line = line_of(record)
+        if line is not None:
+            say(record["step"], line)
+
+    return tell
+
+
+def line_of(record: Record) -> str | None:
+    """Return the line about a record of the trace; None for what people need not see."""
+    match record:
+        case {"event": "started", "node": Node(kind="perform"), "action": action}:
+            return str(action)
+        case {"event": "ended", "node": Node(kind="perform"), "failure": failure}:
+            return f"failed: {type(failure).__name__}: {failure}"
+        case {"event": "started", "node": Node(kind="plan") as node}:
+            return node.name
+        case {"event": "recovery", "decision": decision} if decision != "none":
+            return f"recovery: {decision}"
+        case {"event": "completed", "lost": lost}:
+            return f"cannot be resumed behind this step: {lost}"
+        case {"event": "resumed"}:
+            return "resumed"
+        case {"event": "belief", "change": change, "name": name}:
+            return f"  belief: {name} {change}"
+    return None
+
 
 AGREE = (
     "plan", "iri", "plan_sha256", "parameters", "seed", "schedule", "rate", "start", "robot", "robot_sha256",
