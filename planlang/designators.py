@@ -141,11 +141,11 @@ class Location:
             raise ValueError(f"a posture is no set of poses that can be joined with another: {self} & {other}")
         if None not in (self.device, other.device) and self.device != other.device:
             raise ValueError(
-                f"two arms are said of one location: {self.device} and {other.device}. A base from which "
+                f"one location names two arms: {self.device} and {other.device}. A base from which "
                 "two hands reach is in reach of two locations, each with its arm: a_location(in_reach_of=(one, other))"
             )
         if None not in (self.grasp, other.grasp) and self.grasp != other.grasp:
-            raise ValueError(f"two grasps are said of one location: {self.grasp} and {other.grasp}")
+            raise ValueError(f"one location names two grasps: {self.grasp} and {other.grasp}")
         more = tuple(relation for relation in other.relations if relation not in self.relations)
         return Location(self.relations + more, self.name, self.device or other.device, self.grasp or other.grasp)
 
@@ -313,7 +313,7 @@ def _bounded(relations: list[Relation], within: float | str | None, beyond: floa
         )
     at_most, at_least = _length("within", within), _length("beyond", beyond)
     if at_most is not None and at_least is not None and at_least > at_most:
-        raise ValueError(f"nothing is beyond {at_least} m and within {at_most} m")
+        raise ValueError(f"no distance is beyond {at_least} m and within {at_most} m")
     return [
         replace(relation, within=at_most, beyond=at_least) if relation in bounded else relation
         for relation in relations

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from planlang.diagnostics import BadInput, Span, error
 from planlang.geometry import Array, Pose
 from planlang.geometry.box import corners
-from planlang.geometry.matrices import moved, product, rotated, rotations
+from planlang.geometry.matrices import moved, product, rigid, rotated, rotations
 from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
 from planlang.protocols import Configuration
 from sim.description import Follower, loadable, read_description
@@ -72,7 +72,6 @@ class Robot:
             del _spanning[next(iter(_spanning))]
         self._points = _spanning.setdefault(self.key, {})
         self.shown: dict[str, float] = {}
-        self._shapes: dict[int, tuple[Shape, ...]] = {}
         self.base = (0.0, 0.0, 0.0)
         every = len(self.solid)
         self._boxed = _Boxes(self.base, np.zeros((every, 3)), np.zeros((every, 3, 3)), set(range(every)))
@@ -320,56 +319,32 @@ class Robot:
 
     def spread(self, number: int) -> float:
         """Return how far a solid link reaches from the map's z axis, in its present place [m]."""
-        index = self.solid[number]
-        if index == -1:
-            place = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client))
-        else:
-            state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
-            place = Pose(state[0], state[1])
+        frame = self.link_pose(self.solid_names[number])
         away = 0.0
-        for shape in bullet.getCollisionShapeData(self.uid, index, physicsClientId=self.client):
-            points, radius = _support(shape[2], shape[3])
-            if points is None:
+        for one in self.hulls(number):
+            if one.kind == SolidKind.MESH:
                 return float(np.hypot(*self.points([number])[0].T[:2]).max()) + MESH_MARGIN
-            centre = place @ Pose(shape[5], shape[6])
-            there = rotated(centre.rotation, points) + np.asarray(centre.position)
+            points, radius = one.points, 0.0
+            if one.kind != SolidKind.BOX:  # balls at the ends of a round shape hold it
+                points, radius = np.array([[0.0, 0.0, one.size[2] / 2], [0.0, 0.0, -one.size[2] / 2]]), one.size[0] / 2
+            if one.kind == SolidKind.SPHERE:
+                points = np.zeros((1, 3))
+            there = moved((frame @ one.pose).matrix(), points)
             away = max(away, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
         return away
 
     def shapes(self, number: int) -> tuple[Shape, ...]:
         """Return the primitives of a solid link: kinds, extents [m] and poses in the link's frame.
 
-        A cylinder lies along z (a capsule is told as one, without its caps); of a mesh it is a box around it.
+        A cylinder lies along z (a capsule is given as one, without its caps); of a mesh it is a box around it.
         """
-        if number not in self._shapes:
-            self._shapes[number] = self._read_shapes(number)
-        return self._shapes[number]
-
-    def _read_shapes(self, number: int) -> tuple[Shape, ...]:
-        index = self.solid[number]
-        frame = self.link_pose(self.link_names[index])
-        if index == -1:
-            place = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self.client))
-        else:
-            state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
-            place = Pose(state[0], state[1])
-        found = []
-        for shape in bullet.getCollisionShapeData(self.uid, index, physicsClientId=self.client):
-            a, b, c = shape[3]
-            at = frame.inverse() @ place @ Pose(shape[5], shape[6])
-            match shape[2]:
-                case bullet.GEOM_BOX:
-                    found.append((SolidKind.BOX, (a, b, c), at))
-                case bullet.GEOM_SPHERE:
-                    found.append((SolidKind.SPHERE, (2 * a, 2 * a, 2 * a), at))
-                case bullet.GEOM_CYLINDER | bullet.GEOM_CAPSULE:
-                    found.append((SolidKind.CYLINDER, (2 * b, 2 * b, a), at))
-                case _:
-                    matrix = np.eye(4)
-                    matrix[:3, :3], matrix[:3, 3] = self._axes[number], self._center[number]
-                    x, y, z = (2 * self._half[number]).tolist()
-                    return ((SolidKind.MESH, (x, y, z), Pose.from_matrix(matrix)),)
-        return tuple(found)
+        found = self.hulls(number)
+        if any(one.kind == SolidKind.MESH for one in found):
+            matrix = rigid(self._axes[number], self._center[number])
+            x, y, z = (2 * self._half[number]).tolist()
+            return ((SolidKind.MESH, (x, y, z), Pose.from_matrix(matrix)),)
+        kinds = [SolidKind.CYLINDER if one.kind == SolidKind.CAPSULE else one.kind for one in found]
+        return tuple((kind, one.size, one.pose) for kind, one in zip(kinds, found, strict=True))
 
     def hulls(self, number: int) -> list[ConvexSolid]:
         """Return the convex shapes of a solid link, in the link's frame."""
@@ -442,18 +417,6 @@ class Robot:
         """Return the penetration of a solid link and a piece [m], 0 when they are apart."""
         points = bullet.getClosestPoints(self.uid, uid, 0.0, self.solid[number], -1, physicsClientId=self.client)
         return max((-point[8] for point in points), default=0.0)
-
-
-def _support(kind: int, size: Sequence[float]) -> tuple[Array | None, float]:
-    """Return points (n, 3) in a primitive's frame and a radius: the spheres around them enclose it; None for a mesh."""
-    match kind:
-        case bullet.GEOM_BOX:
-            return np.array([np.where(side, size, np.negative(size)) / 2 for side in np.ndindex(2, 2, 2)]), 0.0
-        case bullet.GEOM_SPHERE:
-            return np.zeros((1, 3)), size[0]
-        case bullet.GEOM_CYLINDER | bullet.GEOM_CAPSULE:
-            return np.array([[0.0, 0.0, size[0] / 2], [0.0, 0.0, -size[0] / 2]]), size[1]
-    return None, 0.0
 
 
 def _text(name: bytes) -> str:

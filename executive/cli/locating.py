@@ -25,7 +25,7 @@ from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnr
 from planlang.ontology import expand, load, shorten
 from planlang.outputs import replace as write_complete
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
-from planlang.phrases.words import GRASP_FORMS
+from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.relations import RELATIONS
 from sim import PyBulletWorld
 

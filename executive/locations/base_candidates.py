@@ -24,15 +24,15 @@ from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
 TIE = 1e-9
-"""Of places whose scores differ by less than this the one of the better row comes first."""
+"""Scores that differ by less count as equal: then the base pose of the better row comes first."""
 AT_ONCE = 200_000
-"""Places that are looked at in one go: more would not stay in the processor's memory."""
+"""Base poses that are looked at in one go: more would not stay in the processor's memory."""
 COUNTED = 48
-"""Of each way so many places without room, unwanted and unseen are counted: reasons are told beside one another."""
+"""Base poses without room, unwanted and unseen that are counted of each candidate, so that reasons can be compared."""
 
 Indices = NDArray[np.intp]
 Weigh = Callable[[Array], Array]
-"""Bases (m, 3) -> weights (m,), 0 where a place will not do."""
+"""Bases (m, 3) -> weights (m,), 0 where a base pose will not do."""
 Conjunct = tuple[str, Weigh]
 """What is said of bases that will not do, and the weights."""
 Misses = Callable[[Array], NDArray[np.bool_]]
@@ -41,7 +41,7 @@ Misses = Callable[[Array], NDArray[np.bool_]]
 
 @dataclass(slots=True)
 class BaseCandidates:
-    """m places, each for one arm and one of its ways."""
+    """m base poses, each for one arm and one of its grasp candidates."""
 
     bases: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """(m, 3)."""
@@ -49,18 +49,18 @@ class BaseCandidates:
     arms: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
     candidates: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
     rows: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
-    """Rows of the map of the way's class."""
+    """Rows of the map of the candidate's class."""
     torsos: Array = field(default_factory=lambda: np.zeros(0))
     ranks: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
-    """How many of the same way are better."""
+    """How many of the same candidate are better."""
     crowded: list[tuple[float, Array]] = field(default_factory=list)
-    """Promising places without room, with their scores."""
+    """Promising base poses without room, with their scores."""
     without_room: int = 0
-    """Places without room, up to so many of each way."""
+    """Base poses without room, up to so many of each candidate."""
     unwanted: Counter[str] = field(default_factory=Counter)
-    """Places with room of which another conjunct says that they will not do, counted likewise by its reason."""
+    """Base poses with room of which another conjunct says that they will not do, counted likewise by its reason."""
     unseen: int = 0
-    """Places that are left and from which the robot would not see what it has to, counted likewise."""
+    """Base poses that are left and from which the robot would not see what it has to, counted likewise."""
 
     def __len__(self) -> int:
         return len(self.scores)
@@ -79,7 +79,7 @@ class BaseCandidates:
         )
 
     def order(self, weigh: Weigh, most: int) -> Indices:
-        """Return round-robin over the ways, the best of each first, no more than ``most``; ``weigh`` has an opinion."""
+        """Return indices round-robin over the candidates, the best of each first, at most ``most``."""
         whole = np.flatnonzero(np.cumsum(np.bincount(self.ranks, minlength=1)) >= most)
         some = np.flatnonzero(self.ranks <= whole[0]) if len(whole) else np.arange(len(self))
         worth = self.scores[some] * weigh(self.bases[some])
@@ -98,9 +98,9 @@ def invert(
     rows: int,
     each: int,
 ) -> BaseCandidates:
-    """Return places for some arms and their ways.
+    """Return base poses for some arms and their candidates.
 
-    Of each way those ``each`` with the best score are kept, well spread. ``conjuncts`` are the others.
+    Of each candidate those ``each`` with the best score are kept, well spread. ``conjuncts`` are the others.
     ``lifted`` tells where the torso may be with the rest of the robot as it is, ``misses`` from where the robot would
     not see what it has to. ``least`` and ``rows`` bound the rows of the maps by score, and by number for each torso
     position.
@@ -146,7 +146,7 @@ def invert(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """The best places of some ways of one arm, of one class, roll and height: they use the same rows of a map."""
+    """The best base poses of candidates of one arm, class, roll and height: they use the same rows of a map."""
 
     number: int
     """Of the arm."""
@@ -160,7 +160,7 @@ class _Part:
     unwanted: Counter[str]
     unseen: int
     crowded: list[tuple[int, float, Array]]
-    """Candidates without any place that has room: their number, the score and place of the best row."""
+    """Candidates without any base pose that has room: their number, the score and base pose of the best row."""
 
     @staticmethod
     def of(
@@ -173,7 +173,7 @@ class _Part:
         each: int,
         number: int,
     ) -> _Part:
-        """Return all rows (n) for all ways (w) at once, looked up in the field in its own cells."""
+        """Return all rows (n) for all candidates (w) at once, looked up in the field in its own cells."""
         factors = room.looked_up(candidates.points[index, :2], candidates.headings[index], chosen.v)
         free = np.count_nonzero(factors, axis=1)
         without_room = int(np.minimum(factors.shape[1] - free, COUNTED).sum())
@@ -226,12 +226,12 @@ class _Part:
 
 
 def _counted(candidates: Indices) -> int:
-    """Return how many places, of each of which (m,) tells the way, are counted."""
+    """Return how many base poses, of each of which (m,) tells the candidate, are counted."""
     return int(np.minimum(np.bincount(candidates), COUNTED).sum())
 
 
 def _bases(candidates: GraspCandidates, index: Indices, chosen: Rows, row: Indices) -> Array:
-    """Return bases (m, 3) from which ways (m,) are reached by rows (m,)."""
+    """Return bases (m, 3) from which candidates (m,) are reached by rows (m,)."""
     heading = candidates.headings[index]
     c, s = np.cos(heading), np.sin(heading)
     x, y = chosen.v[row, 0], chosen.v[row, 1]
@@ -251,7 +251,7 @@ def _best(scores: Array, squares: Indices, each: int) -> tuple[Indices, Indices,
         row = top[candidate, place]
     else:
         candidate, row = np.nonzero(scores)
-    # ways are told apart by twice their number: scores are less than 1
+    # candidates are told apart by twice their number: scores are less than 1
     order = np.argsort(2.0 * candidate + (TIE * row - scores[candidate, row]))
     candidate, row = candidate[order], row[order]
     again = np.ones(len(candidate), np.intp)
@@ -270,17 +270,17 @@ def blocks(count: int, size: int) -> Iterator[slice]:
 
 
 FINER = 2
-"""Places on the side of a cell, and headings for each of a map: what is moved by less than the distance of a map's
-places can mostly be reached from its postures.
+"""Base poses on the side of a cell, and headings for each of a map: what is moved by less than the distance of a map's
+base poses can mostly be reached from its postures.
 """
 HALF = 1 << 12
-"""More cells than a place is away in any direction."""
+"""More cells than a base pose is away in any direction."""
 
 
 def moved_to_room(found: BaseCandidates, floor: Floor, middle: Array, yaw: float, most: int) -> BaseCandidates:
     """Return candidates moved to the nearest point with room of a lattice around ``middle`` (2,), turned by ``yaw``.
 
-    Of each way the best are moved, no more than ``most`` in all. Those near to which there is no room are left out, of
+    Of each grasp candidate the best are moved, no more than ``most`` in all. Those without room nearby are left out, of
     those that become equal all but the best.
     """
     found = found.chosen(np.sort(np.lexsort((-found.scores.round(9), found.ranks))[:most]))
@@ -309,7 +309,7 @@ def moved_to_room(found: BaseCandidates, floor: Floor, middle: Array, yaw: float
 
 
 def _distinct(found: BaseCandidates, place: Array) -> BaseCandidates:
-    """Return, of candidates with the same arm, way, place (m,) and torso the best one, ranked anew."""
+    """Return, of candidates with the same arm, candidate, base pose (m,) and torso the best one, ranked anew."""
     order = np.lexsort((-found.scores.round(9), found.torsos, place, found.candidates, found.arms))
     keys = np.column_stack([found.arms, found.candidates, place, found.torsos])[order]
     first = np.append(True, (np.diff(keys, axis=0) != 0).any(axis=1))[: len(keys)]

@@ -349,7 +349,7 @@ def _clear(relation: Relation, body: str, scene: PlanningScene) -> Clear:
 def _without_meaning(relation: Relation, subject: Subject) -> LocationMeaningless:
     if isinstance(relation.reference, Location) and not RELATIONS[relation.name].of_locations:
         of_locations = tuple(name for name, one in RELATIONS.items() if one.of_locations)
-        only = ((relation.name,), " is said of a thing or a person; of a location only ", of_locations)
+        only = ((relation.name,), " is a relation to a thing or a person; to a location there is only ", of_locations)
         return meaningless(relation, relation, ": ", *only)
     meant = {"base": "a base", "hand": "a hand", "thing": "an object"}[subject]
-    return meaningless(relation, relation, f" means nothing for {meant}; what does: ", meaningful(subject))
+    return meaningless(relation, relation, f" means nothing for {meant}; relations that do: ", meaningful(subject))

@@ -29,9 +29,9 @@ from planlang.geometry import Array
 from planlang.protocols import Solution
 
 AT_ONCE = 60
-"""Places that are looked at before, and between, judging what is surely not seen."""
+"""Places that are looked at before, and between, validating what is surely not seen."""
 MOST_AREAS = 600
-"""Places that are judged."""
+"""Places that are validated."""
 
 
 def search_floor(validator: BaseValidator, demand: BaseDemand, log: Rejections) -> Iterator[Solution]:

@@ -44,7 +44,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class HandPoses:
-    """One way to satisfy a reach: tip poses (k, 4, 4) in order, a label for people, which body the hand may touch."""
+    """One grasp candidate: tip poses (k, 4, 4) in order, a label for people, which body the hand may touch."""
 
     label: str
     poses: Array
@@ -55,7 +55,7 @@ class HandPoses:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GraspCandidates:
-    """n ways; ``key`` is the number of the key pose in each series."""
+    """n candidates; ``key`` is the number of the key pose in each series."""
 
     text: str
     """What they do, for labels."""
@@ -67,7 +67,7 @@ class GraspCandidates:
     """From the key pose to each pose of the series, in the map, (n, k, 3)."""
     key: int
     grasps: Indices
-    """Class of each way, an index into CLASSES, (n,)."""
+    """Class of each candidate, an index into CLASSES, (n,)."""
     headings: Array
     """Of the approach axis, or for the class "top" of what is ahead of the closing axis [rad], (n,)."""
     rolls: Indices
@@ -81,7 +81,7 @@ class GraspCandidates:
         return len(self.points)
 
     def poses(self, index: ArrayLike) -> Array:
-        """Return tip poses (m, k, 4, 4) of ways (m,)."""
+        """Return tip poses (m, k, 4, 4) of candidates (m,)."""
         chosen = np.asarray(index, np.intp)
         poses = np.zeros((len(chosen), self.offsets.shape[1], 4, 4))
         poses[..., :3, :3] = self.rotations[chosen][:, None]
@@ -90,7 +90,7 @@ class GraspCandidates:
         return poses
 
     def plan(self, index: int) -> HandPoses:
-        """Return one way by itself."""
+        """Return one candidate by itself."""
         grasp = CLASSES[int(self.grasps[index])].value
         label = f"{self.text}, {grasp}, heading {math.remainder(float(self.headings[index]), 2 * math.pi):.2f}"
         return HandPoses(label, self.poses([index])[0], self.touches, self.opened)

@@ -25,9 +25,9 @@ from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
 FARTHEST = 1.2
-"""Largest move of a joint between neighbouring poses of a way [rad, m]."""
+"""Largest move of a joint between neighbouring poses of a candidate [rad, m]."""
 BETWEEN = 1
-"""Places on the straight line from one pose of a way to the next at which the hand is looked at."""
+"""Places on the straight line from one pose of a candidate to the next at which the hand is looked at."""
 ON_LATTICE, OFF_LATTICE = 0.004, 0.039
 """How much deeper inside something than elsewhere spheres of the arm must be to count, for a posture of a map whose
 height is that of the target, or is not [m].
@@ -36,7 +36,7 @@ height is that of the target, or is not [m].
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """Joint values (m, k, d) of m ways from m bases, and why others than those with None are impossible."""
+    """Joint values (m, k, d) of m candidates from m bases, and why others than those with None are impossible."""
 
     joints: Array
     reasons: list[Reason | None]
@@ -93,7 +93,7 @@ def solve(
     *,
     slack: float | None = None,
 ) -> Solved:
-    """Return joint values of ways (m,) from bases (m, 3), begun at seeds (m, s, d); spheres inside something rule out.
+    """Return joint values of candidates (m,) from bases (m, 3), begun at seeds (m, s, d); spheres rule out collisions.
 
     With ``slack`` the first seeds are within so many metres of solutions: where they are so much deeper in something
     than solutions may be, nothing is solved.
@@ -161,7 +161,7 @@ class HandSolution:
 
 
 def is_among(known: HandSolution, candidates: GraspCandidates) -> bool:
-    """Return whether a way's poses are those of one of some ways."""
+    """Return whether a candidate's poses are those of one of some candidates."""
     poses = candidates.poses(np.arange(len(candidates)))
     if poses.shape[1:] != known.plan.poses.shape:
         return False
@@ -171,7 +171,7 @@ def is_among(known: HandSolution, candidates: GraspCandidates) -> bool:
 def stopped_by(
     solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
 ) -> Reason | None:
-    """Return why an arm cannot do what a solution says, judged exactly; None if it can.
+    """Return why an arm cannot do what a solution says, validated exactly; None if it can.
 
     ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
     """
@@ -258,7 +258,7 @@ def from_base(
 ) -> Iterator[HandSolution]:
     """Yield collision-free solutions from one base, lazily, best first; other candidates are counted, each once.
 
-    Where the maps have postures these are the seeds; if ``generous``, ways beyond them are tried from the arm's own
+    Postures of the maps are the seeds; if ``generous``, candidates beyond them are tried from the arm's own
     postures at last. ``seed`` (d,) is tried before: with it, solutions near it are preferred.
     """
     there = np.array(base)
@@ -268,7 +268,7 @@ def from_base(
     order = np.argsort(-(scores * candidates.weights[index]).round(6), kind="stable")
     index, seeds = index[order], seeds[order]
     _, first = np.unique(index, return_index=True)
-    first = np.sort(first)  # of each way the best posture, then the others
+    first = np.sort(first)  # of each candidate the best posture, then the others
     later = np.setdiff1d(np.arange(len(index)), first, assume_unique=True)
     passes = [(index[rows], seeds[rows][:, None]) for rows in (first, later) if len(rows)]
     if seed is not None and passes:

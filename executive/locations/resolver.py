@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 from typing import Generic, TypeVar
 
 from executive.belief.free_floor import BasePose
@@ -33,13 +34,13 @@ from planlang.protocols import Solution
 from planlang.relations import RELATIONS
 
 APART = 0.05
-"""Solutions are farther apart than this [m]; to four decimals, as maps have places just so far apart."""
+"""Solutions are farther apart than this [m]; to four decimals, as maps have base poses just so far apart."""
 MOST_VIEWERS = 256
 """Locations of which is remembered from where they were looked for."""
 
 
 class Resolver:
-    """Turns locations into places for the base, ways of the hand and poses of objects."""
+    """Turns locations into base poses, hand solutions and poses of objects."""
 
     def __init__(self, scene: PlanningScene) -> None:
         self.scene = scene
@@ -49,13 +50,13 @@ class Resolver:
         self._viewers: dict[Location, tuple[float, float]] = {}
         self._here: dict[Location, tuple[object, bool]] = {}
 
-    # Places for the base
+    # Base poses
 
     def bases(self, location: Location, log: Rejections | None = None) -> Iterator[Solution]:
-        """Yield places that satisfy a location, lazily, best first; raises LocationUnresolvable when there are no more.
+        """Yield base poses that satisfy a location, lazily, best first; raises LocationUnresolvable at the end.
 
         Raises MissingCapability if the robot has no arm, or no camera, for what is asked. Answers are kept until the
-        belief changes or the robot moves. ``log`` is told all that is looked at, anew.
+        belief changes or the robot moves. ``log`` receives all that is looked at, anew.
         """
         self._look(location)
         if log is not None:
@@ -69,40 +70,39 @@ class Resolver:
         return self._validator.at(base, 1.0, demand, self._validator.arms(demand), Rejections())
 
     def _bases(self, location: Location, log: Rejections) -> Iterator[Solution]:
+        """Demand, then the present base pose, then one search after another with a larger budget."""
         scene, validator = self.scene, self._validator
         demand = base_demand(location, scene, self._viewer(location))
         wanted = validator.wanted(demand)
-        arms = validator.arms(demand)
         self._check_parts(location, demand)
         for reach in wanted:
             validator.check_hands(reach, location)
+        arms = validator.arms(demand)
         found: list[BasePose] = []
-        x, y, yaw = scene.base()
-        here = (x, y, math.remainder(yaw, 2 * math.pi))
-        if (solution := validator.at(here, 1.0, demand, arms, log)) is not None:
-            found.append(here)
-            yield solution
 
         def is_taken(base: BasePose) -> bool:
-            """Return whether a place near to that was found."""
+            """Return whether a base pose near to that was found."""
             return any(round(math.dist(base[:2], other[:2]), 4) <= APART for other in found)
 
-        before, again = log.copy(), False
-        for budget in BUDGETS if wanted else BUDGETS[:1]:
-            if not log.counts[COLLISION]:  # nothing that a few degrees would help with
-                budget = replace(budget, stage=min(budget.stage, Stage.ALL))
-            log.begin_again(before)
-            places = (
-                ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None).places()
-                if wanted
-                else search_floor(validator, demand, log)
-            )
-            for solution in places:
-                if is_taken(solution.base):
-                    continue
+        def searches() -> Iterator[Iterable[Solution]]:
+            x, y, yaw = scene.base()
+            here = validator.at((x, y, math.remainder(yaw, 2 * math.pi)), 1.0, demand, arms, log)
+            yield () if here is None else (here,)
+            if not wanted:
+                yield search_floor(validator, demand, log)
+                return
+            before, again = log.copy(), False
+            for budget in BUDGETS:
+                if not log.counts[COLLISION]:  # nothing that a few degrees would help with
+                    budget = replace(budget, stage=min(budget.stage, Stage.ALL))
+                log.begin_again(before)
+                yield ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None).places()
+                again = bool(found)  # what was found is found again: it need not be validated once more
+
+        for solution in chain.from_iterable(searches()):
+            if not is_taken(solution.base):
                 found.append(solution.base)
                 yield solution
-            again = bool(found)  # what was found is found again: it need not be judged once more
         raise log.failure(location, after=len(found))
 
     def _check_parts(self, location: Location, demand: BaseDemand) -> None:
@@ -134,7 +134,7 @@ class Resolver:
         """The inverse of :meth:`viewers`; nothing else is remembered then."""
         self._viewers = dict(viewers)
 
-    # GraspCandidates of a hand
+    # Hand solutions
 
     def is_grasp(self, location: Location) -> bool:
         """Return whether a hand takes hold of something there; False for a posture and what means nothing."""
@@ -146,7 +146,7 @@ class Resolver:
     def hands(self, location: Location, arm: ArmModel, seed: Array) -> Iterator[HandSolution]:
         """Yield hand solutions for a location from where the base stands; raises LocationUnresolvable at the end.
 
-        Near ``seed`` (d,), the arm's joint values, where several are as good; a way by which the place was found first.
+        Near ``seed`` (d,), the arm's joint values, if several are as good; first the one by which the base was found.
         """
         scene = self.scene
         reach = replace(hand_demand(location, scene, self._viewer(location)), arms=None)
@@ -163,7 +163,7 @@ class Resolver:
             and is_among(known, stated)
             and stopped_by(known, base, scene) is None
         ):
-            yield known  # still a way: what it is about has not moved since
+            yield known  # still valid: what it is about has not moved since
         begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
         for stage in Stage if reach.kind is ReachKind.GRASP else (Stage.NATURAL, Stage.ALL):
             counted = Rejections() if stage else log
@@ -204,7 +204,7 @@ class Resolver:
     # What holds now
 
     def holds(self, location: Location, what: Object | None = None) -> bool:
-        """Return whether the base, the hand of a device, or an object is at a location, judged as candidates are."""
+        """Return whether the base, the hand of a device, or an object is at a location, validated as candidates are."""
         scene = self.scene
         if what is None:
             state = (scene.revision(), scene.posture(), self._viewer(location))
@@ -222,7 +222,7 @@ class Resolver:
         return thing_holds(name, scene.bodies.pose(name), size, demand, scene)
 
     def _look(self, location: Location) -> None:
-        """From now on it is the present place from which a location's left and right are seen, at all that is found."""
+        """Let a location's left and right be those seen from the present base pose, from now on."""
         x, y, _ = self.scene.base()
         for inner in (location, *(r.reference for r in location.relations if isinstance(r.reference, Location))):
             self._viewers.pop(inner, None)

@@ -37,15 +37,15 @@ from planlang.geometry import Array
 from planlang.protocols import Solution
 
 ALIKE = 0.06
-"""A candidate this near to one that failed exactly, with the hand from the same side, is judged last [m]."""
+"""A candidate this near to one that failed exactly, with the hand from the same side, is validated last [m]."""
 AT_ONCE = 2048
-"""Places of which room is looked at in one go, at most."""
+"""Base poses of which room is looked at in one go, at most."""
 TRAVEL = 8.0
-"""Distance over which a place loses most of its worth [m]."""
+"""Distance over which a base pose loses most of its worth [m]."""
 
 
 class ReachSearch:
-    """One search for places from which all that is wanted can be reached."""
+    """One search for base poses from which all that is wanted can be reached."""
 
     def __init__(
         self,
@@ -57,13 +57,13 @@ class ReachSearch:
         log: Rejections,
         is_taken: Callable[[BasePose], bool] | None = None,
     ) -> None:
-        """``is_taken`` tells of which places nothing needs to be known any more."""
+        """``is_taken`` tells of which base poses nothing needs to be known any more."""
         self.is_taken = is_taken
         self.validator, self.scene, self.inverse = validator, validator.scene, validator.inverse
         self.wanted, self.demand, self.arms, self.budget, self.log = wanted, demand, arms, budget, log
 
     def places(self) -> Iterator[Solution]:
-        """Yield places from which the first reach is possible by the maps, judged block by block."""
+        """Yield base poses from which the first reach is possible by the maps, validated block by block."""
         scene, validator, budget, log = self.scene, self.validator, self.budget, self.log
         first = self.wanted[0]
         asked = [
@@ -272,7 +272,7 @@ class ReachSearch:
 
 
 def _within(centre: tuple[float, float], least: float, most: float, bases: Array) -> Array:
-    """1 for bases (m, 3) between two distances [m] from a place, 0 for others."""
+    """1 for bases (m, 3) between two distances [m] from a base pose, 0 for others."""
     away = np.linalg.norm(bases[:, :2] - centre, axis=1)
     return np.where((away >= least) & (away <= most), 1.0, 0.0)
 
@@ -284,7 +284,7 @@ def _sphere(points: Sequence[Array], reach: float) -> tuple[Array, float]:
 
 
 class _Failed:
-    """Places that failed exactly: those near to them, with the hand from the same side, are not judged next."""
+    """Base poses that failed exactly: those near to them, with the hand from the same side, are not validated next."""
 
     def __init__(self) -> None:
         self._places: list[tuple[int, float, float, float]] = []
@@ -294,7 +294,7 @@ class _Failed:
         self._places.append((arm, float(base[0]), float(base[1]), heading))
 
     def near(self, arm: int, base: Array, heading: float) -> bool:
-        """Return whether a place nearly like this one has failed."""
+        """Return whether a base pose nearly like this one has failed."""
         x, y = float(base[0]), float(base[1])
         return any(
             number == arm

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 ALL = 1_000_000
-"""More rows than a map has, more places than a way."""
+"""More rows than a map has, more base poses than a candidate."""
 
 
 class Stage(IntEnum):
-    """How many of the ways of a hand are looked at; each has those of the ones before."""
+    """How many of the candidates of a hand are looked at; each has those of the ones before."""
 
     NATURAL = 0
     ALL = 1
@@ -28,19 +28,19 @@ class SearchBudget:
     rows: int
     """So many of them for each height of the torso."""
     each: int
-    """Places of one way."""
+    """Base poses of one candidate."""
     most: int
-    """Places in all."""
+    """Base poses in all."""
     block: int
-    """Places whose inverse kinematics is solved at once."""
+    """Base poses whose inverse kinematics is solved at once."""
     exact: int
-    """Places that are judged exactly."""
+    """Base poses that are validated exactly."""
     then: SearchBudget | None = None
-    """Bounds for places between those of the maps, when there is nothing at these: no more is looked for then."""
+    """Bounds for base poses between those of the maps, when there is nothing at these: no more is looked for then."""
 
     @property
     def fine(self) -> bool:
-        """Whether not only natural ways are looked at."""
+        """Whether not only natural candidates are looked at."""
         return self.stage > Stage.NATURAL
 
 

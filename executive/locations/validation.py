@@ -32,20 +32,20 @@ from planlang.geometry import Array
 from planlang.protocols import Solution
 
 PLACES = 6
-"""Decimals of places [m, rad]: so few that two machines tell the same, so many that nothing depends on the origin."""
+"""Decimals of base poses [m, rad]: few enough that two machines agree, enough that the map's origin does not matter."""
 ANOTHER_PLACE = 0.4
-"""Whatever was not seen from one place is looked for from places at least this far away [m]."""
+"""Whatever was not seen from one base pose is looked for from base poses at least this far away [m]."""
 MOST_CROWDED = 48
-"""When there is no room, obstacles of so many promising places are named."""
+"""When there is no room, obstacles of so many promising base poses are named."""
 MOST_REMEMBERED = 64
-"""Places of which it is remembered how arms reach from them."""
+"""Base poses of which it is remembered how arms reach from them."""
 
 
 class SelfOcclusion:
     """From where the robot's own body hides a thing: told by where the thing is for the robot.
 
-    What hides it at some distance hides what is nearer in that direction; if ``strict`` only places nearly like that
-    are taken as seen through.
+    What hides it at some distance hides what is nearer in that direction; if ``strict``, only base poses nearly alike
+    count as hidden.
     """
 
     def __init__(self, what: Array, *, strict: bool) -> None:
@@ -61,7 +61,7 @@ class SelfOcclusion:
         self._known.append(self._seen(base))
 
     def covers(self, base: Array) -> bool:
-        """Return whether it is probably hidden from a place as well."""
+        """Return whether it is probably hidden from a base pose as well."""
         away, bearing = self._seen(base)
         if self._strict:
             return any(abs(away - d) < 0.03 and abs(bearing - b) < 0.1 for d, b in self._known)
@@ -69,7 +69,7 @@ class SelfOcclusion:
 
 
 class BaseValidator:
-    """Judges places for the base in the believed world, and remembers how arms reach from those it accepts."""
+    """Validates base poses in the believed world, and remembers how arms reach from those it accepts."""
 
     def __init__(self, scene: PlanningScene, inverse: InverseMaps) -> None:
         self.scene, self.inverse = scene, inverse
@@ -217,7 +217,7 @@ class BaseValidator:
     def answer(
         self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, log: Rejections
     ) -> Solution | None:
-        """Return a place that all else accepts, unless something is in reach that must not be."""
+        """Return a base pose that all else accepts, unless something is in reach that must not be."""
         for reach in demand.unreached:
             if self._first(reach, base, self.arms_for(reach, self.scene.arms.all), Rejections()) is not None:
                 _reject(log, base, score, f"{reach.body} is in reach")
@@ -242,7 +242,7 @@ class BaseValidator:
         return {"frame": said} if (said := sides(demand, self.scene)) else {}
 
     def _first(self, reach: Reach, base: BasePose, arms: Sequence[ArmModel], log: Rejections) -> HandSolution | None:
-        """Return the best way to satisfy a reach from a base with one of some arms."""
+        """Return the best candidate to satisfy a reach from a base with one of some arms."""
         for arm in arms:
             for stage in (Stage.NATURAL, Stage.ALL):
                 counted = Rejections()
@@ -256,7 +256,7 @@ class BaseValidator:
                 if candidate is not None:
                     log.include(counted)
                     return candidate
-            log.include(counted)  # all ways: the natural ones are among them
+            log.include(counted)  # all candidates: the natural ones are among them
         return None
 
     def _known(self, reach: Reach, base: BasePose, arm: ArmModel) -> HandSolution | None:
@@ -280,7 +280,7 @@ class BaseValidator:
         return (block.x, block.y), 0.0, longest + stage + 0.2
 
     def name_crowding(self, crowded: Sequence[tuple[float, Array]], log: Rejections) -> None:
-        """Count which bodies take the room of promising places, with their scores; of the best of them."""
+        """Count which bodies take the room of promising base poses, with their scores; of the best of them."""
         best = sorted(crowded, key=lambda place: -round(place[0], 6))[:MOST_CROWDED]
         for score, place in best:
             base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
@@ -294,7 +294,7 @@ class BaseValidator:
         return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
 
     def reached(self, arm: str, base: BasePose) -> Mapping[Reach, HandSolution]:
-        """Return how an arm can reach from a place."""
+        """Return how an arm can reach from a base pose."""
         return self._reached.get((arm, rounded(base)), {})
 
     def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[HandSolution]]) -> None:
@@ -305,7 +305,7 @@ class BaseValidator:
 
 
 def unmet(term: Area | Facing | Clear) -> str:
-    """Return what is said of places that a conjunct about the floor refuses."""
+    """Return what is said of base poses that a conjunct about the floor refuses."""
     return f"not {term.words}".replace("not not ", "")
 
 
@@ -321,6 +321,6 @@ def _reject(log: Rejections, base: BasePose, score: float, reason: str) -> bool:
 
 
 def rounded(base: BasePose) -> BasePose:
-    """Return the same for a place and for where the base stands after it went there."""
+    """Return the same for a base pose and for where the base stands after it went there."""
     x, y, yaw = base
     return round(x, 4), round(y, 4), round(math.remainder(yaw, 2 * math.pi), 4)

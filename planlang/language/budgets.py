@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.failures import BudgetExceeded, PlanFailure, Timeout
 from planlang.kernel import All, Task, checkpoint
-from planlang.kernel.cancel import deliver
 from planlang.kernel.core import here, park
 from planlang.kernel.primitives import charge as note_charge
 from planlang.kernel.tree import name_of
@@ -167,8 +166,6 @@ async def _pass(empty: list[_Budget]) -> None:
         await checkpoint()
         return
     task = here()[1]
-    if task.doomed:
-        await deliver(task)
     for around in undecided:
         around.used_up = True
         around.waiting.append(task)

@@ -8,11 +8,7 @@ from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from planlang.failures import (
-    CompositeFailure,
-    PlanFailure,
-    matches,
-)
+from planlang.failures import CompositeFailure, PlanFailure, matches
 from planlang.kernel.core import here
 from planlang.kernel.primitives import called, given, node, record
 from planlang.language.branches import evaporating
@@ -232,9 +228,9 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
         message = f"the recovery for {type(failure).__name__} returned {written(decision)}; it has to return "
         raise WrongType(contrast(f"{message}RETRY, PROPAGATE or Return(value)", "async def do(failure): ...", _DECIDES))
     record("recovery", recovery=number, decision="retry", used=entry.used, failure=failure)
-    await take_attempt("with_failure_handling")
     if evaporating():  # ``do`` has swallowed its evaporation
         raise failure
+    await take_attempt("with_failure_handling")
     keywords.update(values)
     return None
 

@@ -1,7 +1,7 @@
 """Locations as phrases of controlled English: "in reach of the patient with the right arm and not blocking the door".
 
-General layout: ``words`` is the table of what can be said, ``location.lark`` how it is put together; ``reading`` makes
-a location of a phrase and ``writing`` a phrase of a location, inverse to each other; ``lexicon`` knows the nouns.
+General layout: ``lexicon`` has the words and the nouns, ``location.lark`` how they are put together; ``reading`` turns
+a phrase into a location and ``writing`` a location into a phrase, inverse to each other; ``mistakes`` explains errors.
 """
 
 from planlang.phrases.lexicon import Lexicon

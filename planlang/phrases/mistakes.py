@@ -1,4 +1,4 @@
-"""What is said about a phrase that cannot be understood: where, what is there, what could be there."""
+"""Diagnostics of phrases: where a phrase cannot be read, what is there, and what could be there."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from difflib import SequenceMatcher, get_close_matches
 from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 
 from planlang.diagnostics import Diagnostic, Span, error
-from planlang.phrases.lexicon import DEVICES, Lexicon
-from planlang.phrases.words import ARTICLES, forms, opposites, plain
+from planlang.phrases.lexicon import ARTICLES, DEVICES, Lexicon, forms, opposites, plain
 from planlang.relations import RELATIONS
 
 _MOST = 24
@@ -95,7 +94,7 @@ def unknown_device(words: str, noun: Tree[Token], file: str) -> Diagnostic:
     """Return the diagnostic for something that nothing can be reached with."""
     close = get_close_matches(plain(words), list(DEVICES), n=1, cutoff=_ALIKE)
     guess = f"did you mean {close[0]!r}? " if close else ""
-    return error("P002", f"nothing reaches with {words!r}", _at(noun, file), f"{guess}what does: {', '.join(DEVICES)}")
+    return error("P002", f"{words!r} is no arm of a robot", _at(noun, file), f"{guess}arms: {', '.join(DEVICES)}")
 
 
 def _unknown_relation(said: str, guess: str | None, span: Span) -> Diagnostic:

@@ -13,8 +13,19 @@ from planlang.designators import Device, Location, Object, Relation
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.lengths import metres
 from planlang.phrases import mistakes
-from planlang.phrases.lexicon import DEVICES, KINDS, Lexicon
-from planlang.phrases.words import DEEPEST, GRASP_FORMS, LIMITS, LONGEST, forms, opposites, pattern, plain
+from planlang.phrases.lexicon import (
+    DEEPEST,
+    DEVICES,
+    GRASP_FORMS,
+    KINDS,
+    LIMITS,
+    LONGEST,
+    Lexicon,
+    forms,
+    opposites,
+    pattern,
+    plain,
+)
 from planlang.relations import RELATIONS, measured
 
 _COMMENT = re.compile(r"<[^<>\s]*>|(#[^\n]*)")
@@ -76,7 +87,7 @@ def _parser(said: tuple[str, ...], opposite: tuple[str, ...]) -> Lark:
 
 
 class _Reader:
-    """Makes locations of trees; what is wrong is collected."""
+    """Makes locations of trees and collects the errors."""
 
     def __init__(self, lexicon: Lexicon, file: str) -> None:
         self.lexicon, self.file = lexicon, file
@@ -102,12 +113,12 @@ class _Reader:
                     said = plain(str(manner.children[0]))
                     one = next(name for name, forms in GRASP_FORMS.items() if said in forms)
                     if grasp not in (None, one):
-                        self.wrong("P005", f"two grasps are said of one location: {grasp} and {one}", manner)
+                        self.wrong("P005", f"one location names two grasps: {grasp} and {one}", manner)
                     grasp = one
                 else:
                     other = self.device(manner)
                     if device is not None and other not in (None, device):
-                        self.wrong("P005", f"two arms are said of one location: {device} and {other}", manner)
+                        self.wrong("P005", f"one location names two arms: {device} and {other}", manner)
                     device = other or device
         return Location(tuple(relations), None, device, grasp)
 
@@ -158,7 +169,7 @@ class _Reader:
             return {LIMITS[plain(tokens[0])]: self.length(tokens[1])}
         least, most = self.length(tokens[0]), self.length(tokens[2])
         if least is not None and most is not None and least > most:
-            self.wrong("P004", f"nothing is beyond {tokens[0]} and within {tokens[2]}", tokens[0])
+            self.wrong("P004", f"no distance is beyond {tokens[0]} and within {tokens[2]}", tokens[0])
         return {"beyond": least, "within": most}
 
     def length(self, token: Token) -> float | None:
@@ -176,7 +187,7 @@ class _Reader:
         if tree.data == "thing":
             return self.thing(inner, said, named=len(tree.children) == 1)
         if depth >= DEEPEST:
-            self.wrong("P003", f"places are told within each other at most {DEEPEST} deep", inner)
+            self.wrong("P003", f"locations are nested more than {DEEPEST} deep", inner)
             return None
         if tree.data == "group":
             return self.location(inner, depth + 1)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from decimal import Decimal
 
 from planlang.designators import Device, Location, Object, Relation
-from planlang.phrases.lexicon import DEVICES, KINDS, Lexicon
-from planlang.phrases.words import GRASP_FORMS
+from planlang.phrases.lexicon import DEVICES, GRASP_FORMS, KINDS, Lexicon
 from planlang.relations import RELATIONS
 
 _DEVICE_WORDS = {device: words for words, device in DEVICES.items()}

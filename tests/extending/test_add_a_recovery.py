@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from planlang.language.strategies import recovery_strategy, registered_strategies
+from planlang.language import strategies
+from planlang.language.strategies import find_strategy, recovery_strategy, registered_strategies
 from planlang.misuse import PlanStructureError
 
 GUIDE = (Path(__file__).resolve().parents[2] / "CONTRIBUTING.md").read_text().partition("## How to add a recovery")[2]
@@ -82,7 +83,7 @@ def test_a_strategy_that_nobody_registers_is_an_error_that_says_so(package: Path
     (package / "my_robot-1.0.dist-info" / "entry_points.txt").unlink()
     refused = python(package, "-m", "executive", "compile", "recipe.omn")
     assert refused.returncode == 2
-    assert "names a strategy WaitAMoment, which does not exist" in refused.stderr
+    assert "names an unknown strategy WaitAMoment" in refused.stderr
 
 
 def test_a_package_that_cannot_be_imported_is_named(package: Path) -> None:
@@ -119,3 +120,31 @@ def test_a_module_that_is_imported_twice_registers_once() -> None:
     strategy = next(one for one in registered_strategies() if one.name == "Ignore")
     assert strategy.function is not None
     assert recovery_strategy("Ignore")(strategy.function) is strategy.function
+
+
+def test_packages_are_asked_only_for_names_that_planlang_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    class Point:
+        value = "my_robot.recoveries"
+
+        def load(self) -> None:
+            asked.append(self.value)
+            if len(asked) == 1:
+                raise ImportError("no arm is connected")
+
+    monkeypatch.setattr(strategies, "entry_points", lambda group: [Point()] if group == strategies.GROUP else [])
+    strategies._load_installed.cache_clear()
+    try:
+        assert find_strategy("LookAndRepeat") is not None
+        assert asked == []
+        with pytest.raises(ImportError, match="no arm") as raised:
+            find_strategy("Dance")
+        assert raised.value.__notes__ == [
+            "while loading my_robot.recoveries, an entry point of the group planlang.recoveries"
+        ]
+        assert find_strategy("Dance") is None
+        assert find_strategy("Sing") is None
+        assert len(asked) == 2
+    finally:
+        strategies._load_installed.cache_clear()

@@ -133,9 +133,9 @@ def test_a_conjunction_keeps_the_device_that_was_named() -> None:
 
 def test_a_conjunction_of_two_arms_two_grasps_or_a_posture_is_refused() -> None:
     right, left = a_location(in_reach_of=BOTTLE, using=GRIPPER), a_location(in_reach_of=BED, using=a_device("LeftArm"))
-    with pytest.raises(ValueError, match=r"two arms are said of one location: rightGripper and LeftArm\. A base from"):
+    with pytest.raises(ValueError, match=r"one location names two arms: rightGripper and LeftArm\. A base from"):
         right & left
-    with pytest.raises(ValueError, match="two grasps are said of one location: top and side"):
+    with pytest.raises(ValueError, match="one location names two grasps: top and side"):
         a_location(in_reach_of=BOTTLE, grasp="top") & a_location(in_reach_of=BED, grasp="side")
     for pair in ((a_posture("carrying"), right), (right, a_posture("carrying"))):
         with pytest.raises(ValueError, match="a posture is no set of poses"):
@@ -181,7 +181,7 @@ def test_a_bound_is_that_of_the_one_relation_that_has_a_distance() -> None:
     for relations in ({"in_reach_of": BOTTLE}, {"near": (BOTTLE, BED)}):
         with pytest.raises(ValueError, match="bound one relation"):
             a_location(within=0.5, **relations)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="nothing is beyond"):
+    with pytest.raises(ValueError, match="no distance is beyond"):
         a_location(near=BED, within=0.2, beyond=0.3)
 
 

@@ -177,6 +177,21 @@ def test_every_file_and_folder_that_a_page_names_is_there() -> None:
     assert [folder for folder in listed if not (CHECKOUT / folder).is_dir()] == []
 
 
+@pytest.mark.parametrize("thing", ["relation", "process module", "recovery", "robot", "dialect"])
+def test_each_guide_of_contributing_is_followed_by_a_test(thing: str) -> None:
+    text = (CHECKOUT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    guide = text.partition(f"## How to add a {thing}")[2].partition("\n## ")[0]
+    test = (CHECKOUT / "tests" / "extending" / f"test_add_a_{thing.replace(' ', '_')}.py").read_text(encoding="utf-8")
+    blocks = re.findall(
+        r"```(?:python|manchester|toml)\n(.+?)```", re.sub(r"(?m)^   (?=\S| )", "", guide), flags=re.DOTALL
+    )
+    assert blocks
+    if "GUIDE" not in test:  # a test that reads the guide itself follows it in any case
+        lines = {line.strip().replace('"', "") for line in re.split(r"\n|\\n", test)}
+        shown = [line.strip().replace('"', "") for block in blocks for line in block.splitlines()]
+        assert [line for line in shown if line not in lines and "project.entry-points" not in line] == []
+
+
 def rewrite() -> None:
     """Write outputs that no longer agree, and the table of codes, into the pages."""
     import tempfile

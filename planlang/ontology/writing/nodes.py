@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from planlang.ontology.terms import FIRST, NIL, OWL, RDF, REST, STRING, TYPE, BNode, Literal, Term, Triple
 
@@ -166,7 +166,7 @@ def differences(before: Iterable[Triple], after: Iterable[Triple]) -> tuple[list
 def statements(triples: Iterable[Triple]) -> dict[tuple[object, str, object], list[Triple]]:
     """What a graph states, each under a key that equal ones share, in whatever graph and whatever its labels."""
     given = list({(t.subject, t.predicate, t.object): t for t in triples}.values())
-    colours = _content(given)
+    colours = _content([Triple(t.subject, t.predicate, _plain(t.object), t.span) for t in given])
     found: dict[tuple[object, str, object], list[Triple]] = {}
     for triple in given:
         subject, value = (
@@ -233,7 +233,7 @@ def _shown(term: Term, colours: Mapping[BNode, str]) -> tuple[str, ...]:
         case BNode():
             return ("node", colours[term])
         case Literal(value, datatype, language):
-            return ("value", value, "" if datatype == STRING else datatype or "", language or "")
+            return ("value", value, datatype or "", language or "")
         case _:
             return ("iri", term)
 
@@ -276,3 +276,33 @@ def _refined(
             break
         colours, classes = finer, found
     return colours
+
+
+class Subjects:
+    """What is stated of each subject, and which nameless nodes are used in one place, where they can be written."""
+
+    def __init__(self, triples: Iterable[Triple]) -> None:
+        self.about: dict[str | BNode, list[Triple]] = {}
+        uses: dict[BNode, int] = {}
+        for triple in triples:
+            self.about.setdefault(triple.subject, []).append(triple)
+            if isinstance(triple.object, BNode):
+                uses[triple.object] = uses.get(triple.object, 0) + 1
+        self.once = frozenset(node for node, number in uses.items() if number == 1)
+
+    def list_at(self, cell: Term, is_free: Callable[[BNode], bool]) -> tuple[list[Term], list[BNode]] | None:
+        """Return the items and the cells of a list that can be written as one; None if it is broken, or is more.
+
+        ``is_free`` tells whether a cell may be written there; it must not be so for one that was met before.
+        """
+        items: list[Term] = []
+        cells: list[BNode] = []
+        while cell != NIL:
+            said = self.about.get(cell, []) if isinstance(cell, BNode) else []
+            parts = {triple.predicate: triple.object for triple in said}
+            if not isinstance(cell, BNode) or len(said) != 2 or set(parts) != {FIRST, REST} or not is_free(cell):
+                return None
+            items.append(parts[FIRST])
+            cells.append(cell)
+            cell = parts[REST]
+        return items, cells

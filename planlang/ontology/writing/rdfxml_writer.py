@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
-from planlang.ontology.terms import FIRST, NIL, RDF, REST, TYPE, BNode, Literal, Term, Triple
+from planlang.ontology.terms import RDF, TYPE, BNode, Literal, Term, Triple
 from planlang.ontology.writing.names import Names
-from planlang.ontology.writing.nodes import labelled
+from planlang.ontology.writing.nodes import Subjects, labelled
 
 DEEPEST = 30
 """Nameless nodes written inside each other; what is deeper has a label."""
@@ -64,13 +64,8 @@ class _Writer:
         self.spaces: dict[str, str] = {}
         self._names = {space: name for name, space in names.known() if name and not name.lower().startswith("xml")}
         self._names[RDF] = "rdf"
-        self._about: dict[str | BNode, list[Triple]] = {}
-        uses: dict[BNode, int] = {}
-        for triple in triples:
-            self._about.setdefault(triple.subject, []).append(triple)
-            if isinstance(triple.object, BNode):
-                uses[triple.object] = uses.get(triple.object, 0) + 1
-        self._once = frozenset(node for node, number in uses.items() if number == 1)
+        self._subjects = Subjects(triples)
+        self._about, self._once = self._subjects.about, self._subjects.once
         self._written: set[BNode] = set()
 
     def elements(self) -> Iterator[str]:
@@ -133,21 +128,12 @@ class _Writer:
             yield f"{pad}<rdf:Description{_node_id(item)}/>\n"
 
     def _items(self, cell: BNode) -> list[str | BNode] | None:
-        """The items of a list that can be written as one; None if it is not whole, or has values."""
-        items: list[str | BNode] = []
-        cells: list[BNode] = []
-        following: Term = cell
-        while following != NIL:
-            if not isinstance(following, BNode) or following not in self._once or following in self._written:
-                return None
-            said = self._about.get(following, [])
-            parts = {triple.predicate: triple.object for triple in said}
-            if len(said) != 2 or set(parts) != {FIRST, REST} or isinstance(parts[FIRST], Literal):
-                return None
-            cells.append(following)
-            items.append(parts[FIRST])  # type: ignore[arg-type]
-            following = parts[REST]
-        self._written.update(cells)
+        """The items of a list that can be written as one; None if it cannot, or has values."""
+        found = self._subjects.list_at(cell, lambda one: one in self._once and one not in self._written)
+        items = [item for item in found[0] if not isinstance(item, Literal)] if found is not None else []
+        if found is None or len(items) < len(found[0]):
+            return None
+        self._written.update(found[1])
         return items
 
     def _tag(self, iri: str) -> str:

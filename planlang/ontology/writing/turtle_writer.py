@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
-from planlang.ontology.terms import FIRST, NIL, REST, TYPE, BNode, Literal, Term, Triple
+from planlang.ontology.terms import REST, TYPE, BNode, Literal, Term, Triple
 from planlang.ontology.writing.names import Names
-from planlang.ontology.writing.nodes import labelled
+from planlang.ontology.writing.nodes import Subjects, labelled
 
 _ILLEGAL_IN_IRI = re.compile(r'[\x00-\x20<>"{}|^`\\]')
 _ESCAPED_IN_TEXT = re.compile(r'[\x00-\x1f\x7f"\\]')
@@ -60,16 +60,11 @@ def turtle(triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | No
 class _Writer:
     def __init__(self, triples: list[Triple], names: Names) -> None:
         self.names = names
-        self._about: dict[str | BNode, list[Triple]] = {}
-        uses: dict[BNode, int] = {}
-        for triple in triples:
-            self._about.setdefault(triple.subject, []).append(triple)
-            if isinstance(triple.object, BNode):
-                uses[triple.object] = uses.get(triple.object, 0) + 1
-        once = {node for node, number in uses.items() if number == 1}
-        self._inside = self._nested(once)
+        self._subjects = Subjects(triples)
+        self._about = self._subjects.about
+        self._inside = self._nested(self._subjects.once)
 
-    def _nested(self, once: set[BNode]) -> frozenset[BNode]:
+    def _nested(self, once: frozenset[BNode]) -> frozenset[BNode]:
         """Nodes that are written where they are used: reached from a subject of their own, not too deep, no circle."""
         nested: set[BNode] = set()
         level = [subject for subject in self._about if subject not in once]
@@ -103,27 +98,14 @@ class _Writer:
     def _value(self, value: Term, depth: int) -> str:
         if not (isinstance(value, BNode) and value in self._inside):
             return self._term(value)
-        items = self._items(value)
-        if items is not None:
-            return f"( {' '.join(self._value(item, depth + 1) for item in items)} )"
+        listed = self._subjects.list_at(value, self._inside.__contains__)
+        if listed is not None:
+            return f"( {' '.join(self._value(item, depth + 1) for item in listed[0])} )"
         said = self._about.get(value)
         if not said:
             return "[]"
         indent = "\n" + "    " * depth
         return f"[{indent}    {self._said(said, depth + 1)}{indent}]"
-
-    def _items(self, cell: BNode) -> list[Term] | None:
-        """The items of a list that can be written as one; None if it is not whole, or is something else, too."""
-        items: list[Term] = []
-        following: Term = cell
-        while following != NIL:
-            said = self._about.get(following, []) if isinstance(following, BNode) else []
-            parts = {triple.predicate: triple.object for triple in said}
-            if len(said) != 2 or set(parts) != {FIRST, REST} or following not in self._inside:
-                return None
-            items.append(parts[FIRST])
-            following = parts[REST]
-        return items
 
     def _term(self, value: Term) -> str:
         match value:

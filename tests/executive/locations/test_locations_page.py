@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
-from planlang.phrases.words import GRASP_FORMS
+from executive.cli.app import app
+from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.relations import RELATIONS
 
 CHECKOUT = Path(__file__).resolve().parents[3]
@@ -53,13 +53,9 @@ def shown(title: str) -> str:
     return found[1].strip()
 
 
-def output(command: str, folder: Path) -> str:
+def output(command: str) -> str:
     """What the command prints, stderr too."""
-    arguments = [sys.executable, "-m", "executive", *shlex.split(command)]
-    ended = subprocess.run(
-        arguments, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
-    )
-    return ended.stdout
+    return CliRunner().invoke(app, shlex.split(command)).output
 
 
 @pytest.mark.parametrize("title", TABLES)
@@ -68,9 +64,8 @@ def test_a_table_of_the_page_is_that_of_the_code(title: str) -> None:
 
 
 @pytest.mark.parametrize(("command", "printed"), FOUND, ids=[command for command, _ in FOUND])
-def test_an_output_of_the_page_is_what_its_command_prints(command: str, printed: str, tmp_path: Path) -> None:
-    real = output(command, tmp_path)
-    assert real == printed, "python tests/executive/locations/test_locations_page.py writes it anew"
+def test_an_output_of_the_page_is_what_its_command_prints(command: str, printed: str) -> None:
+    assert output(command) == printed, "python tests/executive/locations/test_locations_page.py writes it anew"
 
 
 def rewrite() -> None:
@@ -80,7 +75,7 @@ def rewrite() -> None:
         text = re.sub(
             rf"(<!-- {title} -->\n).*?(<!-- end -->)", lambda m, t=table: f"{m[1]}{t()}\n{m[2]}", text, flags=re.DOTALL
         )
-    text = BLOCK.sub(lambda m: f"```console\n$ planlang {m[1]}\n{output(m[1], CHECKOUT)}```", text)
+    text = BLOCK.sub(lambda m: f"```console\n$ planlang {m[1]}\n{output(m[1])}```", text)
     FILE.write_text(text, encoding="utf-8")
 
 

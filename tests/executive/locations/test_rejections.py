@@ -162,7 +162,7 @@ def test_all_places_that_were_not_looked_at_are_counted(
 def test_a_relation_that_means_nothing_is_refused_with_those_that_do(
     location: Location, said: str, refused: Refused
 ) -> None:
-    assert f"what does: {said}" in str(refused(location, CABINET, BOTTLE, BED))
+    assert f"relations that do: {said}" in str(refused(location, CABINET, BOTTLE, BED))
 
 
 def test_an_object_that_is_not_in_the_map_is_no_matter_of_places(make_stage: MakeStage) -> None:

@@ -6,36 +6,23 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
-from planlang import (
-    Trace,
-    VirtualHost,
-    a_device,
-    a_location,
-    action,
-    an_object,
-    at_location,
-    par,
-    perform,
-    run,
-    sleep,
-)
+from planlang import Trace, a_device, a_location, a_posture, action, an_object, at_location, par, perform, sleep
 from planlang.failures import (
     LocationUnresolvable,
     ManipulationPoseUnreachable,
     NavigationGoalNotReached,
+    ObjectLost,
     ObjectNotFound,
     ObjectUndeliverable,
     ObjectUnreachable,
+    PlanFailure,
 )
 
 CUP = an_object("Cup", "http://example.org/map#cup1")
 BED = an_object("Bed-PieceOfFurniture")
 NEAR_CUP = a_location(in_reach_of=CUP)
-
-
-def go(plan: Any, executive: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), executive=executive, **options)
 
 
 def test_the_body_runs_at_the_first_solution_and_its_result_is_returned(executive: Any) -> None:
@@ -65,7 +52,7 @@ def test_another_arm_than_that_of_the_place_is_said_of_what_it_shall_reach(execu
     place = NEAR_CUP & a_location(near=BED, using=right)
     go(partial(at_location, place, body, reaching=(grasp,), device=left), executive)
     assert executive.asked == [place & a_location(in_reach_of=a_location(in_center_of=CUP, using=left))]
-    with pytest.raises(ValueError, match="two arms are said of one location"):
+    with pytest.raises(ValueError, match="one location names two arms"):
         go(partial(at_location, place, body, reaching=(CUP,), device=left), executive)
 
 
@@ -338,3 +325,69 @@ def test_a_step_that_lets_go_runs_in_a_second_try_if_the_first_did_not_come_to_i
 
     go(partial(at_location, NEAR_CUP, body), executive)
     assert log == ["open"]
+
+
+TABLE = an_object("Table", "http://example.org/map#table1")
+
+
+async def nothing() -> None: ...
+
+
+def test_a_nested_scope_that_finds_no_place_leaves_the_outer_place_alone(executive: Any) -> None:
+    nowhere = a_location(in_reach_of=TABLE)
+    solutions = executive.solutions
+    executive.solutions = lambda location: iter(()) if location is nowhere else solutions(location)
+
+    async def body() -> str:
+        try:
+            await at_location(nowhere, nothing)
+        except ObjectUnreachable as failure:
+            return failure.what
+        return "reached"
+
+    assert go(partial(at_location, NEAR_CUP, body), executive) == "table1"
+    assert executive.log == ["at 1"]
+
+
+@pytest.mark.parametrize(
+    ("raised", "arrives"), [(ManipulationPoseUnreachable, ObjectUnreachable), (ObjectNotFound, ObjectNotFound)]
+)
+def test_a_failure_on_the_way_to_another_place_is_handled_as_one_at_it(
+    executive: Any, module: Any, raised: type[PlanFailure], arrives: type[PlanFailure]
+) -> None:
+    async def fails(wanted: Any) -> None:
+        raise raised
+
+    executive.extra.append(module("arm", ("Tucking",), fails))
+    executive.retry_actions = (action("Tucking"),)
+
+    async def body() -> None:
+        raise ManipulationPoseUnreachable
+
+    with pytest.raises(arrives):
+        go(partial(at_location, NEAR_CUP, body), executive)
+
+
+def test_a_location_that_is_about_no_object_is_named_itself(executive: Any) -> None:
+    executive.places = []
+    with pytest.raises(ObjectUnreachable) as caught:
+        go(partial(at_location, a_posture("carrying"), nothing), executive)
+    assert "carrying" in str(caught.value.what)
+
+
+def test_a_place_that_cannot_be_watched_fails_the_scope(executive: Any) -> None:
+    def is_at(solution: Any) -> bool:
+        raise ObjectLost(what="the base")
+
+    executive.is_at = is_at
+    ended: list[str] = []
+
+    async def body() -> None:
+        try:
+            await sleep(5)
+        finally:
+            ended.append("body")
+
+    with pytest.raises(ObjectLost):
+        go(partial(at_location, NEAR_CUP, body), executive)
+    assert ended == ["body"]

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     Action,
@@ -20,17 +21,16 @@ from planlang import (
     par,
     perform,
     pursue,
+    retry,
     run,
     shield,
     sleep,
+    timeout,
+    try_all,
     unwind_protect,
     with_failure_handling,
 )
 from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, ObjectNotFound, PlanFailure
-
-
-def go(plan: Any, executive: Any = None) -> Any:
-    return run(plan, host=VirtualHost(), executive=executive)
 
 
 async def misses() -> None:
@@ -197,3 +197,84 @@ def test_a_budget_that_is_used_up_cuts_no_cleanup_short_of_what_was_evaporated_i
     with pytest.raises(BudgetExceeded):
         run(lambda: budget(lambda: pursue(loser, succeeds), attempts=0), host=VirtualHost())
     assert seen == [5]
+
+
+async def hopeless() -> None:
+    raise GraspMissed(what="cup")
+
+
+def test_a_budget_of_time_does_not_count_attempts() -> None:
+    with pytest.raises(GraspMissed):
+        go(partial(budget, partial(with_failure_handling, hopeless, Recovery(PlanFailure, attempts=5)), seconds=1))
+
+
+def test_a_retry_in_the_cleanup_of_a_branch_that_is_evaporated_takes_no_budget_with_it() -> None:
+    async def loser() -> None:
+        try:
+            await sleep(10)
+        finally:
+            await with_failure_handling(hopeless, Recovery(PlanFailure))
+
+    async def winner() -> str:
+        await sleep(0.5)
+        return "won"
+
+    assert go(partial(budget, partial(pursue, winner, loser), attempts=0)) == "won"
+
+
+def test_what_a_shield_keeps_goes_on_retrying_after_its_budget_is_used_up() -> None:
+    tries: list[int] = []
+
+    async def body() -> None:
+        tries.append(len(tries))
+        raise GraspMissed(what="cup")
+
+    async def shielded() -> None:
+        with shield():
+            await with_failure_handling(body, Recovery(PlanFailure, attempts=3))
+
+    with pytest.raises(BudgetExceeded):
+        go(partial(budget, shielded, attempts=0))
+    assert tries == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("seconds", [-1, float("nan")])
+def test_a_timeout_or_budget_is_a_duration(seconds: float) -> None:
+    for body in (partial(timeout, seconds, sleep), partial(budget, partial(sleep, 1), seconds=seconds)):
+        with pytest.raises(ValueError, match="a duration"):
+            go(body)
+
+
+def test_the_attempts_of_a_budget_bound_all_recoveries_inside_however_nested_and_the_failure_counts_them() -> None:
+    runs: list[int] = []
+
+    async def step() -> None:
+        runs.append(1)
+        raise GraspMissed
+
+    inner = partial(with_failure_handling, step, Recovery(GraspMissed, retry, attempts=3))
+    outer = partial(with_failure_handling, inner, Recovery(GraspMissed, retry, attempts=3))
+    with pytest.raises(BudgetExceeded, match=r"5 attempts.*with_failure_handling again 5 times") as caught:
+        go(partial(budget, outer, attempts=5))
+    assert len(runs) == 6
+    assert caught.value.used == {"with_failure_handling": 5}
+
+
+def test_a_budget_without_attempts_left_still_allows_a_first_run() -> None:
+    assert go(partial(budget, partial(try_all, partial(sleep, 1)), attempts=0)) is None
+
+
+def test_branches_side_by_side_share_one_budget() -> None:
+    runs: list[str] = []
+
+    async def step(name: str) -> None:
+        runs.append(name)
+        await sleep(1)
+        raise GraspMissed
+
+    def handled(name: str) -> Any:
+        return partial(with_failure_handling, partial(step, name), Recovery(GraspMissed, retry, attempts=9))
+
+    with pytest.raises(BudgetExceeded):
+        go(partial(budget, partial(par, handled("a"), handled("b")), attempts=3))
+    assert sorted(runs) == ["a", "a", "a", "b", "b"]

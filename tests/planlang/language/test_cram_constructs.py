@@ -7,19 +7,18 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     Fluent,
     PlanFailure,
     Status,
-    VirtualHost,
     evaporate,
     now,
     on_suspension,
     par,
     partial_order,
     pursue,
-    run,
     seq,
     sleep,
     suspend,
@@ -35,10 +34,6 @@ from planlang import (
 from planlang.failures import CompositeFailure, GraspMissed, ObjectNotFound
 
 Plan = Callable[[], Awaitable[Any]]
-
-
-def go(plan: Plan, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 async def fails(after: float = 0.0, what: str = "failed") -> None:

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     Fluent,
@@ -13,7 +14,6 @@ from planlang import (
     PlanFailure,
     PlanStructureError,
     Status,
-    VirtualHost,
     evaporate,
     join,
     now,
@@ -22,7 +22,6 @@ from planlang import (
     plan,
     pursue,
     retry_after_suspension,
-    run,
     sleep,
     suspend,
     tag,
@@ -35,10 +34,6 @@ from planlang import (
     wake_up,
 )
 from planlang.failures import BranchEvaporated, Timeout
-
-
-def go(body: Any, **options: Any) -> Any:
-    return run(body, host=VirtualHost(), **options)
 
 
 def test_k1_a_parent_that_ends_leaves_evaporated_children() -> None:

@@ -8,14 +8,31 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
-from planlang import PlanFailure, VirtualHost, explain, failures, par, run, sleep
+from planlang import (
+    PlanFailure,
+    VirtualHost,
+    achieve,
+    explain,
+    failures,
+    par,
+    race,
+    run,
+    sleep,
+    state_machine,
+    unwind_protect,
+    with_policies,
+    with_requests,
+)
+from planlang import failures as taxonomy
 from planlang.failures import (
     CompositeFailure,
     GraspMissed,
     LocationUnresolvable,
     ManipulationFailure,
     NavigationPoseUnreachable,
+    ObjectLost,
     ObjectUnfetchable,
     ObjectUnreachable,
 )
@@ -109,3 +126,78 @@ def test_where_carries_the_revision_of_the_belief(executive: Any) -> None:
         run(fails, host=VirtualHost(), executive=executive)
     assert caught.value.where is not None
     assert caught.value.where.revision == 7
+
+
+def test_causes_that_are_no_plan_failures_and_failures_during_cleanup_are_explained() -> None:
+    async def fails_in_cleanup() -> None:
+        raise ObjectLost(what="plate")
+
+    async def stuck() -> None:
+        await unwind_protect(partial(sleep, 10), fails_in_cleanup)
+
+    async def fails() -> None:
+        await sleep(1)
+        raise GraspMissed(what="cup") from OSError("gripper jammed")
+
+    with pytest.raises(GraspMissed) as caught:
+        go(partial(par, fails, stuck))
+    lines = explain(caught.value).splitlines()
+    assert [line.strip() for line in lines if "cleanup" in line] == [
+        f"during cleanup: ObjectLost: {ObjectLost(what='plate')}"
+    ]
+    assert lines[-1].strip() == "because of OSError: gripper jammed"
+
+
+TREE = """
+PlanFailure
+  LowLevelFailure
+    NavigationFailure
+      NavigationPoseUnreachable NavigationGoalNotReached NavigationGoalInCollision
+    PerceptionFailure
+      ObjectNotFound ObjectLost AmbiguousPerception
+    LookingFailure
+      LookingGoalUnreachable
+    ManipulationFailure
+      ManipulationPoseUnreachable ManipulationGoalNotReached ManipulationGoalInCollision
+      GripperFailure
+        GraspMissed GraspSlipped GripperGoalNotReached
+      TorsoFailure
+        TorsoGoalUnreachable
+    EnvironmentManipulationFailure
+      ContainerStuck HandleNotReachable
+    CommunicationFailure
+      HandoverNotTaken
+  HighLevelFailure
+    ObjectUnreachable ObjectUnfetchable ObjectUndeliverable ObjectNowhereToBeFound EnvironmentUnreachable
+  DesignatorFailure
+    LocationUnresolvable ObjectUnresolvable ActionUnresolvable MissingCapability
+  CompositeFailure Timeout BudgetExceeded BranchEvaporated PolicyViolated GoalNotAchieved TransitionMissing
+"""
+
+
+def test_the_failures_form_the_documented_tree_and_no_other() -> None:
+    parents: dict[str, str] = {}
+    above: list[tuple[int, str]] = []
+    for line in TREE.strip().splitlines():
+        depth = len(line) - len(line.lstrip())
+        while above and above[-1][0] >= depth:
+            above.pop()
+        for name in line.split():
+            parents[name] = above[-1][1] if above else "Exception"
+        above.append((depth, line.split()[-1]))
+    found = {
+        name: cls.__bases__[0].__name__
+        for name, cls in vars(taxonomy).items()
+        if inspect.isclass(cls) and issubclass(cls, PlanFailure)
+    }
+    assert found == parents
+
+
+def test_every_public_name_has_a_docstring_and_is_listed_once() -> None:
+    import planlang
+
+    assert len(planlang.__all__) == len(set(planlang.__all__))
+    for name in planlang.__all__:
+        assert not callable(getattr(planlang, name)) or inspect.getdoc(getattr(planlang, name)), name
+    for construct in (race, achieve, state_machine, with_policies, with_requests):
+        assert construct.__name__ in planlang.__all__

@@ -6,13 +6,14 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     Action,
     Fluent,
     Recovery,
+    Return,
     Trace,
-    VirtualHost,
     a_location,
     achieve,
     action,
@@ -27,25 +28,26 @@ from planlang import (
     par,
     perform,
     pursue,
-    run,
     sleep,
+    tag,
+    task,
     wait_for,
+    whenever,
     with_failure_handling,
 )
+from planlang import evaporate as evaporate_task
 from planlang.designators import located
 from planlang.failures import (
+    BranchEvaporated,
     GoalNotAchieved,
     GraspMissed,
     ObjectNotFound,
     ObjectNowhereToBeFound,
+    ObjectUnreachable,
     PerceptionFailure,
 )
 
 BOTTLE = an_object("DrinkingBottle", "http://example.org/map#bottle1")
-
-
-def go(plan: Any, executive: Any = None, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), executive=executive, **options)
 
 
 def test_the_body_is_skipped_when_the_goal_holds_and_the_trace_says_so(executive: Any) -> None:
@@ -209,3 +211,36 @@ def test_a_result_is_handed_on_if_it_is_the_kind_of_thing_that_is_needed() -> No
     assert given(BOTTLE, "cup") == BOTTLE
     assert given((1.0, 2.0), cup) == cup
     assert given(None, "cup") == "cup"
+
+
+CUP = an_object("Cup", "http://example.org/map#cup1")
+
+
+def test_an_object_that_can_be_seen_from_nowhere_is_nowhere_to_be_found(executive: Any) -> None:
+    executive.places = []
+
+    async def body() -> None:
+        raise ObjectNotFound(what="cup")
+
+    with pytest.raises(ObjectNowhereToBeFound) as caught:
+        go(partial(with_failure_handling, body, Recovery(ObjectNotFound, look_from_another_place(CUP))), executive)
+    assert isinstance(caught.value.__cause__, ObjectUnreachable)
+
+
+def test_whenever_ends_where_its_body_has_evaporated_it() -> None:
+    bodies: list[int] = []
+
+    async def body() -> None:
+        bodies.append(1)
+        evaporate_task(task("watching"))
+
+    with pytest.raises(BranchEvaporated):
+        go(partial(tag, "watching", partial(whenever, Fluent(True), body)))
+    assert bodies == [1]
+
+
+def test_whenever_leaves_with_what_its_body_returns() -> None:
+    async def body() -> Return[str]:
+        return Return("left")
+
+    assert go(partial(whenever, Fluent(True), body)) == "left"

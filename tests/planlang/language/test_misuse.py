@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 import planlang
 from planlang import (
@@ -43,10 +44,6 @@ from planlang import (
 )
 from planlang.misuse import contrast
 from planlang.testing import explore, run_plan
-
-
-def go(body: Any, **options: Any) -> Any:
-    return run(body, host=VirtualHost(), **options)
 
 
 async def reach() -> str:

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     PlanFailure,
@@ -27,14 +28,13 @@ from planlang import (
     task,
     timeout,
     try_all,
+    try_each_in_order,
     try_in_order,
+    unwind_protect,
 )
-from planlang.failures import BranchEvaporated, CompositeFailure, Timeout
+from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, NavigationFailure, Timeout
+from planlang.language.parallel import concurrent_branches
 from planlang.runs import with_paths
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 async def gives(value: Any, after: float = 0.0) -> Any:
@@ -283,3 +283,112 @@ def test_branches_are_named_by_function_or_keyword_and_never_by_line() -> None:
         "plan/par/key",
         "plan/again/work",
     ]
+
+
+def test_a_deadline_that_passes_while_its_body_is_unwound_changes_nothing() -> None:
+    async def fails() -> None:
+        await sleep(0.5)
+        raise GraspMissed(what="cup")
+
+    slow = partial(timeout, 1, partial(unwind_protect, partial(sleep, 10), partial(sleep, 2)))
+    with pytest.raises(GraspMissed) as caught:
+        go(partial(par, slow, fails))
+    assert caught.value.cleanup_failures == ()
+
+
+@pytest.mark.parametrize("empty", [par, seq, partial(par_each, [], sleep), partial(partial_order, {}, [])])
+def test_an_empty_construct_lets_others_have_their_turn(empty: Any) -> None:
+    log: list[str] = []
+
+    async def loops(name: str, wait: Any) -> None:
+        for _ in range(3):
+            log.append(name)
+            await wait()
+
+    go(partial(par, partial(loops, "a", empty), partial(loops, "b", partial(sleep, 0))))
+    assert log == ["a", "b"] * 3
+
+
+def test_try_each_in_order_takes_values_lazily() -> None:
+    taken: list[int] = []
+
+    def values() -> Any:
+        for value in range(9):
+            taken.append(value)
+            yield value
+
+    async def works(value: int) -> int:
+        if value < 2:
+            raise GraspMissed
+        return value
+
+    assert go(partial(try_each_in_order, values(), works)) == 2
+    assert taken == [0, 1, 2]
+
+
+def test_try_in_order_unwinds_a_failed_branch_with_its_children_before_the_next_starts() -> None:
+    log: list[str] = []
+
+    async def slow() -> None:
+        try:
+            await sleep(9)
+        finally:
+            log.append("unwound")
+
+    async def fails() -> None:
+        await sleep(1)
+        raise GraspMissed
+
+    async def second() -> str:
+        log.append("second")
+        return "done"
+
+    assert go(partial(try_in_order, partial(par, slow, fails), second)) == "done"
+    assert log == ["unwound", "second"]
+
+
+def test_attachments_are_made_once_however_many_constructs_a_failure_passes() -> None:
+    async def fails(kind: type[PlanFailure]) -> None:
+        raise kind
+
+    inner = partial(par, partial(fails, GraspMissed), partial(fails, NavigationFailure))
+    with pytest.raises(GraspMissed) as caught:
+        go(partial(par, partial(par, partial(timeout, 9, inner))))
+    assert [(name, type(failure)) for name, failure in caught.value.siblings] == [("fails#2", NavigationFailure)]
+
+
+def test_a_timeout_of_a_named_construct_says_what_took_too_long_and_how_long_it_had() -> None:
+    async def reach() -> None:
+        await sleep(9)
+
+    with pytest.raises(Timeout, match=r"reach in timeout/timeout took longer than 2 s") as caught:
+        go(partial(timeout, 2, reach))
+    assert caught.value.seconds == 2
+
+
+def paths() -> list[str]:
+    return [branch.path for branch in concurrent_branches()]
+
+
+def test_there_is_no_concurrent_branch_where_no_plan_runs() -> None:
+    assert concurrent_branches() == ()
+
+
+def test_branches_of_par_are_concurrent_and_what_runs_in_turn_is_not() -> None:
+    found: dict[str, list[str]] = {}
+
+    async def look(name: str) -> None:
+        await sleep(0.1)
+        found[name] = paths()
+
+    async def top() -> None:
+        await look("top")
+        await seq(partial(look, "in turn"), partial(tag, "part", partial(look, "tagged")))
+        await partial_order({"first": partial(look, "step")}, [])
+        await par(left=partial(look, "left"), right=partial(par, inner=partial(look, "inner")))
+
+    run(top, host=VirtualHost())
+    for name in ("top", "in turn", "tagged", "step"):
+        assert found[name] == ["top"], name
+    assert found["left"] == ["top/par/left", "top"]
+    assert found["inner"] == ["top/par/right/par/inner", "top/par/right", "top"]

@@ -10,12 +10,9 @@ import networkx as nx
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from virtual_time import go
 
-from planlang import PlanFailure, VirtualHost, now, partial_order, run, sleep
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
+from planlang import PlanFailure, now, partial_order, sleep
 
 
 async def nothing() -> None: ...
@@ -140,3 +137,13 @@ def test_simultaneous_failures_raise_the_textually_first_with_the_others_as_sibl
         with pytest.raises(PlanFailure, match="one") as caught:
             go(lambda: partial_order({"x": partial(fails, "one"), "y": partial(fails, "two")}, []), schedule=schedule)
         assert [name for name, _ in caught.value.siblings] == ["y"]
+
+
+def test_a_step_whose_parameters_python_cannot_tell_is_given_none() -> None:
+    class Opaque:
+        __signature__ = "none"
+
+        async def __call__(self) -> str:
+            return "done"
+
+    assert go(partial(partial_order, {"a": nothing, "b": Opaque()}, [("a", "b")])) == {"a": None, "b": "done"}

@@ -6,20 +6,19 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     Action,
     DeadlockError,
     PlanStructureError,
     Trace,
-    VirtualHost,
     action,
     now,
     par,
     perform,
     perform_or,
     pursue,
-    run,
     sleep,
     tag,
     task,
@@ -31,10 +30,6 @@ from planlang.failures import ActionUnresolvable, GraspMissed, ManipulationFailu
 from planlang.runs import with_paths
 
 REACH = action("Reaching")
-
-
-def go(plan: Any, executive: Any = None, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), executive=executive, **options)
 
 
 @pytest.fixture
@@ -317,3 +312,14 @@ def test_a_held_task_gets_no_turn_until_it_wakes_up() -> None:
 
     go(plan)
     assert log == ["first 0", "third 1", "second 5.5"]
+
+
+def test_an_executive_may_write_where_there_is_no_trace(executive: Any) -> None:
+    async def top() -> str:
+        executive.write("seen", {"what": "cup"})
+        return "written"
+
+    assert go(top, executive) == "written"
+    trace = Trace()
+    go(top, executive, trace=trace)
+    assert [event["what"] for event in trace.events if event["event"] == "seen"] == ["cup"]

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from virtual_time import go
 
 from planlang import (
     CleanupOverrun,
@@ -19,11 +20,9 @@ from planlang import (
     Policy,
     StepLimit,
     Trace,
-    VirtualHost,
     now,
     par,
     pursue,
-    run,
     sleep,
     tag,
     task,
@@ -34,10 +33,6 @@ from planlang import (
 )
 from planlang.failures import GraspMissed, GraspSlipped, ObjectNotFound, PolicyViolated
 from planlang.runs import with_paths
-
-
-def go(body: Any, **options: Any) -> Any:
-    return run(body, host=VirtualHost(), **options)
 
 
 def notes(log: list[str], word: str, failure: Exception | None = None) -> Callable[[], Any]:

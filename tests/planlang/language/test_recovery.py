@@ -6,6 +6,9 @@ from functools import partial
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from virtual_time import go
 
 from planlang import (
     PROPAGATE,
@@ -14,10 +17,8 @@ from planlang import (
     Recovery,
     Return,
     Trace,
-    VirtualHost,
     now,
     par,
-    run,
     sleep,
     tag,
     task,
@@ -25,20 +26,18 @@ from planlang import (
     unwind_protect,
     with_failure_handling,
 )
+from planlang import failures as taxonomy
 from planlang.failures import (
     CompositeFailure,
     GraspMissed,
     GripperFailure,
     LowLevelFailure,
+    NavigationFailure,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUnfetchable,
     matches,
 )
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 class Body:
@@ -322,3 +321,70 @@ def test_every_attempt_failure_and_decision_is_in_the_trace() -> None:
         ("attempt", 2, None),
         ("recovery", "used up", "two"),
     ]
+
+
+async def hopeless() -> None:
+    raise GraspMissed(what="cup")
+
+
+def test_alternatives_without_a_value_for_the_first_run_are_refused() -> None:
+    async def body(grasp: str) -> None: ...
+
+    with pytest.raises(ValueError, match="at least one value"):
+        go(partial(with_failure_handling, body, Recovery(PlanFailure, alternatives={"grasp": list})))
+
+
+def test_a_recovery_may_raise_the_failure_itself_again() -> None:
+    async def again(failure: PlanFailure) -> Any:
+        raise failure
+
+    with pytest.raises(GraspMissed) as caught:
+        go(partial(with_failure_handling, hopeless, Recovery(PlanFailure, again)))
+    assert caught.value.__cause__ is None
+
+
+KINDS = (GraspMissed, NavigationFailure, taxonomy.ManipulationFailure, taxonomy.ObjectNotFound)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    recoveries=st.lists(
+        st.tuples(st.sampled_from(KINDS), st.integers(0, 3), st.sampled_from(["retry", "propagate", "return"])),
+        max_size=4,
+    ),
+    outcomes=st.lists(st.one_of(st.none(), st.sampled_from(KINDS)), min_size=14, max_size=14),
+)
+def test_recoveries_do_what_the_table_of_counters_says(recoveries: Any, outcomes: Any) -> None:
+    runs = 0
+
+    async def body() -> str:
+        nonlocal runs
+        runs += 1
+        kind = outcomes[runs - 1]
+        if kind is not None:
+            raise kind
+        return "done"
+
+    async def decide(word: str, failure: PlanFailure) -> Any:
+        return {"retry": RETRY, "propagate": PROPAGATE, "return": Return("left")}[word]
+
+    def model() -> tuple[int, Any]:
+        left = [attempts for _, attempts, _ in recoveries]
+        for number, kind in enumerate(outcomes, 1):
+            if kind is None:
+                return number, "done"
+            match = next((n for n, entry in enumerate(recoveries) if issubclass(kind, entry[0])), None)
+            if match is None or not left[match] or recoveries[match][2] == "propagate":
+                return number, kind
+            if recoveries[match][2] == "return":
+                return number, "left"
+            left[match] -= 1
+        raise AssertionError
+
+    made = [Recovery(kind, partial(decide, word), attempts=attempts) for kind, attempts, word in recoveries]
+    try:
+        outcome = go(partial(with_failure_handling, body, *made))
+    except PlanFailure as failure:
+        outcome = type(failure)
+    assert (runs, outcome) == model()
+    assert runs <= 1 + sum(attempts for _, attempts, _ in recoveries)

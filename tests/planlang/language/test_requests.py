@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from virtual_time import go
 
 from planlang import (
     Action,
@@ -16,7 +17,6 @@ from planlang import (
     Request,
     Status,
     Trace,
-    VirtualHost,
     action,
     evaporate,
     join,
@@ -26,7 +26,6 @@ from planlang import (
     perform,
     perform_async,
     pursue,
-    run,
     sleep,
     tag,
     task,
@@ -40,10 +39,6 @@ from planlang.failures import ActionUnresolvable, BranchEvaporated, GraspMissed,
 from planlang.runs import with_paths
 
 FAILURES = {"missed": GraspMissed, "slipped": GraspSlipped, "broken": KeyError}
-
-
-def go(plan: Any, executive: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), executive=executive, **options)
 
 
 @pytest.fixture

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from virtual_time import go
 
-from planlang import NoProgress, Trace, VirtualHost, now, pursue, run, sleep, state_machine
+from planlang import NoProgress, Trace, now, pursue, sleep, state_machine
 from planlang.failures import (
     BudgetExceeded,
     CompositeFailure,
@@ -20,10 +21,6 @@ from planlang.failures import (
     TransitionMissing,
 )
 from planlang.runs import with_paths
-
-
-def go(body: Any, **options: Any) -> Any:
-    return run(body, host=VirtualHost(), **options)
 
 
 def says(*outcomes: Any) -> Any:

@@ -8,13 +8,13 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     Fluent,
     PlanFailure,
     Return,
     Status,
-    VirtualHost,
     budget,
     evaporate,
     now,
@@ -22,7 +22,6 @@ from planlang import (
     par,
     pursue,
     retry_after_suspension,
-    run,
     sleep,
     suspend,
     tag,
@@ -36,11 +35,6 @@ from planlang import (
     whenever,
 )
 from planlang.failures import BudgetExceeded
-
-
-def go(body: Any, **options: Any) -> Any:
-    return run(body, host=VirtualHost(), **options)
-
 
 word: ContextVar[str] = ContextVar("word", default="nobody's")
 

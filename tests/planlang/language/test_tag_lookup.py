@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     DeadlockError,
@@ -29,10 +30,6 @@ from planlang import (
     wake_up,
 )
 from planlang.failures import BranchEvaporated
-
-
-def go(body: Any, **options: Any) -> Any:
-    return run(body, host=VirtualHost(), **options)
 
 
 def test_a_name_asked_for_in_an_inner_plan_before_it_has_run_stands_for_the_outer_plans_task() -> None:
@@ -269,3 +266,27 @@ def test_a_deadlock_tells_of_a_task_that_was_suspended_before_it_began() -> None
         run(body, host=VirtualHost())
     assert "  body/par/tag/held is suspended" in str(caught.value)
     assert "waits for the end of task 'held'" in str(caught.value)
+
+
+def test_a_handle_asked_for_inside_stays_with_the_live_task_of_its_plan() -> None:
+    seen: list[str | None] = []
+
+    @plan
+    async def inner() -> None:
+        handle = task("work")
+        await par(partial(tag, "work", partial(sleep, 1)), look)
+        seen.append(handle.path)
+
+    async def look() -> None:
+        await sleep(0.5)
+
+    async def outer_tag() -> None:
+        await sleep(0.25)
+        await tag("work", partial(sleep, 0.1))
+
+    @plan
+    async def top() -> None:
+        await par(inner, outer_tag)
+
+    go(top)
+    assert seen == ["top/par/inner/par/tag/work"]

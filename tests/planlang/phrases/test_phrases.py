@@ -25,10 +25,9 @@ from planlang.designators import (
 from planlang.diagnostics import CODES, BadInput, Diagnostic
 from planlang.ontology import load
 from planlang.phrases import Lexicon, read_location, read_thing, write_location
-from planlang.phrases.lexicon import DEVICES
+from planlang.phrases.lexicon import DEVICES, GRASP_FORMS, plain
 from planlang.phrases.mistakes import SPOKEN
 from planlang.phrases.reading import parser
-from planlang.phrases.words import GRASP_FORMS, plain
 from planlang.relations import RELATIONS
 from planlang.resources import bundled
 
