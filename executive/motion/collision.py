@@ -14,6 +14,7 @@ from one base.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -36,7 +37,7 @@ AT_ONCE = 300_000
 
 Index = NDArray[np.intp]
 Found = tuple[Index, Index, Array]
-"""Pairs, rows and gaps [m] of what is near, ordered by pair, then by row."""
+"""Pairs, rows and gaps [m] of what is near, ordered by pair; pairs of an obstacle of several pieces come repeatedly."""
 
 
 class QuickCheck:
@@ -65,7 +66,8 @@ class QuickCheck:
         self._balls = _around(movers.spheres, movers.first)
         pieces = np.column_stack([obstacles.solids.centres, obstacles.solids.reach])
         self._obstacle_balls = _around(pieces, obstacles.first)
-        self._boxes = _boxes(obstacles)
+        self._boxes = _boxes(obstacles.solids)
+        self._pairs = self._together(np.arange(len(order)))
         self._least = -watched.allowed[order] - TOUCHING
         self._limit = self._least
         """A gap below it is a hit (w,)."""
@@ -102,9 +104,15 @@ class QuickCheck:
         return self._first(self._near(self._limit, frames, self._hand_pairs), len(tips))
 
     @cached_property
-    def _hand_pairs(self) -> Index:
+    def _hand_pairs(self) -> _Pairs:
         with_hand = self._movers.frames[self._mover] == self._hand
-        return np.flatnonzero(with_hand & (self._obstacles.frames[self._obstacle] == MAP))
+        return self._together(np.flatnonzero(with_hand & (self._obstacles.frames[self._obstacle] == MAP)))
+
+    def _together(self, pairs: Index) -> _Pairs:
+        moves = self._obstacles.frames[self._obstacle[pairs]] != MAP
+        standing = pairs[~moves]
+        which, pieces = _members(self._obstacles.first, self._obstacle[standing])
+        return _Pairs(standing[which], pieces, pairs[moves])
 
     def _first(self, found: Found, count: int) -> list[str | None]:
         """Return the obstacle of the first pair of each row, None for a row without."""
@@ -141,7 +149,10 @@ class QuickCheck:
 
     def gaps(self, q: Array) -> Array:
         """Return the smallest gap of each pair (w,) at a configuration (d,) [m], negative inside."""
-        return self._within(np.full(len(self._mover), np.inf), self._here(1), q[None])[2]
+        pairs, _, gaps = self._within(np.full(len(self._mover), np.inf), self._here(1), q[None])
+        found = np.full(len(self._mover), np.inf)
+        np.minimum.at(found, pairs, gaps)
+        return found
 
     def keep(self, distance: float, ends: Iterable[Array]) -> None:
         """Keep everything so far apart [m], or, where that is less, as far as it is at the nearer of ``ends`` (d,).
@@ -171,14 +182,14 @@ class QuickCheck:
         frames[MAP], frames[BASE] = np.eye(3, 4)[..., None], base
         np.einsum("ijn,fjkn->fikn", base[:, :3], moving, out=frames[FIRST_JOINT:])
         frames[FIRST_JOINT:, :, 3] += base[:, 3]
-        return self._near(width, frames, np.arange(len(self._mover)))
+        return self._near(width, frames, self._pairs)
 
-    def _near(self, width: Array, frames: Array, pairs: Index) -> Found:
+    def _near(self, width: Array, frames: Array, pairs: _Pairs) -> Found:
         """Return which of some pairs are nearer than their width (w,) in frames (f, 3, 4, n)."""
-        count = frames.shape[3]
-        if not count or not len(pairs):
+        count, size = frames.shape[3], len(pairs.standing) + len(pairs.moving)
+        if not count or not size:
             return np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
-        size = max(1, AT_ONCE // max(len(pairs), 1))
+        size = max(1, AT_ONCE // size)
         parts = [self._near_in(width, frames[..., k : k + size], pairs) for k in range(0, count, size)]
         if len(parts) == 1:
             return parts[0]
@@ -187,16 +198,14 @@ class QuickCheck:
         order = np.lexsort((row + starts, pair))
         return pair[order], (row + starts)[order], gap[order]
 
-    def _near_in(self, width: Array, frames: Array, pairs: Index) -> Found:
-        movers, obstacles = self._movers, self._obstacles
-        pair, row, middle = self._with_balls_near(width, frames, pairs)
-        # the ball of the mover and each piece, in the frame of the obstacle
-        which, piece = _members(obstacles.first, self._obstacle[pair])
-        middle, radius, far = middle[which], self._balls[self._mover[pair], 3][which], width[pair][which]
-        solids = obstacles.solids
-        left = np.flatnonzero(_squares(middle - solids.centres[piece]) < (solids.reach[piece] + radius + far) ** 2)
-        left = left[_gaps(middle[left], radius[left], solids, piece[left]) < far[left]]
-        which, piece, pair, row = which[left], piece[left], pair[which[left]], row[which[left]]
+    def _near_in(self, width: Array, frames: Array, pairs: _Pairs) -> Found:
+        movers, obstacles, solids = self._movers, self._obstacles, self._obstacles.solids
+        middles = _placed(self._balls, movers.frames, frames)
+        standing, moving = self._near_standing(width, middles, pairs), self._near_moving(width, middles, frames, pairs)
+        pair, piece, row, middle = (np.concatenate(several) for several in zip(standing, moving, strict=True))
+        # the ball of the mover and each piece
+        left = np.flatnonzero(_gaps(middle, self._balls[self._mover[pair], 3], solids, piece) < width[pair])
+        pair, piece, row = pair[left], piece[left], row[left]
         # each sphere of the mover and each piece that is left
         mover = self._mover[pair]
         mine = frames[movers.frames[mover], :, :, row]
@@ -206,43 +215,54 @@ class QuickCheck:
         each, sphere = _members(movers.first, mover)
         points = np.einsum("kij,kj->ki", turn[each], movers.spheres[sphere, :3]) + shift[each]
         gap = _gaps(points, movers.spheres[sphere, 3], solids, piece[each])
-        # the least of all pieces and spheres of a pair
-        begins = np.flatnonzero(np.diff(which[each], prepend=-1))
-        gap, at = (np.minimum.reduceat(gap, begins), each[begins]) if len(begins) else (gap, each)
-        close = gap < width[pair[at]]
-        return pair[at[close]], row[at[close]], gap[close]
+        if len(pair):
+            gap = np.minimum.reduceat(gap, np.flatnonzero(np.diff(each, prepend=-1)))
+        close = gap < width[pair]
+        return pair[close], row[close], gap[close]
 
-    def _with_balls_near(self, width: Array, frames: Array, pairs: Index) -> Found:
-        """Return pairs and rows whose mover's ball is near the box, or ball, of the obstacle, and its middle (k, 3).
-
-        The middle is in the frame of the obstacle.
-        """
-        movers, obstacles = self._movers, self._obstacles
-        middles = _placed(self._balls, movers.frames, frames)
-        mover, obstacle = self._mover[pairs], self._obstacle[pairs]
-        far = self._balls[mover, 3] + width[pairs]
-        standing = obstacles.frames[obstacle] == MAP
-        # what stands in the map, by its box there, which fits walls and tables much better than their balls do
-        low, high = self._boxes
-        below, above = middles.min(axis=2) - 1e-9, middles.max(axis=2) + 1e-9  # where each mover is in any row
-        reach = np.maximum(far, 0.0)[:, None]
-        met = (below[mover] - reach < high[obstacle]) & (above[mover] + reach > low[obstacle])
-        number = np.flatnonzero(standing & met.all(axis=1))
-        centre, half = ((high + low) / 2)[obstacle[number], :, None], ((high - low) / 2)[obstacle[number], :, None]
+    def _near_standing(self, width: Array, middles: Array, pairs: _Pairs) -> tuple[Index, Index, Index, Array]:
+        """Return pairs, standing pieces and rows that are near by ball and box, and the middles of the balls."""
+        mover = self._mover[pairs.standing]
+        far = np.maximum(self._balls[mover, 3] + width[pairs.standing], 0.0)[:, None]
+        low, high = (corners[pairs.pieces] for corners in self._boxes)
+        # where each mover is in any row: most pieces are far from all of it
+        below, above = middles.min(axis=2)[mover], middles.max(axis=2)[mover]
+        number = np.flatnonzero(((below - far < high) & (above + far > low)).all(axis=1))
+        centre, half = (high + low)[number, :, None] / 2, (high - low)[number, :, None] / 2
         away = np.maximum(np.abs(middles[mover[number]] - centre) - half, 0.0)
         near, row = _nearer(away, far[number])
-        first = number[near], row, middles[mover[number[near]], :, row]
-        # what moves with the robot, by its ball
-        number = np.flatnonzero(~standing)
-        others = _placed(self._obstacle_balls, obstacles.frames, frames)
-        near, row = _nearer(
-            middles[mover[number]] - others[obstacle[number]], far[number] + self._obstacle_balls[obstacle[number], 3]
-        )
         number = number[near]
-        theirs = frames[obstacles.frames[obstacle[number]], :, :, row]
-        second = number, row, _back(theirs, middles[mover[number], :, row])
-        number, row, middle = (np.concatenate(several) for several in zip(first, second, strict=True))
-        return pairs[number], row, middle
+        return pairs.standing[number], pairs.pieces[number], row, middles[mover[number], :, row]
+
+    def _near_moving(
+        self, width: Array, middles: Array, frames: Array, pairs: _Pairs
+    ) -> tuple[Index, Index, Index, Array]:
+        """Return the same for what moves with the robot, by balls, with middles in the frames of obstacles."""
+        mover, obstacle, obstacles = self._mover[pairs.moving], self._obstacle[pairs.moving], self._obstacles
+        far = self._balls[mover, 3] + width[pairs.moving]
+        others = _placed(self._obstacle_balls, obstacles.frames, frames)
+        reach = np.maximum(far + self._obstacle_balls[obstacle, 3], 0.0)[:, None]
+        number, row = _nearer(middles[mover] - others[obstacle], reach)
+        middle = _back(frames[obstacles.frames[obstacle[number]], :, :, row], middles[mover[number], :, row])
+        which, piece = _members(obstacles.first, obstacle[number])
+        away, reach = (
+            middle[which] - obstacles.solids.centres[piece],
+            obstacles.solids.reach[piece] + far[number[which]],
+        )
+        near = np.flatnonzero((_squares(away) < reach * reach) & (reach > 0.0))
+        which, piece = which[near], piece[near]
+        return pairs.moving[number[which]], piece, row[which], middle[which]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pairs:
+    """Pairs that are looked at together: those with each piece that stands in the map, those with what moves."""
+
+    standing: Index
+    """Pairs (s,), one entry for each piece."""
+    pieces: Index
+    """(s,)."""
+    moving: Index
 
 
 NEAREST = 0.01
@@ -264,17 +284,10 @@ def _around(spheres: Array, first: Index) -> Array:
     return balls
 
 
-def _boxes(obstacles: Obstacles) -> tuple[Array, Array]:
-    """Return lower and upper corners (o, 3) of boxes around obstacles, in their frames."""
-    solids, full = obstacles.solids, np.flatnonzero(counts(obstacles.first))
-    half = np.einsum("kij,kj->ki", np.abs(solids.axes), solids.extents)
-    half = np.minimum(half, solids.reach[:, None])
-    low, high = np.zeros((len(obstacles), 3)), np.zeros((len(obstacles), 3))
-    if len(full):
-        begins = obstacles.first[full]
-        low[full] = np.minimum.reduceat(solids.centres - half, begins)
-        high[full] = np.maximum.reduceat(solids.centres + half, begins)
-    return low, high
+def _boxes(solids: Solids) -> tuple[Array, Array]:
+    """Return lower and upper corners (k, 3) of boxes around pieces, along the axes of the frame they are in."""
+    half = np.minimum(np.einsum("kij,kj->ki", np.abs(solids.axes), solids.extents), solids.reach[:, None])
+    return solids.centres - half, solids.centres + half
 
 
 def _placed(balls: Array, numbers: NDArray[np.intp], frames: Array) -> Array:
@@ -287,9 +300,8 @@ def _placed(balls: Array, numbers: NDArray[np.intp], frames: Array) -> Array:
 
 
 def _nearer(away: Array, far: Array) -> tuple[Index, Index]:
-    """Return which vectors (k, 3, n) are shorter than some lengths (k,): numbers in k, then in n."""
-    near = np.einsum("kin,kin->kn", away, away) < (np.maximum(far, 0.0) ** 2)[:, None]
-    numbers, rows = np.nonzero(near)
+    """Return which vectors (k, 3, n) are shorter than some lengths (k, 1): numbers in k, then in n."""
+    numbers, rows = np.nonzero(np.einsum("kin,kin->kn", away, away) < far * far)
     return numbers, rows
 
 

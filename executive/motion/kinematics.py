@@ -24,10 +24,10 @@ TOLERANCES = np.square([[POSITION_TOLERANCE], [ANGLE_TOLERANCE]])
 STEPS = 40
 """Steps of inverse kinematics after which a seed is given up."""
 STALLED, MOST_SLOW = 0.9, 3
-"""A seed is given up when so many steps in a row leave more than this share of its squared error.
+"""A seed is given up when so many steps in a row leave more than this share of its least squared error so far.
 
-Between 0.8 and 0.98, and 3 and 6 steps, the time for a reachable target changes by 5 %; more patience solves one more
-target of 4,000 and makes unreachable ones dearer by half (`python -m tests.benchmarks.locations --parts inverse`).
+Of 2,000 random targets of Amigo's arm 75.3 % are then solved from one random seed, and all but one from 20; 5 steps
+solve 76.0 %, and make unreachable targets, which cost 10 steps, dearer by 15 %.
 """
 IMPROPER = 0.01
 """How far elements of R R^T may be from those of 1 for a matrix R to be meant as a rotation: the nearest one.
@@ -311,20 +311,22 @@ class InverseKinematics:
         """
         q = self.chain.functions.within(q)
         found, errors, solved = np.empty_like(q), np.empty(q.shape[1]), np.zeros(q.shape[1], np.bool_)
-        row, before, slow = np.arange(q.shape[1]), np.inf, 0
+        row, least = np.arange(q.shape[1]), np.full(q.shape[1], np.inf)
+        slow = np.zeros(q.shape[1], np.intp)
         for step in range(STEPS + 1):
             moved, squares = self._step(q, targets)
             met = (squares <= TOLERANCES).all(axis=0)
             error = squares[0] + ROTATION_WEIGHT**2 * squares[1]
-            slow = (slow + 1) * (error > STALLED * before)
+            nearer = error < STALLED * least
+            least, slow = np.where(nearer, error, least), (slow + 1) * ~nearer
             on = (slow < MOST_SLOW) & ~met & (step < STEPS)
             if not on.all():
                 end = ~on
                 found[:, row[end]], errors[row[end]], solved[row] = q[:, end], error[end], met
-                row, moved, targets, error, slow = row[on], moved[:, on], targets[:, on], error[on], slow[on]
+                row, moved, targets, least, slow = row[on], moved[:, on], targets[:, on], least[on], slow[on]
                 if not len(row):
                     break
-            q, before = moved, error
+            q = moved
         return found, errors, solved
 
     def solve_one(

@@ -192,7 +192,7 @@ def test_a_result_that_does_not_survive_is_told_when_it_is_recorded_and_when_the
     plan.write_text(PLAN.format(odd="object()"))
     told = CliRunner().invoke(app, ["run", str(plan), *OPTIONS, "--trace", str(tmp_path / "run.jsonl")])
     assert told.exit_code == 0, told.output
-    assert "cannot be resumed behind this step: its result, or a fluent" in told.output
+    assert "cannot be resumed behind this step: its result, or what it left" in told.output
     part = killed(tmp_path / "run.jsonl", tmp_path / "part.jsonl", completions(tmp_path / "run.jsonl")[-1])
     ended = answer("run", plan, "--resume", part)
     assert (ended["exit_code"], codes(ended)) == (0, ["X024"])
