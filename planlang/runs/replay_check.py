@@ -255,7 +255,7 @@ class ReplayCheck(Trace):
 ENDINGS = frozenset({"interrupted", "drained"})
 
 SAME = 1e-9
-"""Difference up to which numbers count as equal: that of processors is 1e-14 (docs/trace.md), that of decisions 1e-6."""
+"""Difference up to which numbers are equal: processors differ by 1e-14 (docs/trace.md), decisions by 1e-6 or more."""
 _DECIMAL = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
 
 
