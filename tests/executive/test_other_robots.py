@@ -187,35 +187,3 @@ def test_what_has_no_camera_sees_from_nowhere(tmp_path: Path) -> None:
     (tmp_path / "drive.py").write_text(DRIVE.format(relation="visible_from"))
     found = run(tmp_path / "drive.py", "--robot", cart(tmp_path, BOX), "--environment", ROOM)
     assert (found["exit_code"], found["failure"]) == (1, ["MissingCapability"])
-
-
-CAMERA = """
-[camera]
-link = "camera"
-forward = [1, 0, 0]
-up = [0, 0, 1]
-"""
-EYE = """<link name="camera"/><joint name="mast" type="fixed"><parent link="base"/><child link="camera"/>
-<origin xyz="0.2 0 1.1"/></joint>"""
-LOOK = """
-from planlang import *
-
-BOTTLE = an_object("DrinkingBottle")
-
-
-@plan("http://example.org/#look")
-async def look() -> None:
-    await perform(action("Translation-LocationChange", to_location=a_location(visible_from=BOTTLE)))
-    await perform(action("LookingForSomething", object_acted_on=BOTTLE))
-"""
-
-
-def test_a_camera_without_neck_is_turned_by_the_base(tmp_path: Path) -> None:
-    (tmp_path / "look.py").write_text(LOOK)
-    found = run(tmp_path / "look.py", "--robot", cart(tmp_path, BOX + EYE, CAMERA), "--environment", ROOM)
-    assert found["exit_code"] == 0, found
-
-
-def test_a_single_link_is_a_robot_that_drives(tmp_path: Path) -> None:
-    (tmp_path / "drive.py").write_text(DRIVE.format(relation="in_front_of"))
-    assert run(tmp_path / "drive.py", "--robot", cart(tmp_path, BOX), "--environment", ROOM)["exit_code"] == 0

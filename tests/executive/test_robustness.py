@@ -135,22 +135,6 @@ def test_closed_streams_are_dev_null(tmp_path: Path) -> None:
 # Signals
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
-def test_a_signal_ends_a_run_with_cleanup_and_a_complete_trace(number: int, code: int, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "planlang_command", "run", "serve_a_drink", "--trace", "run.jsonl"]
-    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=environment) as process:
-        assert process.stderr is not None
-        next(line for line in process.stderr if "Reaching" in line)
-        process.send_signal(number)
-        _, rest = process.communicate()
-    assert process.returncode == code
-    assert "Traceback" not in rest
-    records = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
-    ended = {record["node"] for record in records if record["event"] == "ended"}
-    assert {record["node"] for record in records if record["event"] == "started"} <= ended, "no task is left open"
-
-
 def test_ctrl_c_while_modules_are_imported_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "typer.py").write_text("import time\nprint('importing', flush=True)\ntime.sleep(60)\n")
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{CHECKOUT}"}
