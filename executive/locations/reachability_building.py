@@ -83,7 +83,8 @@ def build_maps(
     file of a name that :func:`file_name` gives is missing, the map is stale.
     """
     every = [(arm, lift_of(arm.solver.chain, torso), grasp) for arm in arms for grasp in GraspClass]
-    return {file_name(*job): packed(rows) for *job, rows in _built(every, progress)}
+    built = _built(every, progress)
+    return {file_name(arm, lift, grasp): packed(rows) for arm, lift, grasp, rows in built}
 
 
 def file_name(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> str:
