@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -71,6 +72,37 @@ def keep_maps(
     every = [(arm, lift_of(arm.solver.chain, torso), grasp) for arm in arms for grasp in GraspClass]
     built = _built([job for job in every if _fetch(*job) is None], progress)
     return {(arm.name, grasp): _kept(arm, lift, grasp, rows) for arm, lift, grasp, rows in built}
+
+
+def build_maps(
+    arms: Iterable[ArmModel], torso: str | None = None, progress: Progress | None = None
+) -> dict[str, bytes]:
+    """Return the files with the maps of a robot's arms: name -> content.
+
+    A name has the arm, the class of grasps and the beginning of a key made of chain, sampling and version: where a
+    file of a name that :func:`file_name` gives is missing, the map is stale.
+    """
+    every = [(arm, lift_of(arm.solver.chain, torso), grasp) for arm in arms for grasp in GraspClass]
+    built = _built(every, progress)
+    return {file_name(arm, lift, grasp): packed(rows) for arm, lift, grasp, rows in built}
+
+
+def file_name(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> str:
+    """Return the name of the file of a map."""
+    return f"{arm.name}-{grasp.value}-{_entry_name(arm, lift, grasp)[:16]}.reach"
+
+
+def packed(rows: Rows) -> bytes:
+    """Return rows of a map as a file keeps them: bytes of equal significance together, which compress well."""
+    columns = np.ascontiguousarray(rows).view(np.uint8).reshape(len(rows), rows.dtype.itemsize).T
+    return zlib.compress(columns.tobytes(), 9)
+
+
+def unpacked(content: bytes, dof: int) -> Rows:
+    """Return the rows of a file, of d joint values each; the inverse of :func:`packed`."""
+    row = row_type(dof)
+    columns = np.frombuffer(zlib.decompress(content), np.uint8).reshape(row.itemsize, -1)
+    return np.ascontiguousarray(columns.T).view(row)[:, 0]
 
 
 _Job = tuple[ArmModel, Lift | None, GraspClass]

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
-from executive.locations.reachability_building import reachability_maps
+from executive.locations.reachability import CELL, GraspClass, ReachabilityMap, row_type
+from executive.locations.reachability_building import packed, reachability_maps, unpacked
 from executive.locations.reachability_sampling import sampled
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame, lift_of
@@ -220,3 +220,9 @@ def test_only_a_joint_that_slides_straight_up_is_a_lift(arm: ArmModel) -> None:
     assert (lift.column, lift.lowest, lift.highest, lift.per_unit) == (0, 0.1, 0.4, pytest.approx(1.0))
     assert lift_of(chain, "turn") is None
     assert lift_of(chain, None) is None
+
+
+def test_the_files_of_maps_hold_their_rows() -> None:
+    rows = np.zeros(50, row_type(7))
+    rows["q"], rows["x"] = np.random.default_rng(0).normal(size=(50, 7)), np.arange(50)
+    np.testing.assert_array_equal(unpacked(packed(rows), 7), rows)
