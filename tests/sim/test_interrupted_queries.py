@@ -11,7 +11,7 @@ from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from planlang.resources import bundled
 from sim import Body, CameraModel, PlanningWorld, RobotBody, Scene
-from tests.benchmarks.locations.queries import Interrupter, physics
+from tests.support.locations.queries import Interrupter, physics
 
 ROOM = Scene(
     (

@@ -24,8 +24,8 @@ from executive.robots import Robot
 from planlang.diagnostics import BadInput
 from tests.benchmarks.locations import conduct, parts
 from tests.benchmarks.locations.promises import Report, durations, table
-from tests.benchmarks.locations.rooms import KINDS
-from tests.benchmarks.locations.stage import robot_of
+from tests.support.locations.rooms import KINDS
+from tests.support.locations.stage import robot_of
 
 ROBOTS = ("amigo", "pr2", "panda")
 OTHERS = 8

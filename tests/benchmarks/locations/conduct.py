@@ -9,9 +9,9 @@ import sys
 import time
 
 from tests.benchmarks.locations.promises import Report
-from tests.benchmarks.locations.queries import ask_many, resolve_again, some_stage
-from tests.benchmarks.locations.rooms import KINDS, asked
-from tests.benchmarks.locations.stage import Stage, robot_of
+from tests.support.locations.queries import ask_many, resolve_again, some_stage
+from tests.support.locations.rooms import KINDS, asked
+from tests.support.locations.stage import Stage, robot_of
 
 PHRASE = "in reach of the patient with the right arm and not blocking the door"
 TESTED = {
@@ -64,7 +64,7 @@ def unchanged(number: int) -> Report:
 
 def identical(number: int) -> Report:
     """The answers of two processes in rooms of all kinds, whose hashes are seeded differently."""
-    command = [sys.executable, "-m", "tests.benchmarks.locations.answers", str(number), *KINDS]
+    command = [sys.executable, "-m", "tests.support.locations.answers", str(number), *KINDS]
     outputs = [
         subprocess.run(
             command, check=True, capture_output=True, text=True, env={**os.environ, "PYTHONHASHSEED": seed}

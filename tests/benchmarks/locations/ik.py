@@ -14,7 +14,7 @@ from executive.motion import Chain, InverseKinematics
 from executive.robots import Robot
 from planlang.geometry import Array, Pose
 from sim.engine import quiet
-from tests.benchmarks.locations.oracle import angle
+from tests.support.locations.oracle import angle
 
 SEEDS = 20
 """Postures that a solve may start from, random but for the first."""

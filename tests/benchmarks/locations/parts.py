@@ -7,11 +7,11 @@ import statistics
 from executive.robots import Robot
 from planlang.designators import a_location
 from tests.benchmarks.locations import ik
-from tests.benchmarks.locations.infeasible import infeasible_rooms
-from tests.benchmarks.locations.oracle import Oracle
 from tests.benchmarks.locations.promises import Report
-from tests.benchmarks.locations.queries import check_areas
-from tests.benchmarks.locations.reach import (
+from tests.support.locations.infeasible import infeasible_rooms
+from tests.support.locations.oracle import Oracle
+from tests.support.locations.queries import check_areas
+from tests.support.locations.reach import (
     HEAD,
     Case,
     first_reasons,
@@ -21,8 +21,8 @@ from tests.benchmarks.locations.reach import (
     told_reason,
     unsolved,
 )
-from tests.benchmarks.locations.rooms import SUPPORTS, THE_BOTTLE, rooms, thing
-from tests.benchmarks.locations.stage import Stage
+from tests.support.locations.rooms import SUPPORTS, THE_BOTTLE, rooms, thing
+from tests.support.locations.stage import Stage
 
 MAIN = "amigo"
 """The robot whose rooms are given to the peers, too."""

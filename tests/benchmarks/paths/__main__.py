@@ -28,10 +28,10 @@ from executive.robots.arms import ArmModel
 from planlang.diagnostics import BadInput
 from planlang.geometry import Array
 from planlang.protocols import Configuration
-from tests.benchmarks.locations.oracle import Oracle
-from tests.benchmarks.locations.rooms import Room, rooms
-from tests.benchmarks.locations.stage import Stage, robot_of, vocabulary
 from tests.benchmarks.paths.plain import Plain
+from tests.support.locations.oracle import Oracle
+from tests.support.locations.rooms import Room, rooms
+from tests.support.locations.stage import Stage, robot_of, vocabulary
 
 KINDS = ("hospital_room", "normal", "hard", "cluttered floor")
 QUESTIONS = 2

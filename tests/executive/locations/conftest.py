@@ -13,8 +13,8 @@ from executive.locations import HandSolution
 from executive.robots import Robot
 from planlang.geometry import Array
 from sim import PlanningWorld
-from tests.benchmarks.locations.oracle import followers, led
 from tests.executive.conftest import Stage
+from tests.support.locations.oracle import followers, led
 
 TOUCHING = 0.002
 """Penetrations up to this depth are judged as touching [m]: the judge's cylinders are polyhedra, up to 1 mm wider."""

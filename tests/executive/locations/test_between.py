@@ -13,10 +13,10 @@ from executive.locations.reachability import YAWS
 from executive.motion.clearance import Boxes
 from executive.motion.footprint import outlines
 from planlang.geometry import Array, Pose
-from tests.benchmarks.locations.oracle import Oracle
-from tests.benchmarks.locations.reach import judged
-from tests.benchmarks.locations.rooms import asked, room_of
-from tests.benchmarks.locations.stage import Stage, robot_of
+from tests.support.locations.oracle import Oracle
+from tests.support.locations.reach import judged
+from tests.support.locations.rooms import asked, room_of
+from tests.support.locations.stage import Stage, robot_of
 
 HALF = 0.3
 ALL = 1_000

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from executive.belief.visibility import Unseen
-from tests.benchmarks.locations.rooms import BOUNDS, asked, room_of
-from tests.benchmarks.locations.stage import Stage, robot_of
+from tests.support.locations.rooms import BOUNDS, asked, room_of
+from tests.support.locations.stage import Stage, robot_of
 
 
 @pytest.fixture(scope="module")

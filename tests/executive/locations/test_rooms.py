@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from planlang.designators import Location, a_location
-from tests.benchmarks.locations.answers import lines
-from tests.benchmarks.locations.infeasible import REASONS, infeasible_rooms
-from tests.benchmarks.locations.oracle import Oracle
-from tests.benchmarks.locations.queries import (
+from tests.support.locations.answers import lines
+from tests.support.locations.infeasible import REASONS, infeasible_rooms
+from tests.support.locations.oracle import Oracle
+from tests.support.locations.queries import (
     Interrupter,
     ask_many,
     check_areas,
@@ -22,10 +22,10 @@ from tests.benchmarks.locations.queries import (
     resolve_again,
     some_stage,
 )
-from tests.benchmarks.locations.reach import judged, told_reason
-from tests.benchmarks.locations.rooms import KINDS, SUPPORTS, THE_BOTTLE, Room, asked, box, mirrored, room_of, thing
-from tests.benchmarks.locations.sampler import Chains, by_levenberg_marquardt, sample
-from tests.benchmarks.locations.stage import Stage, robot_of
+from tests.support.locations.reach import judged, told_reason
+from tests.support.locations.rooms import KINDS, SUPPORTS, THE_BOTTLE, Room, asked, box, mirrored, room_of, thing
+from tests.support.locations.sampler import Chains, by_levenberg_marquardt, sample
+from tests.support.locations.stage import Stage, robot_of
 
 ROOT = Path(__file__).parents[3]
 
@@ -164,7 +164,7 @@ def test_a_thing_is_put_whole_on_what_is_asked_for() -> None:
 
 def test_another_process_gives_the_same_answers_to_the_last_bit() -> None:
     kinds = ("hard", "person seated")
-    command = [sys.executable, "-m", "tests.benchmarks.locations.answers", "1", *kinds]
+    command = [sys.executable, "-m", "tests.support.locations.answers", "1", *kinds]
     environment = {**os.environ, "PYTHONHASHSEED": "1" if sys.flags.hash_randomization else "2"}
     with subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True) as other:
         here = list(lines(1, kinds))

@@ -21,7 +21,6 @@ from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration
 from planlang.relations import RELATIONS
 from sim import Body
-from tests.benchmarks.locations.predicates import OF_A_BASE, OF_A_THING, keeps
 from tests.executive.conftest import (
     BED,
     BOTTLE,
@@ -35,6 +34,7 @@ from tests.executive.conftest import (
     stand,
 )
 from tests.executive.locations.conftest import MakeJudge
+from tests.support.locations.predicates import OF_A_BASE, OF_A_THING, keeps
 
 T = TypeVar("T")
 CUP = Body("cup", Pose((-0.2, 1.7, 0.66)), (0.08, 0.08, 0.12), "cylinder", type="Cup", movable=True)

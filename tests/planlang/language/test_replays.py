@@ -458,3 +458,28 @@ def test_a_difference_says_what_is_recorded_and_what_was_found() -> None:
     assert lines[0] == "line 3 is not repeated"
     assert lines[1].startswith("  recorded  step 0: lambda/par started")
     assert lines[2].startswith("  found     step 0: lambda/seq started")
+
+
+def moved(value: Any, by: float) -> Any:
+    """The same record with its floating-point numbers moved, in texts too."""
+    match value:
+        case float():
+            return value + by
+        case str():
+            return value.replace("0.375", repr(0.375 + by))
+        case dict():
+            return {key: moved(one, by) for key, one in value.items()}
+        case list():
+            return [moved(one, by) for one in value]
+    return value
+
+
+@pytest.mark.parametrize(("by", "equal"), [(1e-12, True), (-1e-12, True), (1e-6, False)])
+def test_numbers_that_another_processor_ends_with_other_digits_are_equal(by: float, equal: bool) -> None:
+    async def drive() -> Any:
+        await perform(action("Translation-LocationChange", x=0.375, y=-1.25))
+        return {"x": [0.375, float("inf")]}
+
+    recorded = run_plan(drive, resumable=True).trace.events
+    elsewhere = [moved(record, by) if record["event"] in ("started", "ended") else record for record in recorded]
+    assert replay(drive, RecordedRun.of(elsewhere)).equal is equal

@@ -1,6 +1,6 @@
 """Prints the answers in some rooms to the last bit: two processes that print the same are equal.
 
-python -m tests.benchmarks.locations.answers 2 normal hard
+python -m tests.support.locations.answers 2 normal hard
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ import sys
 from collections.abc import Iterator, Sequence
 
 from planlang.designators import a_location
-from tests.benchmarks.locations.rooms import KINDS, THE_BOTTLE, THE_PATIENT, rooms
-from tests.benchmarks.locations.stage import Stage, robot_of
+from tests.support.locations.rooms import KINDS, THE_BOTTLE, THE_PATIENT, rooms
+from tests.support.locations.stage import Stage, robot_of
 
 LOCATIONS = (
     a_location(in_reach_of=THE_BOTTLE),

@@ -21,7 +21,7 @@ from planlang.geometry import Array, Pose
 from sim import Body
 from sim.engine import quiet
 from sim.people import parts_of
-from tests.benchmarks.locations.rooms import Room
+from tests.support.locations.rooms import Room
 
 TOUCHING = 0.002
 """Penetrations up to this depth are touching [m]: PyBullet's cylinders of a URDF are polyhedra, up to 1 mm wider."""

@@ -11,8 +11,8 @@ import numpy as np
 from executive.robots import Robot
 from planlang.designators import Location, Object, Relation
 from sim import Body
-from tests.benchmarks.locations.oracle import BasePose
-from tests.benchmarks.locations.rooms import Room, thing
+from tests.support.locations.oracle import BasePose
+from tests.support.locations.rooms import Room, thing
 
 HAIR = 2e-3
 """Places are told to a tenth of a millimetre [m]."""

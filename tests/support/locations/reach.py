@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from executive.motion import MotionError
 from executive.robots import Robot
 from planlang.designators import Location, Object
-from tests.benchmarks.locations.exhaustive import Verdict, search
-from tests.benchmarks.locations.oracle import Oracle
-from tests.benchmarks.locations.rooms import Room, asked
-from tests.benchmarks.locations.sampler import Chains, Sampled, by_levenberg_marquardt, by_pybullet, sample
-from tests.benchmarks.locations.stage import Answer, Stage
+from tests.support.locations.exhaustive import Verdict, search
+from tests.support.locations.oracle import Oracle
+from tests.support.locations.rooms import Room, asked
+from tests.support.locations.sampler import Chains, Sampled, by_levenberg_marquardt, by_pybullet, sample
+from tests.support.locations.stage import Answer, Stage
 
 
 @dataclass(slots=True)

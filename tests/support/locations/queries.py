@@ -1,6 +1,6 @@
 """Random questions, sensible and not, and whether they leave the world, the belief and the memory as they were.
 
-    python -m tests.benchmarks.locations.queries 1000
+    python -m tests.support.locations.queries 1000
 
 asks a thousand: for places of the base, ways of a hand, poses of things, and whether something holds; of each some are
 answered, some fail, some are interrupted as by Ctrl-C, closed after an answer, or evaporated in a plan. After each the
@@ -36,10 +36,10 @@ from planlang.designators import (
 from planlang.failures import PlanFailure
 from planlang.relations import RELATIONS
 from sim.engine import bullet
-from tests.benchmarks.locations.oracle import Oracle
-from tests.benchmarks.locations.predicates import CHECKED, objections
-from tests.benchmarks.locations.rooms import THE_BOTTLE, THE_PATIENT, Room, asked, room_of, thing
-from tests.benchmarks.locations.stage import Stage, robot_of
+from tests.support.locations.oracle import Oracle
+from tests.support.locations.predicates import CHECKED, objections
+from tests.support.locations.rooms import THE_BOTTLE, THE_PATIENT, Room, asked, room_of, thing
+from tests.support.locations.stage import Stage, robot_of
 
 DEVICES = (None, None, a_device("RightArm"), a_device("LeftGripper"))
 

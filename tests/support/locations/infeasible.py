@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from planlang.designators import Location, a_location
 from planlang.geometry import Pose
 from sim import Body
-from tests.benchmarks.locations.rooms import PLACE, THE_BOTTLE, Furnisher, Room, box
+from tests.support.locations.rooms import PLACE, THE_BOTTLE, Furnisher, Room, box
 
 HIGHEST = 2.3
 """Height of a bottle that no robot here reaches [m]."""

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry import Array
-from tests.benchmarks.locations.oracle import PRESSED, BasePose, Claim, Oracle, on_the_way, straight
-from tests.benchmarks.locations.sampler import Chains, grasp_poses
+from tests.support.locations.oracle import PRESSED, BasePose, Claim, Oracle, on_the_way, straight
+from tests.support.locations.sampler import Chains, grasp_poses
 
 CELL, HEADINGS = 0.04, 24
 """Distance of the places for the base [m], headings at each."""

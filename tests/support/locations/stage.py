@@ -22,8 +22,8 @@ from planlang.ontology import Ontology, expand, load
 from planlang.protocols import Configuration, Solution
 from planlang.resources import bundled
 from sim import Body, PlanningWorld
-from tests.benchmarks.locations.oracle import Claim
-from tests.benchmarks.locations.rooms import PLACE, Room
+from tests.support.locations.oracle import Claim
+from tests.support.locations.rooms import PLACE, Room
 
 
 @cache

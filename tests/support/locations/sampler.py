@@ -17,7 +17,7 @@ import pybullet
 from executive.motion import Chain, InverseKinematics
 from executive.robots import Arm, Robot
 from planlang.geometry import Array
-from tests.benchmarks.locations.oracle import Claim, Oracle, angle, on_the_way
+from tests.support.locations.oracle import Claim, Oracle, angle, on_the_way
 
 CELL, CELLS = 0.04, 100
 """Resolution [m] and extent of the costmap around the target."""
