@@ -147,9 +147,12 @@ class QuickCheck:
         free[self._within(self._limit, self._here(len(q)), q)[1]] = False
         return free
 
-    def gaps(self, q: Array) -> Array:
-        """Return the smallest gap of each pair (w,) at a configuration (d,) [m], negative inside."""
-        pairs, _, gaps = self._within(np.full(len(self._mover), np.inf), self._here(1), q[None])
+    def gaps(self, q: Array, within: float = np.inf) -> Array:
+        """Return the smallest gap of each pair (w,) at a configuration (d,) [m], negative inside.
+
+        Infinite for pairs that are sure to be farther apart than ``within`` [m].
+        """
+        pairs, _, gaps = self._within(self._sure + within, self._here(1), q[None])
         found = np.full(len(self._mover), np.inf)
         np.minimum.at(found, pairs, gaps)
         return found
@@ -159,14 +162,14 @@ class QuickCheck:
 
         The ends are taken to be free. Forgets what was learnt.
         """
-        self._most = np.min([self.gaps(q) for q in ends], axis=0, initial=np.inf) - TOUCHING
+        self._most = np.min([self.gaps(q, distance + NEAREST) for q in ends], axis=0, initial=np.inf) - TOUCHING
         self._limit = np.minimum(self._least + TOUCHING + distance, self._most)
 
     def learn(self, q: Array, pairs: Iterable[tuple[str, str]]) -> None:
         """At a configuration (d,) bodies were found to touch: keep them farther apart, as far as the ends allow."""
         touching = {frozenset(pair) for pair in pairs}
         hit = np.array([frozenset(pair) in touching for pair in self.names], bool)
-        raised = np.minimum(self.gaps(q) + APART, self._most)
+        raised = np.minimum(self.gaps(q, NEAREST) + APART, self._most)
         # of the shapes of a link only those that may have touched
         hit &= raised <= raised[hit].min(initial=np.inf) + NEAREST
         self._limit = np.where(hit, np.maximum(self._limit, raised), self._limit)
