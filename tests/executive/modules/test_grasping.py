@@ -24,8 +24,6 @@ from sim import Body
 from sim.world import at_rest_on, held_by
 from tests.executive.conftest import BED, BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage, hold_bottle, stand
 
-MOVED = Pose((1.53, 0.05, 0.9))
-"""Where the bottle is when somebody has moved it a little."""
 RIGHT, LEFT = a_device("RightGripper"), a_device("LeftGripper")
 BEFORE, AROUND = a_location(in_front_of=THE_BOTTLE), a_location(in_center_of=THE_BOTTLE)
 OPEN, CLOSE = action("OpeningAGripper"), action("ClosingAGripper", object_acted_on=THE_BOTTLE)
@@ -34,6 +32,11 @@ OPEN, CLOSE = action("OpeningAGripper"), action("ClosingAGripper", object_acted_
 def reach(location: Location, **more: object) -> Action:
     """The action of reaching somewhere."""
     return action("Reaching", to_location=location, **more)
+
+
+def tips(stage: Stage) -> list[Pose]:
+    """Where the grip points of the hands are."""
+    return [stage.truth.link_pose(f"grippoint_{side}") for side in ("left", "right")]
 
 
 def do(stage: Stage, *actions: Action) -> None:
@@ -105,15 +108,20 @@ def test_closing_on_nothing_misses_and_holds_nothing(before_bottle: Stage) -> No
 
 
 def test_a_missed_grasp_is_cured_by_looking_and_grasping_again(before_bottle: Stage) -> None:
-    """The bottle is moved by somebody after it was seen; the recovery of grasping finds it."""
-    stage, tries = before_bottle, []
+    """The bottle is moved by somebody after it was seen, across the fingers; the recovery of grasping finds it."""
+    stage, tries, moved = before_bottle, [], list[Pose]()
 
     async def grasp() -> None:
         tries.append(stage.belief.pose("bottle"))
         for one in (reach(BEFORE), OPEN):
             await perform(one)
         if len(tries) == 1:
-            stage.truth.set_pose("bottle", MOVED)
+            x, y, z = BOTTLE.pose.position
+            _, (hand_x, hand_y, _) = min((BOTTLE.pose.distance(tip), tip.position) for tip in tips(stage))
+            across = np.array([hand_y - y, x - hand_x])
+            x, y = map(float, (x, y) + 0.06 * across / np.linalg.norm(across))
+            moved.append(Pose((x, y, z)))
+            stage.truth.set_pose("bottle", moved[0])
         for one in (reach(AROUND), CLOSE):
             await perform(one)
 
@@ -122,7 +130,7 @@ def test_a_missed_grasp_is_cured_by_looking_and_grasping_again(before_bottle: St
             grasp, Recovery((GraspMissed, ManipulationFailure), look_and_repeat(THE_BOTTLE), attempts=2)
         )
     )
-    assert tries == [BOTTLE.pose, MOVED]
+    assert tries == [BOTTLE.pose, *moved]
     assert held_by(stage.truth, "bottle") == "robot"
 
 
