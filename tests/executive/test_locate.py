@@ -309,7 +309,7 @@ def test_an_arm_or_a_grasp_that_nothing_uses_is_left_out_with_a_warning(
     answer = located(phrase, "--count", "1", *(() if of is None else ("--of", of)))
     (found,) = answer["diagnostics"]
     assert (found["severity"], found["code"]) == ("warning", "P011")
-    assert found["message"] == f"nothing uses {idle!r} here; it is left out"
+    assert found["message"] == f"{idle!r} has no effect here; it is left out"
     assert answer["location"] == used
 
 

@@ -183,7 +183,7 @@ def test_a_plan_of_ones_own_has_to_be_named(stepwise: tuple[Path, Path], tmp_pat
     for command in (("run", "--resume", part), ("replay", part)):
         refused = answer(*command)
         assert (refused["exit_code"], codes(refused)) == (2, ["X020"])
-        assert "name the recipe or plan" in refused["diagnostics"][0]["message"]
+        assert "name its file" in refused["diagnostics"][0]["message"]
         assert "planlang run FILE --resume" in refused["diagnostics"][0]["help"]
 
 
