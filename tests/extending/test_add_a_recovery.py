@@ -9,10 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from planlang.language import strategies
-from planlang.language.strategies import find_strategy, recovery_strategy, registered_strategies
-from planlang.misuse import PlanStructureError
-
 GUIDE = (Path(__file__).resolve().parents[2] / "CONTRIBUTING.md").read_text().partition("## How to add a recovery")[2]
 RECIPE = """
 Prefix: : <http://example.org/recipe#>
@@ -92,59 +88,3 @@ def test_a_package_that_cannot_be_imported_is_named(package: Path) -> None:
     assert refused.returncode == 2
     assert "the strategy WaitAMoment of the recovery `waitAndGraspAgain` cannot be loaded" in refused.stderr
     assert "my_robot.recoveries, an entry point of the group planlang.recoveries" in " ".join(refused.stderr.split())
-
-
-async def shout(failure: object) -> object: ...
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "function", "message"),
-    [
-        ("", {}, shout, "a string with something in it"),
-        ("Shout", {"moves_base": True}, shout, "has to be about an object"),
-        ("Ignore", {}, shout, "planlang.ignore is registered as Ignore already"),
-        ("Repeat", {}, shout, "planlang is registered as Repeat already"),
-        ("Shout", {}, lambda failure: None, "plans cannot import lambda"),
-        ("Shout", {}, None, "plans cannot import None"),
-    ],
-)
-def test_what_cannot_be_registered_is_refused(
-    name: str, options: dict[str, bool], function: object, message: str
-) -> None:
-    with pytest.raises(PlanStructureError, match=message):
-        recovery_strategy(name, **options)(function)  # type: ignore[type-var]
-    assert "Shout" not in {strategy.name for strategy in registered_strategies()}
-
-
-def test_a_module_that_is_imported_twice_registers_once() -> None:
-    strategy = next(one for one in registered_strategies() if one.name == "Ignore")
-    assert strategy.function is not None
-    assert recovery_strategy("Ignore")(strategy.function) is strategy.function
-
-
-def test_packages_are_asked_only_for_names_that_planlang_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[str] = []
-
-    class Point:
-        value = "my_robot.recoveries"
-
-        def load(self) -> None:
-            asked.append(self.value)
-            if len(asked) == 1:
-                raise ImportError("no arm is connected")
-
-    monkeypatch.setattr(strategies, "entry_points", lambda group: [Point()] if group == strategies.GROUP else [])
-    strategies._load_installed.cache_clear()
-    try:
-        assert find_strategy("LookAndRepeat") is not None
-        assert asked == []
-        with pytest.raises(ImportError, match="no arm") as raised:
-            find_strategy("Dance")
-        assert raised.value.__notes__ == [
-            "while loading my_robot.recoveries, an entry point of the group planlang.recoveries"
-        ]
-        assert find_strategy("Dance") is None
-        assert find_strategy("Sing") is None
-        assert len(asked) == 2
-    finally:
-        strategies._load_installed.cache_clear()
