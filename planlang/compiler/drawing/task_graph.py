@@ -117,7 +117,7 @@ def task_graph(
     """Return the graph of a task and all recipes below it; nothing recurses.
 
     ``added`` maps a recipe (IRI) to the step orders (IRIs) that the compiler adds, ``recoveries`` a step of a
-    recipe (both IRIs) to the recoveries of its failures. A recipe that several steps call is drawn in the first of them.
+    recipe (both IRIs) to its recoveries. A recipe that several steps call is drawn in the first of them.
     """
     main = recipes.main
     subtitle = f"{main.label}, {recipes.source.file}" if main.label else recipes.source.file
