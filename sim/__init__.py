@@ -1,7 +1,7 @@
 """A simulated world: rooms of simple shapes, one robot, people who take what is offered.
 
-:class:`PyBulletWorld` (``world.py``) is the true one, which is commanded and sensed; :class:`PlanningWorld` is the one
-that planning asks. ``kinematic.py`` is what both have, ``scene.py`` says what they are made from. Inside,
+:class:`PyBulletWorld` (``world.py``) is the true world, which is commanded and sensed; planning asks
+:class:`PlanningWorld`. ``kinematic.py`` is what both have, ``scene.py`` their contents. Inside,
 ``bodies.py``, ``description.py`` and ``robot.py`` own what is in the physics client, ``contact.py``, ``rays.py`` and
 ``camera.py`` answer questions, ``playback.py``, ``falling.py`` and ``people.py`` move things, ``picture.py`` and
 ``snapshots.py`` leave something behind. Only ``engine.py`` imports PyBullet.

@@ -58,9 +58,9 @@ class Piece:
     part: Part
     offset: Pose
     pose: Pose
-    """Where it is in the map, with its body."""
+    """The pose in the map, with its body."""
     yields: bool = False
-    """Whether hands and what they hold may touch it: a limb that reaches for something, or holds it."""
+    """True if hands and what they hold may touch it: a limb that reaches for something, or holds it."""
 
 
 class Bodies:

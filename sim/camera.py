@@ -101,7 +101,7 @@ class Camera:
         """Return the share (0..1) of a body's surface facing the camera that a line of sight reaches; what lines hit.
 
         0 when its centre is beyond the camera's distances; points outside the field of view count as hidden, but their
-        lines are told as well. ``cast`` is the world's batch of rays.
+        lines are included. ``cast`` is the world's batch of rays.
         """
         axes = _axes(model, pose)
         points, weights = self._facing(name, axes[0])
@@ -174,7 +174,7 @@ def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
 
 
 def _framed(offset: Array, model: CameraModel, axes: tuple[Array, Array, Array]) -> NDArray[np.bool_]:
-    """Return which points, told by their offsets from the camera, are in its field of view."""
+    """Return which points, given as offsets from the camera, are in its field of view."""
     _, forward, up = axes
     right = np.cross(forward, up)
     depth = offset @ forward

@@ -30,13 +30,13 @@ _COINCIDENT = 0.03
 _pairs_of: dict[str, tuple[tuple[int, int], ...]] = {}
 
 SUPPORT_DEPTH = 0.02
-"""How deep a held object may be in what it touched when it was grasped [m]."""
+"""Depth that a held object may have in what it touched when it was grasped [m]."""
 
 PARTED = 0.003
 """A held object has parted from what it touched when it is farther from it than this [m]."""
 
 GROUND = 0.001
-"""What does not rise above this is floor [m]."""
+"""Greatest height of a piece that counts as floor [m]."""
 
 Ignored = Collection[str | tuple[str, str]]
 
@@ -58,18 +58,18 @@ class Held:
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """What to look at: ``links`` are numbers of solid links (all when None)."""
+    """A query for contacts: ``links`` are numbers of solid links (all when None)."""
 
     links: frozenset[int] | None = None
     apart: NDArray[np.bool_] | None = None
-    """Which pairs of solid links move against each other (n, n): others are left out (none when None)."""
+    """Pairs of solid links that move against each other (n, n): others are left out (none when None)."""
     ignore: Ignored = ()
     grip: bool = False
-    """Whether a hand's contact with what it holds counts as well (while its fingers close)."""
+    """True if a hand's contact with what it holds counts as well (while its fingers close)."""
     itself: bool = True
-    """Whether to look for self-collision; a motion of the base alone causes none."""
+    """True to look for self-collision; a motion of the base alone causes none."""
     others: bool = True
-    """Whether to look for collisions with bodies that are not held."""
+    """True to look for collisions with bodies that are not held."""
     among: Collection[tuple[str, str]] | None = None
     """Pairs of a link, or a held body, and another link or a body, besides which nothing can touch."""
 
@@ -107,7 +107,7 @@ class Contacts:
         return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
 
     def _of_pair(self, part: str, body: str, query: Query, found: dict[tuple[str, str], float]) -> None:
-        """One pair that is not allowed to touch, or only by as much as what something held stood on."""
+        """Check one pair that is not allowed to touch, or only by as much as what something held stood on."""
         if {part, body} & set(query.ignore) or {(part, body), (body, part)} & set(query.ignore):
             return
         if part not in self.held and body in self.held:
@@ -253,7 +253,7 @@ def watched_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     """Return pairs of solid links that must not touch, computed once per URDF and robot's body.
 
     Left out are pairs that may touch, that are rigidly connected or joined by one joint, that touch nearly always, and
-    those that touch in the posture that is said to begin with: there the model is wrong, not the robot.
+    that touch in the initial posture: there the model is wrong, not the robot.
     """
     body = robot.body
     allowed = sorted(tuple(sorted(pair)) for pair in body.allowed)
@@ -292,7 +292,7 @@ def _find_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
             for pair in always:
                 touched[pair] -= pair not in touching
             always = [pair for pair in always if touched[pair] >= _ALWAYS * _SAMPLES]
-            if not always:  # nothing is left that the other postures could tell
+            if not always:  # nothing is left that the other postures could show
                 break
     return tuple(pair for pair in pairs if pair not in always)
 

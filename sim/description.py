@@ -1,7 +1,7 @@
-"""Makes a robot's URDF ready for PyBullet: checked meshes, shapes in place of absent ones, no extensions.
+"""Prepare a robot's URDF for PyBullet: checked meshes, shapes in place of absent ones, no extensions.
 
-PyBullet itself refuses a file with one absent mesh, dies of a broken one, reads lines of at most 1024 characters, says
-what it dislikes on stdout only, and moves no joint that mimics another.
+PyBullet itself refuses a file with one absent mesh, dies of a broken one, reads lines of at most 1024 characters,
+reports its warnings on stdout only, and moves no joint that mimics another.
 """
 
 from __future__ import annotations
@@ -53,29 +53,29 @@ class Description:
     path: Path
     """The file that was read."""
     text: str
-    """What PyBullet gets."""
+    """The URDF text that PyBullet gets."""
     meshes: Mapping[str, bytes]
     """Files beside it: the meshes that it names, by names that follow from what is in them."""
     root: str
     """The link that hangs from no joint."""
     followers: Mapping[str, tuple[Follower, ...]]
-    """Joint -> those that mimic it, directly or not."""
+    """Joint -> joints that mimic it, directly or not."""
     diagnostics: tuple[Diagnostic, ...] = ()
-    """At most two warnings, about meshes and shapes."""
+    """Up to two warnings, about meshes and shapes."""
 
 
 MOST_KEPT = 8
 """Descriptions that are kept."""
 _meshless: dict[tuple[Path, bytes], Description] = {}
-"""By file and content those that depend on nothing else: no mesh may come or go."""
+"""Descriptions that depend on no mesh file, by path and content: no mesh may come or go."""
 
 
 def read_description(path: Path) -> Description:
-    """Read and check a URDF and its meshes; raises BadInput with all that makes it unusable.
+    """Read and check a URDF and its meshes; raise BadInput with all that makes it unusable.
 
     A mesh that is not there or cannot be read is replaced: for contacts by the box that has the link's mass and
     inertia, for looks by the link's shapes for contacts; by nothing if there are none. If no link has a shape for
-    contacts, those for looks serve.
+    contacts, its shapes for looks serve.
     """
     urdf = read_urdf(path)
     if (path, urdf.content) in _meshless:
@@ -302,7 +302,7 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _followers(joints: Sequence[Joint]) -> dict[str, tuple[Follower, ...]]:
-    """Return per joint those that mimic it; chains of them are resolved, circles left out."""
+    """Return per joint the joints that mimic it; chains of them are resolved, circles left out."""
     mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None and joint.moves}
     found: dict[str, list[Follower]] = {}
     for name, mimic in mimics.items():

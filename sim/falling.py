@@ -52,7 +52,7 @@ class Falling:
         self.on_the_way.pop(name, None)
 
     def step(self) -> None:
-        """One step of free fall for every body on its way; it takes its final orientation with the first."""
+        """Step every falling body once; it takes its final orientation with the first step."""
         for name, (speed, rest) in list(self.on_the_way.items()):
             x, y, floor = rest.position
             height, speed = fall(self.bodies.poses[name].position[2], speed, self.rate)
@@ -111,6 +111,6 @@ def resting(pose: Pose, size: Sequence[float], rays: Cast, *, cylinder: bool = F
 
 
 def fall(height: float, speed: float, rate: int) -> tuple[float, float]:
-    """One step of free fall: new height [m] and speed [m/s]."""
+    """Return the new height [m] and speed [m/s] after one step of free fall."""
     speed += GRAVITY / rate
     return height - speed / rate, speed

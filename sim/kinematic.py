@@ -181,7 +181,7 @@ class KinematicScene:
         return self._bodies.poses[name].position[2] - rest.position[2] if support else float("inf")
 
     def person(self, name: str) -> Reach:
-        """Shoulders, arm length and facing direction of a person; tells whether a point is comfortable for them."""
+        """Return shoulders, arm length and facing direction of a person, to check which points are comfortable."""
         return self._people.reach(name)
 
     def shoulder(self, name: str) -> tuple[float, float, float]:
@@ -189,7 +189,7 @@ class KinematicScene:
         return self._people.reach(name).shoulder
 
     def arm_length(self, name: str) -> float:
-        """From a person's shoulder to the palm [m]."""
+        """Return the distance from a person's shoulder to the palm [m]."""
         return self._people.reach(name).arm_length
 
     def contacts(self) -> tuple[Contact, ...]:

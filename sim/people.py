@@ -17,11 +17,11 @@ from sim.bodies import Bodies, Part
 from sim.scene import Body, BodyShape
 
 HAND_SPEED = 0.4
-"""How fast a hand moves [m/s]."""
+"""Speed of a hand [m/s]."""
 TAKING_DISTANCE = 0.05
 """A hand takes what is not farther from it [m]."""
 TAKING_TIME = 1.0
-"""How long an object must have been offered within that distance [s]."""
+"""Time for which an object must have been offered within that distance [s]."""
 COMFORT_ANGLE = math.radians(60)
 """Half opening angle of the cone in front of a shoulder in which a person likes to take things."""
 
@@ -32,7 +32,7 @@ _UPPER, _FORE, _HAND = 0.30, 0.27, 0.09
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What a person reaches: shoulders in the map, arm length to the palm [m], horizontal direction they face."""
+    """The reach of a person: shoulders in the map, arm length to the palm [m], horizontal direction they face."""
 
     shoulders: tuple[tuple[float, float, float], tuple[float, float, float]]
     """Right, left."""
@@ -74,13 +74,13 @@ class Figure:
     trunk: tuple[Part, ...]
     shoulders: tuple[Array, Array]
     hands: tuple[Array, Array]
-    """Where the hands rest."""
+    """The positions at which the hands rest."""
     scale: float
     turn: Pose
 
     @property
     def arm_length(self) -> float:
-        """From the shoulder to the palm [m]."""
+        """Return the distance from the shoulder to the palm [m]."""
         return (_UPPER + _FORE + _HAND / 2) * self.scale
 
 
@@ -156,7 +156,7 @@ def reach_of(body: Body, pose: Pose | None = None) -> Reach:
 
 
 def reach_from(figure: Figure, pose: Pose) -> Reach:
-    """As :func:`reach_of`, for a figure at hand."""
+    """Return the reach of a figure, as :func:`reach_of`."""
     matrix = pose.matrix()
     shoulders = [moved(matrix, shoulder) for shoulder in figure.shoulders]
     ahead = rotated(matrix[:3, :3], figure.turn.rotation[:, 0])
@@ -219,13 +219,13 @@ class Person:
     reaching: tuple[int, str] | None = None
     """Arm and name of the object reached for."""
     close: int = 0
-    """For how many steps it has been offered within the hand's grasp."""
+    """The number of steps for which it has been offered within the hand's grasp."""
     holds: dict[str, tuple[int, Pose]] = field(default_factory=dict)
     """Object -> arm and the object's pose when it was taken."""
 
     @staticmethod
     def of(body: Body) -> Person:
-        """At rest."""
+        """Return a person at rest."""
         figure = figure_of(body)
         return Person(body, figure, [hand.copy() for hand in figure.hands])
 
@@ -234,7 +234,7 @@ class Person:
         return all(arm != k for arm, _ in self.holds.values())
 
     def move_hand(self, k: int, goal: Array, rate: int) -> bool:
-        """One step of a hand towards a point of the body's frame; whether it moved."""
+        """Move a hand by one step towards a point of the body's frame; return True if it moved."""
         offset = goal - self.hands[k]
         if not offset.any() or (distance := float(np.linalg.norm(offset))) < 1e-6:
             return False
@@ -263,7 +263,7 @@ _LOST = 0.1
 
 
 class People:
-    """All persons of a scene; the world tells them what the robot holds and asks them what they have taken."""
+    """All persons of a scene; the world reports what the robot holds and asks what they have taken."""
 
     def __init__(self, bodies: Bodies, rate: int) -> None:
         self.bodies, self.rate = bodies, rate
@@ -295,7 +295,7 @@ class People:
             person.holds.pop(name, None)
 
     def step(self, held: Mapping[str, Pose]) -> None:
-        """One step of everybody; ``held`` are the objects in the robot's hands and where they are."""
+        """Step everybody once; ``held`` are the objects in the robot's hands, with their poses."""
         if not self.persons:
             return
         self._watch(held)

@@ -14,11 +14,11 @@ from planlang.geometry.outline import footprint, inside
 from sim.scene import Body, BodyShape, Scene
 
 OBJECT_DISTANCE = 0.3
-"""How far a graspable object may stand from where the map says [m]."""
+"""Largest distance of a graspable object from where the map has it [m]."""
 FURNITURE_DISTANCE = 0.2
-"""How far movable furniture may stand from where the map says [m]; it turns by up to 0.2 rad."""
+"""Largest distance of movable furniture from where the map has it [m]; it turns by up to 0.2 rad."""
 START_DISTANCE = 0.3
-"""How far the robot may start from where it was told to [m]; it turns by up to 0.5 rad."""
+"""Largest distance of the robot's start from the given one [m]; it turns by up to 0.5 rad."""
 
 _TRIES = 60
 _CLEARANCE = 0.01
@@ -30,7 +30,7 @@ _FLAT = 0.999
 def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.6) -> Scene:
     """Return the scene as it might really be; seed 0 leaves it unchanged, equal seeds give equal scenes.
 
-    ``radius`` and ``height`` [m] are those of a standing cylinder around the robot. Movable furniture goes first and
+    ``radius`` and ``height`` [m] are the size of a standing cylinder around the robot. Movable furniture goes first and
     takes along what stands on it, then graspable objects move on their support and turn, then the robot's start.
     Whatever would touch something, leave its support or the scene's bounds, stays.
     """

@@ -22,7 +22,7 @@ FIELD = math.radians(45)
 AT_HAND = 0.5
 """A hand that is nearer to a thing than this belongs into its picture [m]: more than a hand's own length."""
 LEAST_RADIUS = 0.3
-"""Half the height that a picture shows at least [m]: of a bottle alone nobody could tell where it is."""
+"""Half the height that a picture shows at least [m]: a close-up of a bottle would not show where it is."""
 AROUND, TILTS = 16, (20.0, 40.0, 60.0)
 """Directions from which a close view is tried: around the vertical, and above the horizon [deg]."""
 SMALL = (96, 72)

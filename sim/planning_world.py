@@ -88,7 +88,7 @@ def _shown(robot: Robot, left_out: frozenset[int]) -> Shape:
 
 
 def held_bands(robot: Robot, bodies: Bodies, held: Mapping[str, Held], without: Collection[str]) -> Iterator[Band]:
-    """Yield those of held bodies, without what links hold that a joint of ``without`` moves.
+    """Yield the bands of held bodies, without what links hold that a joint of ``without`` moves.
 
     The robot must be shown with its base at the origin of the map.
     """
@@ -149,7 +149,7 @@ class PlanningWorld(KinematicScene):
         return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
 
     def self_contacts(self, configuration: Configuration | None = None) -> tuple[Contact, ...]:
-        """Return those of :meth:`contacts` that do not depend on where the robot is: with what it holds, in itself."""
+        """Return the :meth:`contacts` that do not depend on the robot's pose: with what it holds, and in itself."""
         return () if self._robot is None else self._find(configuration or self._now, Query(others=False))
 
     @property
@@ -229,7 +229,7 @@ class PlanningWorld(KinematicScene):
     def sight(self, name: str, configuration: Configuration | None = None) -> tuple[float, Mapping[str, int]]:
         """Return how much of a body is :meth:`visible` to the robot's camera, and what lines to it hit first.
 
-        The latter as name -> lines; the robot's own links are told by their names, and lines that reach the body count
+        The latter as name -> lines; the robot's own links go by their names, and lines that reach the body count
         for it.
         """
         self.scene.body(name)
@@ -242,6 +242,6 @@ class PlanningWorld(KinematicScene):
         return self.rays(np.asarray([start], dtype=float), np.asarray([end], dtype=float))[0]
 
     def rays(self, starts: Array, ends: Array) -> tuple[str | None, ...]:
-        """As :meth:`ray` for (n, 3) starts and ends, any number of them."""
+        """Cast rays as :meth:`ray` for (n, 3) starts and ends, any number of them."""
         self._here()
         return self._rays.cast(starts, ends)

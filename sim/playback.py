@@ -36,7 +36,7 @@ class Playback:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the motion moves."""
+        """Return the names of the joints and bodies that the motion moves."""
         return self.trajectory.names
 
     def state(self) -> Motion:
@@ -121,7 +121,7 @@ def moved(configuration: Configuration, names: Sequence[str], values: Array) -> 
 
 
 def advance(playback: Playback, find: Find, now: Configuration) -> Configuration:
-    """One row further; returns where the robot is then: ``now`` where the way is blocked."""
+    """Advance by one row; return the robot's configuration then: ``now`` where the way is blocked."""
     playback.row += 1
     row = np.asarray(playback.trajectory.positions, dtype=float)[playback.row]
     for strand in playback.strands:

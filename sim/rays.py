@@ -50,7 +50,7 @@ class Rays:
         return tuple(self._name(hit) for hit in self._hits(starts, ends, _EVERYTHING))
 
     def seeing_through_the_robot(self, starts: Array, ends: Array) -> tuple[str | None, ...]:
-        """As :meth:`cast`, as if there were no robot."""
+        """Cast rays as :meth:`cast`, as if there were no robot."""
         return tuple(self._name(hit) for hit in self._hits(starts, ends, _NOT_ROBOT))
 
     def down(self, starts: Array, ends: Array) -> tuple[tuple[str | None, ...], Array]:

@@ -20,27 +20,27 @@ from sim.engine import bullet, quiet
 from sim.scene import RobotBody
 
 WITHIN = 0.001
-"""Distance up to which links of one body are looked at [m]: asked for 0, PyBullet 3.2.7 tells no point of some that are
-centimetres in each other."""
+"""Distance up to which links of one body are looked at [m]: asked for 0, PyBullet 3.2.7 misses pairs that overlap by
+centimetres."""
 MESH_MARGIN = 0.002
-"""How much wider than its vertices PyBullet may take a mesh [m]."""
+"""Margin by which PyBullet may take a mesh wider than its vertices [m]."""
 _BALL = np.array([[math.cos(k * math.pi / 8), math.sin(k * math.pi / 8), 0.0] for k in range(16)])
 """Points on a level circle of radius 1."""
 Shape = tuple[str, tuple[float, float, float], Pose]
 """Kind, extents [m] and pose of a primitive."""
 
 Numbers = slice | Sequence[int] | NDArray[np.intp]
-"""Of solid links, as a row index."""
+"""Numbers of solid links, as a row index."""
 
 MOST_ROBOTS = 8
 """Descriptions of which points of links are kept."""
 _spanning: dict[tuple[str, str], dict[int, Array]] = {}
-"""By URDF and number the points (n, 3) that span solid links, in their frames: read once in a process."""
+"""The points (n, 3) that span solid links, in their frames, by URDF and number: read once in a process."""
 
 
 @dataclass(slots=True)
 class _Boxes:
-    """Boxes around solid links where they were read last: a cache that :meth:`Robot.show` tells what it has moved."""
+    """Boxes around solid links at their last poses: a cache that :meth:`Robot.show` notifies of moves."""
 
     base: tuple[float, float, float]
     center: Array
@@ -63,7 +63,7 @@ class Robot:
         self.client, self.body = client, body
         self.description = read_description(body.urdf)
         self.key = str(body.urdf), self.description.text
-        """What tells its description from others."""
+        """The key that identifies its description."""
         self.uid = self._load()
         self._read_joints()
         self._read_links()
@@ -77,7 +77,7 @@ class Robot:
         self._boxed = _Boxes(self.base, np.zeros((every, 3)), np.zeros((every, 3, 3)), set(range(every)))
         self._moved: dict[str, frozenset[int]] = {}
         self.moves = 0
-        """How often it was put elsewhere: while this stays, so do its links."""
+        """The number of times it was put elsewhere: while this stays, so do its links."""
         self.show(Configuration(self.base, {name: min(max(0.0, lo), hi) for name, (lo, hi) in self.limits.items()}))
         self._measure()
         self._moved |= {name: self._moved_with(name) for name in self.joints}
@@ -120,11 +120,11 @@ class Robot:
         self._read_used()
 
     def _read_used(self) -> None:
-        """Take out joints that follow others; note those that never move because nothing uses them (wheels)."""
+        """Take out joints that follow others; note joints that never move because nothing uses them (wheels)."""
         moving = self.joints if self.body.moving is None else self.body.moving
         self.fixed |= {index for name, index in self.joints.items() if name not in moving}
         self._followers: dict[str, tuple[tuple[int, Follower], ...]] = {}
-        """Joint -> indices of those that mimic it, and how."""
+        """Joint -> indices of the joints that mimic it, and how."""
         every = dict(self.joints)
         for name, followers in self.description.followers.items():
             if name not in every:
@@ -276,7 +276,7 @@ class Robot:
         return self._corners(*self._spans(np.concatenate(frames), every), every)
 
     def ancestors(self, index: int) -> list[int]:
-        """Return a link and those it hangs from, by index."""
+        """Return a link and its ancestors, by index."""
         chain = [index]
         while chain[-1] != -1:
             chain.append(self.parent[chain[-1]])
@@ -400,7 +400,7 @@ class Robot:
         return np.concatenate(found)
 
     def near_pairs(self, pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-        """Return those pairs whose boxes overlap."""
+        """Return the pairs whose boxes overlap."""
         lower, upper = self.boxes()
         first, second = np.array(pairs, np.intp).reshape(-1, 2).T
         near = np.all((lower[first] <= upper[second]) & (upper[first] >= lower[second]), axis=1)

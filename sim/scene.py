@@ -1,4 +1,4 @@
-"""What a world is made of: bodies of simple shape, a robot's body, a camera's optics. Pure data.
+"""Descriptions of a world: bodies of simple shape, a robot's body, a camera's optics. Pure data.
 
 Lengths in metres, angles in radians; the map has z up and the floor at z = 0.
 """
@@ -15,17 +15,17 @@ from planlang.geometry import Pose
 
 
 class BodyShape(StrEnum):
-    """What a body of the scene is."""
+    """The kind of a body in the scene."""
 
     BOX = "box"
     CYLINDER = "cylinder"
     """Axis z, diameter is the larger horizontal size: bottles, cups."""
     PERSON = "person"
-    """Lying, seated or standing, judged by the size; x of the pose is where the person faces."""
+    """A person lying, seated or standing, depending on the size; x of the pose is where the person faces."""
     MARKER = "marker"
     """A place: touches nothing, is not seen."""
     ROOM = "room"
-    """Size and pose are those of the *interior*; walls stand outside it, there is no ceiling."""
+    """A room: size and pose are of the *interior*; walls stand outside it, there is no ceiling."""
 
 
 GRASPABLE_WIDTH = 0.12
@@ -34,18 +34,18 @@ GRASPABLE_WIDTH = 0.12
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """One thing of the map: a box of ``size`` (along its own axes) whose centre is at ``pose``."""
+    """A body of the map: a box of ``size`` (along its own axes) whose centre is at ``pose``."""
 
     name: str
     pose: Pose
     size: tuple[float, float, float]
     shape: BodyShape = BodyShape.BOX
-    """Its value, as text, will do as well."""
+    """The shape; its value, as text, will do as well."""
     iri: str = ""
     type: str = ""
     """Class of the thing, local name or IRI."""
     movable: bool = False
-    """True for what may stand elsewhere than the map says: see :func:`sim.perturb.perturb`."""
+    """True for what may stand elsewhere than in the map: see :func:`sim.perturb.perturb`."""
     color: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -59,7 +59,7 @@ class Body:
 
     @property
     def graspable(self) -> bool:
-        """Whether a hand could take it: a movable box or cylinder that is narrow enough."""
+        """Return True if a hand could take it: a movable box or cylinder that is narrow enough."""
         return (
             self.movable and self.shape in (BodyShape.BOX, BodyShape.CYLINDER) and min(self.size[:2]) <= GRASPABLE_WIDTH
         )
@@ -67,11 +67,11 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """All bodies, in an order that is kept everywhere, and where the robot starts."""
+    """A scene: all bodies, in an order that is kept everywhere, and where the robot starts."""
 
     bodies: tuple[Body, ...]
     bounds: tuple[float, float, float, float] = (-5.0, -5.0, 5.0, 5.0)
-    """Where a robot may drive: x_min, y_min, x_max, y_max."""
+    """The rectangle in which a robot may drive: x_min, y_min, x_max, y_max."""
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Base of the robot at the beginning: x, y, yaw."""
 
@@ -106,13 +106,13 @@ class CameraModel:
     width: int = 160
     height: int = 120
     forward: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    """Where it looks, in the link's frame: z for an optical frame, x for a body frame."""
+    """The direction of view, in the link's frame: z for an optical frame, x for a body frame."""
     up: tuple[float, float, float] = (0.0, -1.0, 0.0)
-    """What is up in its picture, in the link's frame."""
+    """The upward direction of its picture, in the link's frame."""
 
     @property
     def half_angle(self) -> float:
-        """From the middle of the picture to its corners [rad]."""
+        """Return the angle from the middle of the picture to its corners [rad]."""
         return math.atan(math.tan(self.fov / 2) * math.hypot(1.0, self.height / self.width))
 
 
@@ -125,8 +125,8 @@ class RobotBody:
     hands: Mapping[str, Collection[str]] = field(default_factory=dict)
     """Link of a hand -> links of its fingers."""
     allowed: Collection[tuple[str, str]] = ()
-    """Pairs of links that may touch, beyond those that the simulator finds itself."""
+    """Pairs of links that may touch, beyond the pairs that the simulator finds itself."""
     posture: Mapping[str, float] = field(default_factory=dict)
-    """Joints at the beginning; those not named are at zero, or at the limit nearest to it."""
+    """Initial joint positions; joints not named are at zero, or at the limit nearest to it."""
     moving: Collection[str] | None = None
-    """Joints that are commanded; the others never move, except those that mimic them. None: all may."""
+    """Joints that are commanded; the others never move, except when they mimic these. None: all may."""

@@ -1,6 +1,6 @@
 """The state of a world as JSON, and back: what moves, what is held, who has what, and time. Numbers come back exactly.
 
-Only what differs from the scene is told, so that a snapshot of a furnished room is about 2 kB.
+Only what differs from the scene is written, so that a snapshot of a furnished room is about 2 kB.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ JSON = dict[str, Any]
 FARTHEST = 1e4
 """Greatest coordinate [m], angle [rad] or speed [m/s] that is believed: ten kilometres, farther than any map goes."""
 UNIT = 1e-3
-"""How far the length of a quaternion may be from 1: a pose that was written comes back to the last digit."""
+"""Largest error of a quaternion's length: a pose that was written comes back to the last digit."""
 
 
 def configuration(now: Configuration) -> JSON:

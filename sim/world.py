@@ -1,4 +1,4 @@
-"""The true world in PyBullet: it is commanded and sensed as a robot's surroundings are, and time goes on in steps."""
+"""The true world in PyBullet: it is commanded and sensed like a robot's real environment, and time goes on in steps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim.playback import Playback, advance, begin
 from sim.scene import RobotBody, Scene
 
 ROBOT = "robot"
-"""What :func:`held_by` calls the robot."""
+"""The name by which :func:`held_by` calls the robot."""
 
 _RESTS = 0.005
 
@@ -28,7 +28,7 @@ class PyBulletWorld(KinematicScene):
     def __init__(
         self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30, seed: int = 0
     ) -> None:
-        """As every scene; ``seed`` is kept for records: nothing in here is random."""
+        """Initialize as every scene; ``seed`` is kept for records: nothing in here is random."""
         super().__init__(scene, robot, gui=gui, rate=rate)
         self.seed, self.steps = seed, 0
         self._motions: dict[str, Playback] = {}
@@ -109,7 +109,7 @@ class PyBulletWorld(KinematicScene):
         save_png(path, self.render(width, height, of=of))
 
     def state(self) -> tuple[object, ...]:
-        """Return something hashable that is equal for worlds in which all is at the same place and moves alike."""
+        """Return something hashable, equal for worlds where everything is in the same pose and motion."""
         motions = tuple((group, playback.row, playback.state()) for group, playback in self._motions.items())
         *things, people = super().state()
         return (self.steps, *things, motions, people)

@@ -1,4 +1,4 @@
-"""What the robot believes about where things are: map poses until seen, then what it saw, felt and did itself."""
+"""The robot's belief about where things are: map poses until seen, then what it saw, felt and did itself."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ALIKE = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """How a hand holds a thing."""
+    """A hand's hold on a thing."""
 
     arm: str
     link: str
@@ -37,7 +37,7 @@ class Grip:
 
 
 def _ignore(event: str, details: Mapping[str, Any]) -> None:
-    """Tell nobody."""
+    """Ignore a change."""
 
 
 class Belief:
@@ -49,7 +49,7 @@ class Belief:
         self.revision = 0
         self.held: dict[str, Grip] = {}
         self.tell: Callable[[str, Mapping[str, Any]], None] = _ignore
-        """Where changes are written: event, details."""
+        """The listener to which changes are written: event, details."""
         self._poses: dict[str, Pose] = {name: world.pose(name) for name in world.names()}
         self._first = dict(self._poses)
         self._taken: set[str] = set()
@@ -66,7 +66,7 @@ class Belief:
         return tuple(self._poses)
 
     def pose(self, name: str) -> Pose:
-        """Where a thing is believed to be; of a held one, where it was last known to stand."""
+        """Return a thing's believed pose; of a held one, where it was last known to stand."""
         return self._poses[name]
 
     def reference_pose(self, name: str) -> Pose:
@@ -74,7 +74,7 @@ class Belief:
         return self.held[name].before if name in self.held else self._poses[name]
 
     def seen_from_here(self, name: str) -> bool:
-        """Whether a thing has been seen since the base last moved."""
+        """Return True if a thing has been seen since the base last moved."""
         return self._seen.get(name) == self._moves
 
     def looked_in_vain(self, name: str) -> tuple[tuple[float, float, float], ...]:
@@ -92,7 +92,7 @@ class Belief:
         return self._bound[what]
 
     def alike(self, what: Object) -> tuple[str, ...]:
-        """The things of a designator's class, in the order of the map."""
+        """Return the things of a designator's class, in the order of the map."""
         return tuple(
             thing.name for thing in self.map.objects if thing.name in self._poses and self._is_a(thing, what.type)
         )
@@ -126,7 +126,7 @@ class Belief:
     # Learning
 
     def see(self, detections: Iterable[Detection]) -> None:
-        """What the camera recognised is where it saw it."""
+        """Believe that what the camera recognised is where it saw it."""
         for detection in detections:
             if detection.name in self._poses and detection.name not in self.held:
                 self._seen[detection.name] = self._moves
@@ -134,12 +134,12 @@ class Belief:
                 self._put(detection.name, detection.pose, "seen")
 
     def not_seen(self, name: str, base: tuple[float, float, float]) -> None:
-        """A thing was looked for from here and not seen."""
+        """Record that a thing was looked for from here and not seen."""
         self._in_vain.setdefault(name, []).append(base)
         self._changed("not_seen", name=name, base=base)
 
     def bump(self, name: str, pose: Pose) -> None:
-        """The robot ran into a thing and feels where it is."""
+        """Record that the robot ran into a thing and feels where it is."""
         if name in self._poses:
             self._put(name, pose, "felt")
 
@@ -148,13 +148,13 @@ class Belief:
         self._moves += 1
 
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
-        """A hand holds a thing from now on."""
+        """Record that a hand holds a thing from now on."""
         self._taken.discard(name)
         self.held[name] = Grip(arm, link, offset, self._poses[name])
         self._changed("grasped", name=name, arm=arm)
 
     def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
-        """A thing was let go: to a person, or it came down at ``pose``."""
+        """Record that a thing was let go: to a person, or it came down at ``pose``."""
         self.held.pop(name, None)
         self._poses[name] = pose
         if to is not None:
@@ -175,7 +175,7 @@ class Belief:
     # Remembering
 
     def snapshot(self) -> dict[str, Any]:
-        """What is believed, as JSON; poses that are still those of the map are left out."""
+        """Return what is believed, as JSON; poses that are still the map's are left out."""
         moved = {name: dump(pose) for name, pose in self._poses.items() if pose != self._first[name]}
         held = {name: [grip.arm, grip.link, dump(grip.offset), dump(grip.before)] for name, grip in self.held.items()}
         return {

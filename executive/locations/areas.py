@@ -35,7 +35,7 @@ class Area:
     body: str
     block: Block
     radius: float
-    """Of the outline of what is placed [m]."""
+    """The radius of the outline of what is placed [m]."""
     least: float
     most: float
     directions: tuple[float, ...] = ()
@@ -135,7 +135,7 @@ class Clear:
     """None: what it is about is a door itself, which its sweep surrounds."""
     doors: tuple[Door, ...]
     radius: float
-    """Of the outline [m]."""
+    """The radius of the outline [m]."""
     negated: bool = False
 
     def score(self, points: Array) -> Array:

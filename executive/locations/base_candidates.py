@@ -34,7 +34,7 @@ Indices = NDArray[np.intp]
 Weigh = Callable[[Array], Array]
 """Bases (m, 3) -> weights (m,), 0 where a base pose will not do."""
 Conjunct = tuple[str, Weigh]
-"""What is said of bases that will not do, and the weights."""
+"""The reason for which bases are refused, and the weights."""
 Misses = Callable[[Array], NDArray[np.bool_]]
 """Bases (m, 3) -> whether something is surely not seen from there (m,)."""
 
@@ -52,7 +52,7 @@ class BaseCandidates:
     """Rows of the map of the candidate's class."""
     torsos: Array = field(default_factory=lambda: np.zeros(0))
     ranks: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
-    """How many of the same candidate are better."""
+    """The number of better ones of the same candidate."""
     crowded: list[tuple[float, Array]] = field(default_factory=list)
     """Promising base poses without room, with their scores."""
     without_room: int = 0
@@ -149,7 +149,7 @@ class _Part:
     """The best base poses of candidates of one arm, class, roll and height: they use the same rows of a map."""
 
     number: int
-    """Of the arm."""
+    """The arm's number."""
     bases: Array
     scores: Array
     candidates: Indices

@@ -1,4 +1,4 @@
-"""What a location demands of a base, a hand or a thing, bound to the bodies of the planning scene.
+"""The demands of a location on a base, a hand or a thing, bound to the bodies of the planning scene.
 
 The senses of :mod:`planlang.relations` become areas of the floor, things to see, and reaches: what a hand has to do.
 """
@@ -17,9 +17,9 @@ from planlang.designators import Location, Object, Relation
 from planlang.relations import HEIGHTS, RELATIONS, Bounds, Sense, Subject, meaningful
 
 Viewer = tuple[float, float]
-"""Where somebody looks from, in the map [m]."""
+"""The position of a viewer in the map [m]."""
 HIGHEST = 1.0
-"""How much higher than it has to be a hand is held, where nothing bounds it [m]: no arm here reaches farther."""
+"""Largest height of a hand above the least one, where nothing bounds it [m]: no arm here reaches farther."""
 
 
 class ReachKind(Enum):
@@ -51,7 +51,7 @@ class HandTerm(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What a hand has to be able to do about one body."""
+    """A task of a hand about one body."""
 
     kind: ReachKind
     body: str
@@ -60,30 +60,30 @@ class Reach:
     arms: tuple[str, ...] | None = None
     """Names of the arms that may do it; None: all."""
     heights: Bounds = HEIGHTS
-    """Of the lowest point over the body's top, for ABOVE [m]."""
+    """Bounds of the lowest point's height over the body's top, for ABOVE [m]."""
     inside: bool = False
-    """For PLACE: in the body, not on it."""
+    """True for PLACE in the body, not on it."""
     also: tuple[HandTerm, ...] = ()
-    """What else holds of the hand."""
+    """Other conjuncts that the hand has to satisfy."""
     before: bool = False
     """For GRASP and RETREAT: where the hand stands before the thing, not at it, is where that holds."""
 
 
 @dataclass(frozen=True, slots=True)
 class BaseDemand:
-    """What a location asks of the base, each conjunct once."""
+    """The demands of a location on the base, each conjunct once."""
 
     reaches: tuple[Reach, ...] = ()
     seen: tuple[str, ...] = ()
     areas: tuple[Area | Facing | Clear, ...] = ()
     unreached: tuple[Reach, ...] = ()
-    """What must not be in reach."""
+    """The reaches that must not be possible."""
     unseen: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class ThingDemand:
-    """What a location asks of an object: one of where it rests, and areas."""
+    """The demands of a location on an object: one of where it rests, and areas."""
 
     on: str | None = None
     inside: str | None = None
@@ -222,7 +222,7 @@ def sides(demand: BaseDemand | ThingDemand, scene: PlanningScene) -> dict[str, s
 
 
 CHOSEN = (ReachKind.GRASP, ReachKind.ABOVE, ReachKind.OFFER)
-"""What a hand does that can be done with several grasps: what it holds already, it holds as it does."""
+"""Tasks of a hand that several grasps can do: what it holds already, it holds as it does."""
 
 
 def without_unused(location: Location, scene: PlanningScene, viewer: Viewer) -> Location:
@@ -266,7 +266,7 @@ def _arms(location: Location, arms: RobotArms) -> tuple[str, ...] | None:
 
 
 def _holding(names: tuple[str, ...] | None, arms: RobotArms) -> tuple[str, ...] | None:
-    """Return those of the arms that hold something, if any does: an empty hand offers nothing."""
+    """Return the arms that hold something, if any does: an empty hand offers nothing."""
     return tuple(name for name in names or () if arms.held(name) is not None) or names
 
 

@@ -20,21 +20,21 @@ from executive.robots.arms import HandFrame, Held
 from planlang.geometry import Array
 
 APPROACH = 0.08
-"""How far back along the approach direction the pre-grasp is [m] (rules of `in_front_of`)."""
+"""Distance of the pre-grasp back along the approach direction [m] (rules of `in_front_of`)."""
 LIFT = 0.05
-"""How far up the hand goes with what it has grasped, then back [m]."""
+"""Height by which the hand lifts what it has grasped, before it goes back [m]."""
 LIFTS = (LIFT, 0.08, 0.03)
 """The same for a thing that is in the hand already."""
 LOWERING = 0.08
-"""From how far above the hand puts a thing down [m]."""
+"""Height above its goal from which the hand puts a thing down [m]."""
 SHARES = (0.4, 0.15, 0.75)
 """Heights above a surface that are tried, as shares of what is allowed."""
 HEADINGS = 16
 """Directions from which a hand may come, at first; for grasps twice as many when these lead to nothing, then again."""
 ARM_ROOM = 0.45
-"""How far over the edge of a surface a hand reaches for a place over it [m]."""
+"""Largest reach of a hand over the edge of a surface for a place over it [m]."""
 COMFORTABLE = 0.2
-"""How far inside a comfort zone a place is as good as can be (see :meth:`ComfortZone.margins`)."""
+"""Distance inside a comfort zone from which a place is as good as can be (see :meth:`ComfortZone.margins`)."""
 OBLIQUE = 0.4
 """Weight of a grasp across the edges of a box, beside one across its faces."""
 
@@ -50,7 +50,7 @@ class HandPoses:
     poses: Array
     touches: str | None = None
     opened: bool = False
-    """Whether the fingers are open meanwhile."""
+    """True if the fingers are open meanwhile."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,22 +58,22 @@ class GraspCandidates:
     """n candidates; ``key`` is the number of the key pose in each series."""
 
     text: str
-    """What they do, for labels."""
+    """The description of the poses, for labels."""
     points: Array
     """Tip position at the key pose in the map, (n, 3)."""
     rotations: Array
-    """Of the tip in the map, (n, 3, 3)."""
+    """The rotations of the tip in the map, (n, 3, 3)."""
     offsets: Array
-    """From the key pose to each pose of the series, in the map, (n, k, 3)."""
+    """The offsets from the key pose to each pose of the series, in the map, (n, k, 3)."""
     key: int
     grasps: Indices
     """Class of each candidate, an index into CLASSES, (n,)."""
     headings: Array
-    """Of the approach axis, or for the class "top" of what is ahead of the closing axis [rad], (n,)."""
+    """Headings of the approach axis, or for the class "top" of what is ahead of the closing axis [rad], (n,)."""
     rolls: Indices
     """1 or -1, (n,)."""
     weights: Array
-    """How natural each is, in (0, 1], (n,)."""
+    """The weights, higher for more natural ones, in (0, 1], (n,)."""
     touches: str | None = None
     opened: bool = False
 

@@ -36,11 +36,11 @@ from planlang.geometry import Array, Pose
 from planlang.relations import HEIGHTS, RELATIONS, Sense
 
 AT_CENTRE = 0.01
-"""How far from the centre a grip point may be [m]."""
+"""Largest distance of a grip point from the centre [m]."""
 AT_POSE = 0.02
-"""How far the hand may be from where it stands before a thing [m]."""
+"""Largest distance of the hand from its pose before a thing [m]."""
 LEVEL = 0.2
-"""How far a level hand, or an upright thing in it, may lean [rad]."""
+"""Largest lean of a level hand, or of an upright thing in it [rad]."""
 HAIR = 1e-6
 
 Mask = NDArray[np.bool_]

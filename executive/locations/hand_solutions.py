@@ -103,7 +103,7 @@ def solve(
     reasons: list[Reason | None] = [None] * count
 
     def left(rows: NDArray[np.intp], found: Iterable[Reason | None]) -> NDArray[np.intp]:
-        """Return those of some rows for which there is no reason."""
+        """Return the rows for which there is no reason."""
         for row, reason in zip(rows.tolist(), found, strict=True):
             reasons[row] = reason
         return rows[[reasons[row] is None for row in rows.tolist()]]
@@ -161,7 +161,7 @@ class HandSolution:
 
 
 def is_among(known: HandSolution, candidates: GraspCandidates) -> bool:
-    """Return whether a candidate's poses are those of one of some candidates."""
+    """Return True if a candidate's poses are the poses of one of some candidates."""
     poses = candidates.poses(np.arange(len(candidates)))
     if poses.shape[1:] != known.plan.poses.shape:
         return False
@@ -220,7 +220,7 @@ def touched_at(
 
 
 def _unsure(rows: Array, base: BasePose, check: QuickCheck) -> Array:
-    """Return those of some joint values (m, d) at which something may be hit, as far as a check of the arm tells."""
+    """Return the joint values (m, d) at which something may be hit, as far as a check of the arm shows."""
     return rows[~check.clear(np.repeat(base_matrices(np.array([base])), len(rows), axis=0), rows)]
 
 

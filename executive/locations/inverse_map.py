@@ -17,7 +17,7 @@ from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
 SPREAD = 0.1
-"""Of places of one way in a square of this side the best comes first [m]."""
+"""Side of a square in which the best place of one candidate comes first [m]."""
 SQUARE_BITS = 22
 """Numbers of squares have no more bits."""
 MOST_MAPS = 24
@@ -47,7 +47,7 @@ class Rows:
         return Rows(v, yaw, score, row, self.torso[:count], self.squares[:count], self.torsos)
 
     def of(self, torsos: tuple[float, ...]) -> Rows:
-        """Those for some torso positions."""
+        """Return the rows for some torso positions."""
         if torsos == self.torsos:
             return self
         kept = np.isin(self.torso, torsos)
@@ -95,7 +95,7 @@ class InverseMap:
         return Rows(v, yaw, score[order], row, heights[order], squares, tuple(np.unique(heights).tolist()))
 
     def _level(self, level: int, roll: int) -> Rows:
-        """The rows of a level that a roll can use, at no torso position, best first."""
+        """Return the rows of a level that a roll can use, at no torso position, best first."""
         if (level, roll) not in self._levels:
             self._levels[level, roll] = self._prepared(level, roll)
         return self._levels[level, roll]
@@ -130,7 +130,7 @@ _prepared: dict[tuple[object, ...], InverseMap] = {}
 
 
 def inverse_map(facts: tuple[object, ...], prepared: Callable[[], InverseMap]) -> InverseMap:
-    """A map prepared for inversion, once in a process for all arms of the same ``facts``."""
+    """Return a map prepared for inversion, once in a process for all arms of the same ``facts``."""
     if facts not in _prepared:
         while len(_prepared) >= MOST_MAPS:
             del _prepared[next(iter(_prepared))]
@@ -148,7 +148,7 @@ class InverseMaps:
         self._known: dict[tuple[str, GraspClass], InverseMap] = {}
 
     def __call__(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
-        """The map of an arm and class of grasp."""
+        """Return the map of an arm and class of grasp."""
         key = (arm.name, grasp)
         if key not in self._known:
             facts = (arm.solver.chain.digest, arm.lift, arm.frame, arm.seeds.tobytes(), grasp)

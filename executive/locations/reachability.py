@@ -48,7 +48,7 @@ Rows = NDArray[Any]
 
 
 class GraspClass(Enum):
-    """How an approach points down; the value is its name."""
+    """The pitch of an approach; the value is its name."""
 
     SIDE = "side"
     TILTED = "tilted"
@@ -56,7 +56,7 @@ class GraspClass(Enum):
 
     @property
     def pitch(self) -> float:
-        """How far the approach axis points below the horizon [rad]."""
+        """Return the angle of the approach axis below the horizon [rad]."""
         return {"side": 0.0, "tilted": math.pi / 4, "top": math.pi / 2}[self.value]
 
     @property
@@ -141,7 +141,7 @@ class ReachabilityMap:
         rolls: tuple[int, ...] = (1, -1),
         least: float = 0.0,
     ) -> Candidates:
-        """Base poses in the map from which the tip gets to ``point`` (3,) with one of the headings (k,).
+        """Return base poses in the map that take the tip to ``point`` (3,) with one of the headings (k,).
 
         ``torso`` is its joint position; ``rolls`` those that are wanted (from the top both are the same poses seen
         from opposite headings); ``least`` the lowest score.
@@ -217,7 +217,7 @@ class ReachabilityMap:
         return round(z / CELL)
 
     def _level(self, level: int) -> range:
-        """The rows of a level."""
+        """Return the rows of a level."""
         number = level - self.lowest_level
         if not 0 <= number < len(self.starts) - 1:
             return range(0)
@@ -225,14 +225,14 @@ class ReachabilityMap:
 
 
 def row_type(d: int) -> np.dtype[Any]:
-    """Of a row: lattice indices, roll, score, and d joint values (the lift left out)."""
+    """Return the type of a row: lattice indices, roll, score, and d joint values (the lift left out)."""
     return np.dtype(
         [("z", "<i2"), ("roll", "i1"), ("yaw", "i1"), ("x", "<i2"), ("y", "<i2"), ("score", "<f4"), ("q", "<f4", (d,))]
     )
 
 
 def ordered(rows: Rows) -> Rows:
-    """The same rows by z, roll, yaw, x, y."""
+    """Return the same rows by z, roll, yaw, x, y."""
     return np.asarray(rows[np.argsort(_row_keys(rows), kind="stable")])
 
 
@@ -241,5 +241,5 @@ def _row_keys(rows: Rows) -> NDArray[np.int64]:
 
 
 def _keys(z: Any, roll: Any, yaw: Any, x: Any, y: Any) -> Any:
-    """One whole number per row that sorts like the rows."""
+    """Return one whole number per row that sorts like the rows."""
     return ((((z + 512) * 2 + (roll + 1) // 2) * YAWS + yaw) * 1024 + x + 512) * 1024 + y + 512

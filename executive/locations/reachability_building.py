@@ -27,7 +27,7 @@ from planlang.geometry import Array
 VERSION = 3
 """Raised whenever maps come out otherwise for the same arm."""
 SAMPLES = 20_000
-"""Random postures that tell where the tip can be at all."""
+"""Number of random postures that show where the tip can be at all."""
 RESTARTS = 6
 """Random postures from which each pose of the coarse lattice is tried."""
 COARSE = 2
@@ -43,7 +43,7 @@ CHUNK = 5_000
 _CACHE = Cache("reachability", most=60)
 
 Progress = Callable[[int, int, str], None]
-"""Told what is done, of how many, and what it was."""
+"""A listener that gets the number done, the total, and the name of what was done."""
 
 
 def reachability_maps(
@@ -109,7 +109,7 @@ _Job = tuple[ArmModel, Lift | None, GraspClass]
 
 
 def _built(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[tuple[ArmModel, Lift | None, GraspClass, Rows]]:
-    """The rows of maps, as they get ready."""
+    """Yield the rows of maps, as they get ready."""
     for number, (arm, lift, grasp) in enumerate(jobs, 1):
         yield arm, lift, grasp, _build_rows(arm, lift, grasp)
         if progress is not None:
@@ -197,7 +197,7 @@ class _Lattice:
 
 
 def _carried(full: Chain, lift: Lift | None) -> Chain:
-    """The chain without what lifts it."""
+    """Return the chain without what lifts it."""
     return full if lift is None else full.locked({lift.joint: lift.lowest})
 
 
@@ -224,7 +224,7 @@ def _build_rows(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> Rows:
 
 
 def _sampled_rows(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, floor: float) -> Rows:
-    """Of each cell of the lattice the best of the postures that are in it."""
+    """Return for each cell of the lattice the best of the postures that are in it."""
     q, places, levels = sampled(chain, grasp, frame, roll, floor, np.random.default_rng(0))
     score = _scores(chain, q)
     cells = np.column_stack([levels, cells_of(places)])
@@ -276,7 +276,7 @@ def _solved(
 
 
 def _scores(chain: Chain, q: Array) -> Array:
-    """Manipulability (m,) (Yoshikawa 1985) of configurations (m, d), less near joint limits; not yet normalised."""
+    """Return manipulability (m,) (Yoshikawa 1985) of configurations (m, d), less near limits; not normalised."""
     scores = np.empty(len(q))
     for start in range(0, len(q), CHUNK):  # what is between stays in the processor's cache
         scores[start : start + CHUNK] = _few_scores(chain, q[start : start + CHUNK])

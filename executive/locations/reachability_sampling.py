@@ -21,16 +21,16 @@ from planlang.geometry import Array
 POSTURES = 60_000
 """Random postures of each roll."""
 CHUNK = 10_000
-"""Of so many at once."""
+"""Number of postures that are computed at once."""
 STEPS = 12
 """Steps by which a posture is pulled."""
 DAMPING = 1e-6
 NEAR = 1e-4, 5e-4
-"""How far from a height of the lattice [m], and from the wanted rotation [rad], a pose may be."""
+"""Largest distance of a pose from a height of the lattice [m], and from the wanted rotation [rad]."""
 
 
 def is_bound(chain: Chain) -> bool:
-    """Whether an arm, without what lifts it, has too few joints to reach poses of a lattice."""
+    """Return True if an arm, without what lifts it, has too few joints to reach poses of a lattice."""
     return chain.dof < 6
 
 
@@ -56,7 +56,7 @@ def exact_places(chain: Chain, q: Array, grasp: GraspClass, frame: HandFrame, ro
 
 
 def cells_of(places: Array) -> NDArray[np.int64]:
-    """The lattice cells (n, 3: x, y, heading) that places (n, 3) are in."""
+    """Return the lattice cells (n, 3: x, y, heading) that places (n, 3) are in."""
     turns = np.rint(places[:, 2] / (2 * math.pi / YAWS)).astype(np.int64) % YAWS
     return np.column_stack([np.rint(places[:, :2] / CELL).astype(np.int64), turns])
 
@@ -70,7 +70,7 @@ def _headings(rotations: Array, grasp: GraspClass, frame: HandFrame, roll: Array
 
 
 def _pulled(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array) -> Array:
-    """Of postures (n, d) those that could be pulled to the class, near where they were."""
+    """Return the postures (n, d) that could be pulled to the class, near where they were."""
     level = np.rint(chain.fk(q)[:, 2, 3] / CELL) * CELL
     for _ in range(STEPS):
         error = _error(chain, grasp, frame, roll, q, level)
@@ -84,7 +84,7 @@ def _pulled(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Arr
 
 
 def _error(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array, level: Array) -> Array:
-    """What is missing in height [m] and in rotation about x and y [rad], (n, 3)."""
+    """Return the errors in height [m] and in rotation about x and y [rad], (n, 3)."""
     tips = chain.fk(q)
     wanted = grasp.rotations(_headings(tips[:, :3, :3], grasp, frame, roll), roll, frame)
     turn = wanted @ tips[:, :3, :3].transpose(0, 2, 1)
@@ -92,7 +92,7 @@ def _error(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Arra
 
 
 def _level_about(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array) -> NDArray[np.bool_]:
-    """Whether nothing is missing about z either: the whole rotation is that of the class."""
+    """Return True where the rotation about z is right, too: the whole rotation is that of the class."""
     tips = chain.fk(q)[:, :3, :3]
     wanted = grasp.rotations(_headings(tips, grasp, frame, roll), roll, frame)
     turns = wanted @ tips.transpose(0, 2, 1)

@@ -29,13 +29,13 @@ OUT_OF_REACH = Reason("out of reach")
 
 @dataclass(frozen=True, slots=True)
 class Validated:
-    """One place that was looked at: what it was rejected for, "" if it was accepted."""
+    """A place that was looked at: the reason for its rejection, "" if it was accepted."""
 
     base: BasePose
     score: float
     reason: str
     body: str | None = None
-    """What was in the way."""
+    """The body that was in the way."""
 
 
 @dataclass(slots=True)

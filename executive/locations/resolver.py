@@ -81,7 +81,7 @@ class Resolver:
         found: list[BasePose] = []
 
         def is_taken(base: BasePose) -> bool:
-            """Return whether a base pose near to that was found."""
+            """Return True if a base pose near that one was found."""
             return any(round(math.dist(base[:2], other[:2]), 4) <= APART for other in found)
 
         def searches() -> Iterator[Iterable[Solution]]:
@@ -106,7 +106,7 @@ class Resolver:
         raise log.failure(location, after=len(found))
 
     def _check_parts(self, location: Location, demand: BaseDemand) -> None:
-        """Raises MissingCapability if the robot has no part that could do what is asked, wherever it stands."""
+        """Raise MissingCapability if the robot has no part that could do what is asked, wherever it stands."""
         scene, wanted = self.scene, self._validator.wanted(demand)
         said, part = "", "ArmComponent"
         if demand.seen and not scene.visibility.sighted():
@@ -123,7 +123,7 @@ class Resolver:
         return self._validator.reached_from(base)
 
     def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[HandSolution]]) -> None:
-        """The inverse of :meth:`reached_from`."""
+        """Restore the result of :meth:`reached_from`."""
         self._validator.remember(reached)
 
     def viewers(self) -> list[tuple[Location, tuple[float, float]]]:
@@ -131,7 +131,7 @@ class Resolver:
         return [(location, place) for location, place in self._viewers.items() if _names_a_side(location)]
 
     def remember_viewers(self, viewers: Iterable[tuple[Location, tuple[float, float]]]) -> None:
-        """The inverse of :meth:`viewers`; nothing else is remembered then."""
+        """Restore the result of :meth:`viewers`; nothing else is remembered then."""
         self._viewers = dict(viewers)
 
     # Hand solutions
@@ -222,7 +222,7 @@ class Resolver:
         return thing_holds(name, scene.bodies.pose(name), size, demand, scene)
 
     def _look(self, location: Location) -> None:
-        """Let a location's left and right be those seen from the present base pose, from now on."""
+        """Fix a location's left and right as seen from the present base pose, from now on."""
         x, y, _ = self.scene.base()
         for inner in (location, *(r.reference for r in location.relations if isinstance(r.reference, Location))):
             self._viewers.pop(inner, None)

@@ -1,4 +1,4 @@
-"""Where objects can be: poses on and in things and before people, and whether a pose is one of them."""
+"""Poses of objects on and in things and before people, and checks of such poses."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ MOST_PLACES = 4000
 FREE = 0.005
 """Distance that an object keeps from others [m]."""
 RESTING = 0.02
-"""How far an object's lowest point may be off the surface that it rests on [m]."""
+"""Largest distance of an object's lowest point from the surface that it rests on [m]."""
 ABOVE_SURFACE = 0.002
-"""How far above the surface an object is put [m]."""
+"""Height above the surface at which an object is put [m]."""
 EDGE = 0.03
-"""How far from the edge of a surface a place is as good as can be [m]."""
+"""Distance from the edge of a surface from which a place is as good as can be [m]."""
 HAIR = 1e-6
 
 Size = tuple[float, float, float]

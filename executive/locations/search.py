@@ -45,7 +45,7 @@ TRAVEL = 8.0
 
 
 class ReachSearch:
-    """One search for base poses from which all that is wanted can be reached."""
+    """A search for base poses from which all that is wanted can be reached."""
 
     def __init__(
         self,
@@ -132,7 +132,7 @@ class ReachSearch:
         return ReachSearch(self.validator, self.wanted, self.demand, self.arms, budget, log)
 
     def _unseen(self) -> Misses | None:
-        """Tells from which bases the robot itself is in the way of seeing what has to be seen."""
+        """Return a test of the bases from which the robot itself hides what has to be seen."""
         view = self.scene.visibility.own_view()
         names = self.validator.to_see(self.demand)
         if view is None or not names:
@@ -290,7 +290,7 @@ class _Failed:
         self._places: list[tuple[int, float, float, float]] = []
 
     def add(self, arm: int, base: Array, heading: float) -> None:
-        """One more."""
+        """Add one more."""
         self._places.append((arm, float(base[0]), float(base[1]), heading))
 
     def near(self, arm: int, base: Array, heading: float) -> bool:

@@ -1,4 +1,4 @@
-"""How much is looked at before a resolution gives up: a natural choice first, then more."""
+"""Budgets of a search: a natural choice is looked at first, then more."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ ALL = 1_000_000
 
 
 class Stage(IntEnum):
-    """How many of the candidates of a hand are looked at; each has those of the ones before."""
+    """The share of a hand's candidates that is looked at; each stage has those of the ones before."""
 
     NATURAL = 0
     ALL = 1
@@ -40,7 +40,7 @@ class SearchBudget:
 
     @property
     def fine(self) -> bool:
-        """Whether not only natural candidates are looked at."""
+        """Return True if not only natural candidates are looked at."""
         return self.stage > Stage.NATURAL
 
 

@@ -36,7 +36,7 @@ PLACES = 6
 ANOTHER_PLACE = 0.4
 """Whatever was not seen from one base pose is looked for from base poses at least this far away [m]."""
 MOST_CROWDED = 48
-"""When there is no room, obstacles of so many promising base poses are named."""
+"""Number of promising base poses whose obstacles are named when there is no room."""
 MOST_REMEMBERED = 64
 """Base poses of which it is remembered how arms reach from them."""
 
@@ -57,7 +57,7 @@ class SelfOcclusion:
         return math.hypot(x, y), math.remainder(math.atan2(y, x) - float(base[2]), 2 * math.pi)
 
     def add(self, base: Sequence[float]) -> None:
-        """The robot hides it from there."""
+        """Record that the robot hides it from there."""
         self._known.append(self._seen(base))
 
     def covers(self, base: Array) -> bool:
@@ -298,7 +298,7 @@ class BaseValidator:
         return self._reached.get((arm, rounded(base)), {})
 
     def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[HandSolution]]) -> None:
-        """The inverse of :meth:`reached_from`; nothing else is remembered then."""
+        """Restore the result of :meth:`reached_from`; nothing else is remembered then."""
         self._reached = {
             key: {candidate.reach: candidate for candidate in candidates} for key, candidates in reached.items()
         }

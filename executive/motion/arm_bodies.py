@@ -1,4 +1,4 @@
-"""What arms have to keep clear of, and with what: the robot's links, what it holds, and the bodies of a room.
+"""The bodies that arms must keep clear of, and that move with them: links, held objects, and the bodies of a room.
 
 Everything that does not depend on the posture is worked out once for a chain (:class:`ArmShapes`), the rest once for a
 posture (:class:`ArmBodies`), and :meth:`ArmBodies.against` puts it into a :class:`Room`. The same bodies serve a search
@@ -25,7 +25,7 @@ from sim import PlanningWorld, Solid
 from sim.contact import SUPPORT_DEPTH
 
 GROUND_SIZE = (60.0, 60.0, 0.1)
-"""Of the piece that stands for the floor [m]."""
+"""Size of the piece that stands for the floor [m]."""
 AT_ORIGIN = (0.0, 0.0, 0.0)
 """A base pose."""
 
@@ -41,7 +41,7 @@ class ArmBodies:
     movers: Movers
     own: Obstacles
     watched: Watched
-    """Of movers and obstacles of the robot itself."""
+    """Pairs of movers and obstacles of the robot itself."""
     hands: NDArray[np.bool_]
     """Movers that are links of any hand (m,): people's arms, once they reach for something, do not mind them."""
     grounded: NDArray[np.bool_]
@@ -51,14 +51,14 @@ class ArmBodies:
     centre: Array
     """Middle of what can be reached, in the base frame (3,)."""
     reach: float
-    """No mover is ever farther away from there [m]."""
+    """Radius from there that no mover ever leaves [m]."""
     tip: tuple[Array, int]
-    """Where the tip is in the frame with which it goes (4, 4), and which that is."""
+    """The tip's pose (4, 4) in the frame with which it goes, and the number of that frame."""
     whole: bool
-    """Whether all that moves with the chain is among the movers."""
+    """True if all that moves with the chain is among the movers."""
 
     def against(self, base: Array, room: Room, ignored: Ignored) -> QuickCheck:
-        """The check against a room, from a base pose (4, 4); hand links ``ignored`` may touch a body."""
+        """Return the check against a room, from a base pose (4, 4); hand links ``ignored`` may touch a body."""
         bodies = room.bodies
         own = Watched(self.watched.movers, self.watched.obstacles + len(bodies), self.watched.allowed)
         watched = self._watched(room, ignored).followed_by(own)
@@ -66,7 +66,7 @@ class ArmBodies:
         return QuickCheck(self.chain, base, self.movers, every, watched, tip=self.tip, whole=self.whole)
 
     def _watched(self, room: Room, ignored: Ignored) -> Watched:
-        """Every mover and every body of a room but those that may touch."""
+        """Return the pairs of all movers and all bodies of a room but the pairs that may touch."""
         mine, (links, touches) = self.movers.names, ignored
         held = [k for k, name in enumerate(mine) if name in self.held]
         spared = self.hands.copy()
@@ -91,11 +91,11 @@ class Room:
 
     bodies: Obstacles
     limbs: NDArray[np.bool_]
-    """Which are arms of people (o,)."""
+    """Mask of the obstacles that are arms of people (o,)."""
 
     @staticmethod
     def of(solids: Solids, floor: str) -> Room:
-        """From the pieces of bodies, and the name of the floor."""
+        """Return a room from the pieces of bodies, and the name of the floor."""
         each = list(zip(solids.bodies, solids.limbs.tolist(), strict=True))
         keys = list(dict.fromkeys(each))
         number = {key: k for k, key in enumerate(keys)}
@@ -113,7 +113,7 @@ class Room:
         return Room(bodies, np.array([*(limb for _, limb in keys), False], bool))
 
     def near(self, centre: Array, radius: float) -> Room:
-        """Those bodies of which a piece meets a sphere, and the floor."""
+        """Return the bodies of which a piece meets a sphere, and the floor."""
         solids, first = self.bodies.solids, self.bodies.first
         met = np.linalg.norm(solids.centres - centre, axis=1) <= radius + solids.reach
         kept = np.add.reduceat(met, first[:-1]) > 0
@@ -122,7 +122,7 @@ class Room:
 
 
 class ArmShapes:
-    """One chain of a world's robot: with which of its moving joints each solid link goes, and what must not touch."""
+    """The shapes of one chain: with which of its moving joints each solid link goes, and what must not touch."""
 
     def __init__(
         self, world: PlanningWorld, links: Sequence[Shaped], chain: Chain, base_link: str, tip_link: str
@@ -159,16 +159,16 @@ class ArmShapes:
         frames, poses = chain.frames(q[None])[0], chain.fk(q[None])[0]
         last = self.frame_of(world, tip_link)
         self.tip: tuple[Array, int] = np.linalg.inv(frames[last - FIRST_JOINT]) @ poses, last
-        """Where the tip is in the frame with which it goes (4, 4), and which that is."""
+        """The tip's pose (4, 4) in the frame with which it goes, and the number of that frame."""
 
     def frame_of(self, world: PlanningWorld, link: str) -> int:
-        """The number of the frame with which a link goes."""
+        """Return the number of the frame with which a link goes."""
         robot = world.robot
         above = (robot.link_names[index] for index in robot.ancestors(robot.links[link]))
         return next((self._carriers[name] for name in above if name in self._carriers), BASE)
 
     def now(self, world: PlanningWorld, joints: Mapping[str, float] | None = None) -> ArmBodies:
-        """The robot, and what it holds, as it is now but for some joints; those of the chain may be anywhere."""
+        """Return the robot, and what it holds, as it is now but for some joints; the chain's may be anywhere."""
         robot = world.robot
         there, from_base, placed = self._placed(world, joints)
         q = np.array([there.joints[name] for name in self._chain.names])
@@ -207,9 +207,9 @@ class ArmShapes:
     def still(
         world: PlanningWorld, several: Sequence[ArmShapes], joints: Mapping[str, float] | None = None
     ) -> ArmBodies:
-        """All that moves with one or more chains of one robot, as it is now but for some joints.
+        """Return all that moves with one or more chains of one robot, as it is now but for some joints.
 
-        It goes with the base wherever that goes, and is told against others than the robot: of it nothing is ever sure.
+        It goes with the base, and is checked against other bodies only, not the robot: nothing is ever sure.
         """
         first = several[0]
         there, from_base, placed = first._placed(world, joints)
@@ -244,22 +244,22 @@ class ArmShapes:
         )
 
     def _placed(self, world: PlanningWorld, joints: Mapping[str, float] | None) -> tuple[Configuration, Array, Array]:
-        """The robot as it is but for some joints, the map (4, 4) and the solid links (n, 4, 4) in the base frame."""
+        """Return the robot as it is but for some joints, the map (4, 4) and solid links (n, 4, 4) in the base frame."""
         there = Configuration(AT_ORIGIN, {**world.configuration().joints, **(joints or {})})
         from_base = np.asarray(np.linalg.inv(world.link_pose(self._base_link, there).matrix()), np.float64)
         return there, from_base, from_base @ world.solid_frames(there)
 
     def _part(self, number: int) -> _Part:
-        """A solid link that is known to go with a frame."""
+        """Return a solid link that is known to go with a frame."""
         movers = tuple(np.flatnonzero(self._of_mover == number).tolist())
         return _Part(int(self._frames[number]), movers, self._obstacle_of[number], self._links[number].exact)
 
     @staticmethod
     def _pairs(one: _Part, other: _Part) -> list[tuple[int, int]]:
-        """Movers and obstacle by which it is told whether two touch; none if they never move against each other."""
+        """Return the pairs of movers and obstacle that decide if two touch; none if they never move relatively."""
         if one.frame == other.frame or max(one.frame, other.frame) < FIRST_JOINT:
             return []
-        # spheres of the one that is farther out, against the other, if that is told exactly
+        # spheres of the one that is farther out, against the other, if that is represented exactly
         first, second = (one, other) if one.frame > other.frame else (other, one)
         if first.exact and not second.exact and second.movers:
             first, second = second, first
@@ -285,14 +285,14 @@ def _held(world: PlanningWorld) -> dict[str, tuple[str, Array]]:
 
 
 def _movers(links: Sequence[Shaped], numbers: Sequence[int], frames: Sequence[int]) -> tuple[Movers, NDArray[np.intp]]:
-    """Each shape of some links a mover, in the frame of its link; and of which link each is (m,)."""
+    """Return each shape of some links as a mover in its link's frame, and the link of each (m,)."""
     rows = [(number, shape) for number in numbers for shape in links[number].spheres]
     movers = Movers.of([(links[k].name, frames[k], *shape) for k, shape in rows])
     return movers, np.array([number for number, *_ in rows], np.intp)
 
 
 def _moved(movers: Movers, places: Array) -> Movers:
-    """Each at a place (m, 4, 4)."""
+    """Return movers, each moved by a pose (m, 4, 4)."""
     of_sphere = np.repeat(np.arange(len(movers)), counts(movers.first))
     turned = np.einsum("sij,sj->si", places[of_sphere, :3, :3], movers.spheres[:, :3]) + places[of_sphere, :3, 3]
     spheres = np.column_stack([turned, movers.spheres[:, 3]])
@@ -300,7 +300,7 @@ def _moved(movers: Movers, places: Array) -> Movers:
 
 
 def _extent(chain: Chain) -> tuple[Array, Array]:
-    """A place in the base frame, and how far from it the origin of the frame of each moving joint is at most (j,)."""
+    """Return a point in the base frame, and how far from it each moving joint's frame is at most (j,)."""
     ends = np.clip(np.stack([chain.lower, chain.upper]), -np.pi, np.pi)
     origins = chain.frames(ends)[:, :, :3, 3]
     # of a turning joint the distance from the one before is always the same, of a sliding one it is largest at an end
@@ -310,7 +310,7 @@ def _extent(chain: Chain) -> tuple[Array, Array]:
 
 
 def _reach(movers: Movers, along: Array) -> float:
-    """How far from the middle anything that moves ever is [m]."""
+    """Return the largest distance of anything that moves from the middle [m]."""
     if not len(movers.spheres):
         return 0.0
     far = np.linalg.norm(movers.spheres[:, :3], axis=1) + movers.spheres[:, 3]

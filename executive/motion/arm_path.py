@@ -28,27 +28,27 @@ REACH = 10
 MOST_HITS = 40
 """Exact hits on paths after which spheres are not asked any more."""
 KEPT_APART = (0.015, 0.0)
-"""How far everything is kept apart where the ends allow it [m]; less when no path is found like that."""
+"""Distance by which everything is kept apart where the ends allow it [m]; less when no path is found like that."""
 EXACT_CHECKS = 3000
-"""How many exact checks a search may ask for in all, once spheres are not asked any more."""
+"""Exact checks that a search may ask for in all, once spheres are not asked any more."""
 FORBIDDEN = 0.5
-"""How near paths come to a place of an exact hit at most, in units of the edge resolution."""
+"""Largest distance that paths have to keep from an exact hit, in units of the edge resolution."""
 
 
 class Quick(Protocol):
-    """What tells at once, if not exactly, what is free: :class:`executive.motion.collision.QuickCheck`."""
+    """A fast, approximate check of what is free: :class:`executive.motion.collision.QuickCheck`."""
 
     def free(self, q: Array) -> NDArray[np.bool_]:
         """Return which configurations (n, d) are free as far as is known."""
 
     def sure(self, q: Array) -> NDArray[np.bool_]:
-        """Which configurations (n, d) are free for sure: the exact check is spared there."""
+        """Return which configurations (n, d) are free for sure: the exact check is spared there."""
 
     def keep(self, distance: float, ends: Sequence[Array]) -> None:
         """Keep bodies so far apart [m] where the ends (d,), which are free, allow it; forget what was learnt."""
 
     def learn(self, q: Array, pairs: Sequence[tuple[str, str]]) -> None:
-        """The exact check says that at a configuration (d,) these touch."""
+        """Learn from the exact check which pairs touch at a configuration (d,)."""
 
 
 @cache
@@ -102,7 +102,7 @@ class _Tree:
         return int(np.argmin(((space.move(self._rows.filled, q) / space.resolution) ** 2).sum(axis=1)))
 
     def way(self, node: int) -> list[Array]:
-        """From a node to the root."""
+        """Return the way from a node to the root."""
         nodes = [self.nodes[node]]
         while (node := self.parents[node]) >= 0:
             nodes.append(self.nodes[node])
@@ -121,7 +121,7 @@ class _Tree:
 
 @dataclass(slots=True)
 class _Search:
-    """One question for a path and what is known of the answer."""
+    """A search for one path, and what is known so far."""
 
     space: JointSpace
     quick: Quick
@@ -130,18 +130,18 @@ class _Search:
     rng: np.random.Generator
     shortcuts: int
     exactly: bool = False
-    """Whether edges are checked exactly at once."""
+    """True if edges are checked exactly at once."""
     known: dict[bytes, Sequence[tuple[str, str]]] = field(default_factory=dict)
     forbidden: _Rows = field(init=False)
     radii: list[float] = field(default_factory=list)
-    """How near a way may come to each of the forbidden places, in units of the edge resolution."""
+    """Distances that a way must keep from the forbidden places, in units of the edge resolution."""
     counts: dict[str, int] = field(default_factory=lambda: {"branches": 0, "exact checks": 0, "exact hits": 0})
 
     def __post_init__(self) -> None:
         self.forbidden = _Rows(len(self.space.resolution))
 
     def pairs(self, q: Array) -> Sequence[tuple[str, str]]:
-        """What touches at a configuration, exactly; each is asked for once."""
+        """Return what touches at a configuration, exactly; each is asked for once."""
         key = np.rint(q * 1e9).astype(np.int64).tobytes()
         found = self.known.get(key)
         if found is None:
@@ -160,7 +160,7 @@ class _Search:
         return bool(self.quick.free(rows).all())
 
     def _allowed(self, a: Array, b: Array) -> bool:
-        """Whether a way passes no place where the exact check has found a hit."""
+        """Return True if a way passes no place where the exact check has found a hit."""
         if not self.radii:
             return True
         move = (b - a) / self.space.resolution
@@ -173,7 +173,7 @@ class _Search:
         return True
 
     def first_hit(self, path: Array) -> Array | None:
-        """A configuration of a path where something touches, exactly; None if it is free."""
+        """Return a configuration of a path where something touches, exactly; None if it is free."""
         rows = self.moments(path)
         rows = rows[~self.quick.sure(rows)] if len(rows) else rows
         order = bisection(len(rows) + 1) - 1
@@ -235,7 +235,7 @@ def plan_path(
 
 
 def _paths(search: _Search, start: Array, goal: Array, iterations: int) -> Iterator[list[Array]]:
-    """Paths from start to goal, found by a search that goes on; what is forbidden in between is heeded."""
+    """Yield paths from start to goal of a search that goes on; what is forbidden in between is heeded."""
     known = -1
     if search.edge_free(start, goal):
         yield [start, goal]
@@ -297,7 +297,7 @@ def _shortened(search: _Search, path: list[Array]) -> list[Array]:
 
 
 def _skipped(search: _Search, path: list[Array]) -> list[Array]:
-    """From each waypoint go on to the farthest one that can be reached straight."""
+    """Return a path that goes on from each waypoint to the farthest one that can be reached straight."""
     kept = [path[0]]
     i = 0
     while i < len(path) - 1:

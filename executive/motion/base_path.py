@@ -1,6 +1,6 @@
 """Paths of an omnidirectional base: A* over a field of clearance, pulled straight, checked exactly.
 
-The field judges the robot as a round silhouette. Where it has no room by that measure but stands free nevertheless
+The field takes the robot for a round silhouette. Where it has no room by that measure but stands free nevertheless
 (near a bed, at a cabinet), it may leave and arrive without turning; the exact check has the last word everywhere.
 """
 
@@ -21,16 +21,16 @@ from planlang.geometry import Array
 Planar = tuple[float, float, float]
 """x, y [m] and yaw [rad] in the map."""
 Touching = Callable[[float, float, float], Sequence[tuple[str, str]]]
-"""What would be in each other with the base at x, y, yaw, by name; nothing where it stands free."""
+"""A check for overlaps with the base at x, y, yaw, by name; nothing where it stands free."""
 TIGHT = 10.0
-"""What a metre without room costs, in metres with plenty."""
+"""Cost of a metre without room, in metres with plenty."""
 NARROW = 3.0
-"""What a metre with hardly any room costs more than one with plenty."""
+"""Extra cost of a metre with hardly any room over one with plenty."""
 
 
 @dataclass(slots=True)
 class _Search:
-    """One question for a path, and what is known of the answer."""
+    """A search for one path, and what is known so far."""
 
     grid: Grid
     room: Array
@@ -66,7 +66,7 @@ class _Search:
         return float(self.costs[self.cells(points)].mean()) * length
 
     def cells(self, points: Array) -> tuple[Array, Array]:
-        """Rows (k,) and columns (k,) of places (k, 2), those outside the grid moved to its rim."""
+        """Return rows (k,) and columns (k,) of points (k, 2), points outside the grid moved to its rim."""
         row = np.rint((points[:, 1] - self.grid.y) / self.grid.resolution).astype(int)
         column = np.rint((points[:, 0] - self.grid.x) / self.grid.resolution).astype(int)
         return np.clip(row, 0, self.grid.rows - 1), np.clip(column, 0, self.grid.columns - 1)
@@ -84,7 +84,7 @@ def plan_base_path(
     resolution: float = 0.08,
     replans: int = 12,
 ) -> Array:
-    """Waypoints (n, 3) of x, y [m] and yaw [rad] from start to goal; yaw is continuous, turned the shorter way.
+    """Return waypoints (n, 3) of x, y [m] and yaw [rad] from start to goal; yaw is continuous, the shorter way.
 
     ``clearance`` (rows, columns) is the field over the grid. Where there is more room than ``comfort`` no more is
     preferred; within ``escape`` of start and goal the field may be negative. ``touching(x, y, yaw)`` is asked at
@@ -213,7 +213,7 @@ def _cheaper(straight: float, around: float) -> bool:
 
 
 def _turned(search: _Search, places: Array) -> Iterator[Array]:
-    """The path over places (n, 2) with yaws (n, 3) in ways to turn: on the way where there is room, or on the spot."""
+    """Yield the path over points (n, 2) with yaws (n, 3): turned on the way where there is room, or on the spot."""
     yaw, goal_yaw = search.start[2], search.goal[2]
     fine = _refined(search, places)
     inner = np.flatnonzero(search.room[search.cells(fine)] > 0)
@@ -246,7 +246,7 @@ def _refined(search: _Search, places: Array) -> Array:
 
 
 def _hits(search: _Search, path: Array) -> Iterator[Planar]:
-    """The poses of a path (n, 3), at the resolution, that are not exactly free."""
+    """Yield the poses of a path (n, 3), at the resolution, that are not exactly free."""
     for a, b in pairwise(path):
         far = max(math.hypot(b[0] - a[0], b[1] - a[1]), abs(b[2] - a[2]))
         count = max(1, math.ceil(far / search.resolution))

@@ -1,4 +1,4 @@
-"""What moves with a chain, as spheres, and what it must not touch, as convex pieces; frames are numbered."""
+"""Movers, as spheres that go with a chain, and obstacles for them, as convex pieces; frames are numbered."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from executive.motion.solids import Solids
 from planlang.geometry import Array
 
 MAP, BASE, FIRST_JOINT = 0, 1, 2
-"""Numbers of frames: those of the children of moving joints follow in their order."""
+"""Numbers of frames: the children of moving joints follow in their order."""
 
 
 def counts(first: NDArray[np.integer]) -> NDArray[np.integer]:
-    """Return how many members each group has (m,), of which the i-th has those from [i] to [i + 1] - 1 (m + 1,)."""
+    """Return how many members each group has (m,); group i has those from first[i] to first[i + 1] - 1 (m + 1,)."""
     return first[1:] - first[:-1]
 
 
@@ -29,11 +29,11 @@ class Movers:
     frames: NDArray[np.intp]
     """(m,)."""
     first: NDArray[np.intp]
-    """Whose the spheres are: mover i has those from [i] to [i + 1] - 1, (m + 1,)."""
+    """The owners of the spheres: mover i has those from [i] to [i + 1] - 1, (m + 1,)."""
     spheres: Array
     """Centres and radii (s, 4) [m]."""
     slack: Array
-    """How far each sticks out of its spheres (m,) [m]."""
+    """Distances by which the movers stick out of their spheres (m,) [m]."""
 
     @staticmethod
     def of(rows: Sequence[tuple[str, int, Array, float]]) -> Movers:
@@ -50,7 +50,7 @@ class Movers:
         return len(self.names)
 
     def only(self, kept: NDArray[np.bool_]) -> Movers:
-        """Those of a mask (m,)."""
+        """Return the movers of a mask (m,)."""
         sizes = counts(self.first)
         return Movers(
             tuple(compress(self.names, kept.tolist())),
@@ -61,12 +61,12 @@ class Movers:
         )
 
     def going_with(self, frame: int) -> Movers:
-        """The same spheres in another frame than was said."""
+        """Return the same spheres in another frame."""
         return replace(self, frames=np.full(len(self), frame, np.intp))
 
     @staticmethod
     def joined(several: Sequence[Movers]) -> Movers:
-        """All of several, one after another."""
+        """Return the movers of all of several, one after another."""
         sizes = np.concatenate([counts(movers.first) for movers in several])
         return Movers(
             tuple(name for movers in several for name in movers.names),
@@ -85,10 +85,10 @@ class Obstacles:
     frames: NDArray[np.intp]
     """(o,)."""
     first: NDArray[np.intp]
-    """Whose the pieces are: obstacle i has those from [i] to [i + 1] - 1, (o + 1,)."""
+    """The owners of the pieces: obstacle i has those from [i] to [i + 1] - 1, (o + 1,)."""
     solids: Solids
     slack: Array
-    """How much larger than its pieces what is meant is (o,) [m]."""
+    """Distances by which the real obstacles are larger than their pieces (o,) [m]."""
 
     @staticmethod
     def of(rows: Sequence[tuple[str, int, Solids, float]]) -> Obstacles:
@@ -105,7 +105,7 @@ class Obstacles:
         return len(self.names)
 
     def only(self, kept: NDArray[np.bool_]) -> Obstacles:
-        """Those of a mask (o,)."""
+        """Return the obstacles of a mask (o,)."""
         sizes = counts(self.first)
         return Obstacles(
             tuple(compress(self.names, kept.tolist())),
@@ -116,7 +116,7 @@ class Obstacles:
         )
 
     def followed_by(self, other: Obstacles) -> Obstacles:
-        """These, then others."""
+        """Return these obstacles, then others."""
         if not len(other):
             return self
         return Obstacles(
@@ -143,7 +143,7 @@ class Watched:
         return Watched(rows[:, 0], rows[:, 1], np.zeros(len(rows)))
 
     def followed_by(self, other: Watched) -> Watched:
-        """These, then others."""
+        """Return these pairs, then others."""
         if not len(other.movers):
             return self
         return Watched(

@@ -1,4 +1,4 @@
-"""How much room a standing robot has at each place of a map: distances from oriented boxes to its silhouette."""
+"""Clearance of a standing robot at each point of a map: distances from oriented boxes to its silhouette."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Boxes:
         return len(self.yaws)
 
     def only(self, index: ArrayLike) -> Boxes:
-        """Some of them, by index, several indices or a mask."""
+        """Return some of the boxes, by index, several indices or a mask."""
         rows = np.atleast_1d(np.asarray(index))
         return Boxes(self.centres[rows], self.half_extents[rows], self.yaws[rows])
 
@@ -73,7 +73,7 @@ class Grid:
 
     @staticmethod
     def over(lower: tuple[float, float], upper: tuple[float, float], resolution: float = 0.05) -> Grid:
-        """The grid whose cells cover the rectangle between two corners [m] without leaving it."""
+        """Return the grid whose cells cover the rectangle between two corners [m] without leaving it."""
         counts = [int(np.floor((high - low) / resolution + 1e-9)) for low, high in zip(lower, upper, strict=True)]
         if min(counts) < 1:
             raise ValueError(f"no cell of {resolution} m fits between {lower} and {upper}")
@@ -103,7 +103,7 @@ def clearance_at(points: ArrayLike, boxes: Boxes, silhouette: Sequence[Band]) ->
 def clearances_at(
     points: ArrayLike, boxes: Boxes, silhouettes: Sequence[Sequence[Band]], most: float = np.inf
 ) -> Array:
-    """The same for several silhouettes, (s, k); what is more than ``most`` [m] may come out larger than it is."""
+    """Return clearances for several silhouettes, (s, k); values above ``most`` [m] may be too large."""
     places = np.asarray(points, float).reshape(-1, 2)
     rooms = np.full((len(silhouettes), len(places)), np.inf)
     bottom = boxes.centres[:, 2] - boxes.half_extents[:, 2]
@@ -134,7 +134,7 @@ def clearances_at(
 
 
 def _from_rectangle(places: Array, boxes: Boxes, cosines: Array, sines: Array) -> Array:
-    """How far boxes (n,) are at least from the rectangle around places (k, 2), along one of its sides [m]."""
+    """Return least distances of boxes (n,) from the rectangle around points (k, 2), along one of its sides [m]."""
     low, high = places.min(axis=0), places.max(axis=0)
     turned = np.abs(np.concatenate([cosines, sines], axis=1))
     x, y = boxes.half_extents[:, 0], boxes.half_extents[:, 1]

@@ -27,11 +27,11 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, product
 
 TOUCHING = 0.001
-"""How deep spheres are inside of what counts as hit [m]: what exact queries take for touching, and rounding."""
+"""Depth of spheres inside something that counts as a hit [m]: what exact queries take for touching, and rounding."""
 BEYOND = 0.002
-"""How much farther apart than the slack bodies are that do not touch for sure [m]: collision margins of meshes."""
+"""Distance beyond the slack from which bodies surely do not touch [m]: collision margins of meshes."""
 APART = 0.001
-"""How much farther than at a hit bodies are kept apart after it [m]."""
+"""Distance beyond that of a hit by which bodies are kept apart after it [m]."""
 AT_ONCE = 300_000
 """Pairs of balls that are looked at in one go: their arrays (8 MB) stay near the processor."""
 
@@ -54,9 +54,9 @@ class QuickCheck:
         tip: tuple[Array, int],
         whole: bool = True,
     ) -> None:
-        """``base`` (4, 4) in the map; ``tip`` (4, 4) in the frame of that number, with which the hand goes.
+        """Initialize: ``base`` (4, 4) in the map, ``tip`` (4, 4) in the numbered frame with which the hand goes.
 
-        Not ``whole``: pieces were left out, and no answer is ever that nothing is hit for sure.
+        ``whole`` is False if pieces were left out; then no answer is ever that nothing is hit for sure.
         """
         moving = obstacles.frames[watched.obstacles] != MAP
         order = np.lexsort((watched.movers, movers.frames[watched.movers], watched.obstacles, moving))
@@ -166,11 +166,11 @@ class QuickCheck:
         self._limit = np.minimum(self._least + TOUCHING + distance, self._most)
 
     def learn(self, q: Array, pairs: Iterable[tuple[str, str]]) -> None:
-        """At a configuration (d,) bodies were found to touch: keep them farther apart, as far as the ends allow."""
+        """Learn that bodies touch at a configuration (d,): keep them farther apart, as far as the ends allow."""
         touching = {frozenset(pair) for pair in pairs}
         hit = np.array([frozenset(pair) in touching for pair in self.names], bool)
         raised = np.minimum(self.gaps(q, NEAREST) + APART, self._most)
-        # of the shapes of a link only those that may have touched
+        # among the shapes of a link only the ones that may have touched
         hit &= raised <= raised[hit].min(initial=np.inf) + NEAREST
         self._limit = np.where(hit, np.maximum(self._limit, raised), self._limit)
 
@@ -259,7 +259,7 @@ class QuickCheck:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pairs:
-    """Pairs that are looked at together: those with each piece that stands in the map, those with what moves."""
+    """Pairs that are looked at together: with each piece that stands in the map, and with what moves."""
 
     standing: Index
     """Pairs (s,), one entry for each piece."""

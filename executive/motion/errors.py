@@ -1,4 +1,4 @@
-"""What this package raises for its callers to turn into plan failures."""
+"""Errors of this package, for its callers to turn into plan failures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ class MotionError(Exception):
 
 
 class StartInCollision(MotionError):
-    """Where a path should start is not free; ``pairs`` are names of what would be in each other, if known."""
+    """The start of a path is not free; ``pairs`` are names of what would be in each other, if known."""
 
     def __init__(self, start: Sequence[float], pairs: Sequence[tuple[str, str]] = ()) -> None:
         self.start = tuple(float(value) for value in start)
@@ -19,7 +19,7 @@ class StartInCollision(MotionError):
 
 
 class GoalInCollision(MotionError):
-    """Where a path should end is not free; ``pairs`` are names of what would be in each other, if known."""
+    """The goal of a path is not free; ``pairs`` are names of what would be in each other, if known."""
 
     def __init__(self, goal: Sequence[float], pairs: Sequence[tuple[str, str]] = ()) -> None:
         self.goal = tuple(float(value) for value in goal)
@@ -38,7 +38,7 @@ class OutsideLimits(MotionError):
 
 
 class NoPath(MotionError):
-    """The search ended without a path; ``counts`` says what it did."""
+    """The search ended without a path; ``counts`` are its statistics."""
 
     def __init__(self, start: Sequence[float], goal: Sequence[float], counts: Mapping[str, int]) -> None:
         self.start = tuple(float(value) for value in start)

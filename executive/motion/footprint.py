@@ -1,6 +1,6 @@
-"""Whether a robot fits where it stands with its heading: outlines of its links from above against upright boxes.
+"""Checks of whether a robot fits at a base pose: outlines of its links from above against upright boxes.
 
-A silhouette tells how much room a robot takes that turns on the spot. One that is not round stands closer to things
+A silhouette is the room of a robot that turns on the spot. One that is not round stands closer to things
 than that with the right heading: its corners point where there is room. Each link counts with its whole outline in all
 its heights.
 """
@@ -17,7 +17,7 @@ from executive.motion.clearance import Band, Boxes
 from planlang.geometry import Array
 
 TOUCHING = 0.002
-"""How deep an outline is in a box to count [m]: less is left to exact queries."""
+"""Least depth of an outline in a box that counts [m]: less is left to exact queries."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,17 +29,17 @@ class Outline:
     corners: Array
     """(n, 2), counter-clockwise."""
     normals: Array
-    """Of the edges, outward, (n, 2)."""
+    """The edges' outward normals, (n, 2)."""
     offsets: Array
-    """Of the edges from the base's origin along the normals (n,) [m]."""
+    """The edges' distances from the base's origin along the normals (n,) [m]."""
     radius: float
-    """Of the smallest circle about the base's origin that holds it [m]."""
+    """The radius of the smallest circle about the base's origin that holds the outline [m]."""
     inner: float
-    """Of the largest circle about the base's origin inside it [m], below zero where the origin is outside."""
+    """The radius of the largest circle about the base's origin in the outline [m], below zero if that is outside."""
 
     @staticmethod
     def of(low: float, high: float, corners: Array) -> Outline:
-        """From corners (n, 2) in counter-clockwise order."""
+        """Return an outline from corners (n, 2) in counter-clockwise order."""
         edges = np.roll(corners, -1, axis=0) - corners
         normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1)[:, None]
         offsets = np.einsum("nk,nk->n", normals, corners)
@@ -48,7 +48,7 @@ class Outline:
 
 
 def outlines(shapes: Iterable[tuple[float, float, Array]]) -> tuple[Outline, ...]:
-    """Those of links (z_low, z_high, corners) that take room which no single other one takes anyway."""
+    """Return the outlines of links (z_low, z_high, corners) that take room which no single other one takes."""
     every = [Outline.of(*shape) for shape in shapes if len(shape[2]) > 2]
     kept: list[Outline] = []
     for one in sorted(every, key=lambda one: -one.radius):
@@ -58,12 +58,12 @@ def outlines(shapes: Iterable[tuple[float, float, Array]]) -> tuple[Outline, ...
 
 
 def cores(shapes: Sequence[Outline]) -> tuple[Band, ...]:
-    """What a robot takes with any heading: the circles inside its outlines."""
+    """Return what a robot takes with any heading: the circles inside its outlines."""
     return tuple((one.low, one.high, one.inner) for one in shapes if one.inner > 0.0)
 
 
 def stands_in_none(bases: Array, boxes: Boxes, shapes: Sequence[Outline]) -> NDArray[np.bool_]:
-    """At which bases (m, 3) no outline is in a box, by separating axes (m,)."""
+    """Return at which bases (m, 3) no outline is in a box, by separating axes (m,)."""
     free = np.ones(len(bases), bool)
     bottom = boxes.centres[:, 2] - boxes.half_extents[:, 2]
     top = boxes.centres[:, 2] + boxes.half_extents[:, 2]
@@ -80,7 +80,7 @@ def stands_in_none(bases: Array, boxes: Boxes, shapes: Sequence[Outline]) -> NDA
 
 
 def _overlap(bases: Array, boxes: Boxes, one: Outline) -> NDArray[np.bool_]:
-    """Whether an outline at a base (p, 3) is in the box beside it (p,)."""
+    """Return True where an outline at a base (p, 3) is in the box beside it (p,)."""
     turn = bases[:, 2] - boxes.yaws
     c, s = np.cos(boxes.yaws), np.sin(boxes.yaws)
     x, y = (bases[:, :2] - boxes.centres[:, :2]).T

@@ -1,4 +1,4 @@
-"""Where the neck must be so that the camera looks at a point, by a table of forward kinematics."""
+"""Neck joint values with which the camera looks at a point, by a table of forward kinematics."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from planlang.geometry import Array
 STEPS = 61
 """Postures per neck joint in the table; about 3 degrees apart for a neck that turns half around."""
 COARSE = 4
-"""Where many points are looked at, every so-manieth of them is tried first."""
+"""Stride of the postures that are tried first when there are many points."""
 
 
 class Gaze:
@@ -41,7 +41,7 @@ class Gaze:
 
     @classmethod
     def fixed(cls, pose: Array, axis: tuple[float, float, float]) -> Gaze:
-        """That of a camera which no neck turns, at a pose (4, 4) in the base link's frame."""
+        """Return the gaze of a camera which no neck turns, at a pose (4, 4) in the base link's frame."""
         gaze = cls.__new__(cls)
         gaze.joints = ()
         gaze._look(np.zeros((1, 0)), pose[None], axis)
@@ -55,7 +55,7 @@ class Gaze:
         self._square = np.einsum("ij,ij->i", self._origin, self._origin)
 
     def at_all(self, points: Array) -> tuple[Array, Array]:
-        """By how much the view misses points (n, 3) [rad], (n,), and the camera's places (n, 3); as :meth:`at`.
+        """Return by how much the view misses points (n, 3) [rad], (n,), and the camera's places (n, 3); as :meth:`at`.
 
         The best of every fourth posture of each joint first, then the best around it.
         """
@@ -73,7 +73,7 @@ class Gaze:
         return np.arccos(np.clip(cosine, -1.0, 1.0)), self._origin[best]
 
     def _cosines(self, points: Array, postures: Array) -> Array:
-        """Of the angle between view and points (n, 3) in postures (n, k) of the table, (n, k)."""
+        """Return cosines between view and points (n, 3) in postures (n, k) of the table, (n, k)."""
         arrows = points[:, None] - self._origin[postures]
         return np.asarray(
             np.einsum("nki,nki->nk", arrows, self._axis[postures]) / np.maximum(np.linalg.norm(arrows, axis=2), 1e-9)

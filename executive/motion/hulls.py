@@ -33,7 +33,7 @@ class Hull:
     points: Array
     radius: float = 0.0
     beyond: float = 0.0
-    """How far the shape that is meant goes beyond this one: points on a round shape span a little less [m]."""
+    """Distance by which the real shape goes beyond this one: points on a round shape span a little less [m]."""
 
     @cached_property
     def faces(self) -> Faces | None:
@@ -41,7 +41,7 @@ class Hull:
         return None if len(self.points) == 1 else _faces(_thickened(self.points))
 
     def depths(self, places: Array) -> Array:
-        """How deep places (m, 3) are inside (m,) [m]; negative outside, and there no more than a bound."""
+        """Return depths of points (m, 3) inside (m,) [m]; negative outside, and there no more than a bound."""
         if self.faces is None:
             return np.asarray(self.radius - np.linalg.norm(places - self.points[0], axis=1))
         return np.asarray((self.faces.offsets - np.einsum("mk,fk->mf", places, self.faces.normals)).min(axis=1))
@@ -63,7 +63,7 @@ class Hull:
 
 
 def _thickened(points: Array) -> Array:
-    """Points that span a volume: those of a flat shape are doubled across it."""
+    """Return points that span a volume: the points of a flat shape are doubled across it."""
     centre = points.mean(axis=0)
     axes = np.linalg.eigh((points - centre).T @ (points - centre))[1].T
     spread = np.ptp((points - centre) @ axes.T, axis=0)
@@ -74,7 +74,7 @@ def _thickened(points: Array) -> Array:
 
 
 def _faces(points: Array) -> Faces:
-    """The convex hull, by adding one point after another."""
+    """Return the convex hull, by adding one point after another."""
     corners = _first_four(points)
     centre = points[corners].mean(axis=0)
     faces = np.array([[corners[k] for k in range(4) if k != left] for left in range(4)])
@@ -105,7 +105,7 @@ def _first_four(points: Array) -> list[int]:
 
 
 def _by_distance(points: Array, centre: Array) -> NDArray[np.intp]:
-    """The farthest first: most of the others are inside then."""
+    """Return the farthest points first: most of the others are inside then."""
     return np.argsort(-np.linalg.norm(points - centre, axis=1), kind="stable")
 
 

@@ -1,4 +1,4 @@
-"""Where the joints of an arm may be, and what lies between two configurations: joints may turn without end."""
+"""The joint space of an arm, and what lies between two configurations: joints may turn without end."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from planlang.geometry import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointSpace:
-    """Where an arm may be: limits (d,), which joints turn without end (d,), and ``resolution`` (d,) of checks."""
+    """The joint space of an arm: limits (d,), which joints turn without end (d,), and ``resolution`` (d,) of checks."""
 
     lower: Array
     upper: Array
@@ -25,7 +25,7 @@ class JointSpace:
     def of(
         lower: ArrayLike, upper: ArrayLike, *, continuous: ArrayLike = False, resolution: ArrayLike = 0.08
     ) -> JointSpace:
-        """From limits (d,); raises ValueError for a resolution that is not positive and limits that are not finite."""
+        """Return the space of limits (d,); raise ValueError for a resolution not positive or limits not finite."""
         low, high = np.asarray(lower, float), np.asarray(upper, float)
         turning = np.array(np.broadcast_to(np.asarray(continuous, bool), low.shape))
         steps = np.array(np.broadcast_to(np.asarray(resolution, float), low.shape))
@@ -36,12 +36,12 @@ class JointSpace:
         return JointSpace(np.where(turning, -np.pi, low), np.where(turning, np.pi, high), turning, steps)
 
     def move(self, start: Array, end: Array) -> Array:
-        """What takes one configuration (..., d) to another, the shorter way around."""
+        """Return the difference from one configuration (..., d) to another, the shorter way around."""
         move = end - start
         return np.asarray(move - np.where(self.continuous, 2 * np.pi * np.rint(move / (2 * np.pi)), 0.0))
 
     def unwound(self, path: Sequence[Array]) -> list[Array]:
-        """The same waypoints, each the shorter way around from the one before."""
+        """Return the same waypoints, each the shorter way around from the one before."""
         found = [path[0]]
         for q in path[1:]:
             move = q - found[-1]
@@ -53,11 +53,11 @@ class JointSpace:
         return max(1, int(np.ceil((np.abs(end - start) / self.resolution).max() - 1e-9)))
 
     def length(self, path: Sequence[Array]) -> float:
-        """Of a path, in units of the resolution."""
+        """Return the length of a path, in units of the resolution."""
         return sum(float(np.linalg.norm((b - a) / self.resolution)) for a, b in pairwise(path))
 
     def points(self, path: Array) -> Array:
-        """Configurations (m, d) along waypoints (n, d), no farther apart than the resolution, the first left out."""
+        """Return configurations (m, d) along waypoints (n, d), at most the resolution apart, without the start."""
         parts = []
         for a, b in pairwise(path):
             count = self.pieces(a, b)

@@ -17,9 +17,9 @@ from planlang.geometry.matrices import product, rotated
 from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, joints_between, read_urdf
 
 POSITION_TOLERANCE = 1e-4
-"""How far a solution's tip may be from its target [m]: a tenth of what grasps and contacts notice."""
+"""Largest distance of a solution's tip from its target [m]: a tenth of what grasps and contacts notice."""
 ANGLE_TOLERANCE = 1e-3
-"""How far a solution's tip may be turned from its target [rad]: 0.1 mm at the end of a hand of 10 cm."""
+"""Largest rotation of a solution's tip from its target [rad]: 0.1 mm at the end of a hand of 10 cm."""
 TOLERANCES = np.square([[POSITION_TOLERANCE], [ANGLE_TOLERANCE]])
 STEPS = 40
 """Steps of inverse kinematics after which a seed is given up."""
@@ -30,7 +30,7 @@ Of 2,000 random targets of Amigo's arm 75.3 % are then solved from one random se
 solve 76.0 %, and make unreachable targets, which cost 10 steps, dearer by 15 %.
 """
 IMPROPER = 0.01
-"""How far elements of R R^T may be from those of 1 for a matrix R to be meant as a rotation: the nearest one.
+"""Largest error in elements of R R^T for a matrix R to be meant as a rotation: the nearest one.
 
 Quaternions whose length is off by 0.001 give as much; solutions have the rotation that is nearest to such an R.
 """
@@ -44,7 +44,7 @@ class Chain:
     """
 
     def __init__(self, joints: Sequence[Joint], *, others: Iterable[Joint] = (), locked: Mapping[str, float]) -> None:
-        """Joints from base to tip; ``others`` are searched for masters of mimics, ``locked`` ones stay where said."""
+        """Initialize from joints, base to tip; ``others`` may be masters of mimics, ``locked`` ones stay put."""
         self._joints, self._others, self._locked = tuple(joints), tuple(others), dict(locked)
         every = {joint.name: joint for joint in (*self._others, *joints)}
         movers: dict[str, Joint] = {}
@@ -73,9 +73,9 @@ class Chain:
         self.velocity: Array = _frozen([joint.velocity for joint in movers.values()])
         """Velocity limits (d,) [rad/s, m/s] as the URDF gives them."""
         self.continuous: NDArray[np.bool_] = np.array([joint.kind == "continuous" for joint in movers.values()], bool)
-        """Which joints turn without end (d,)."""
+        """Mask of the joints that turn without end (d,)."""
         self.prismatic: NDArray[np.bool_] = np.array([joint.kind == "prismatic" for joint in movers.values()], bool)
-        """Which joints slide (d,)."""
+        """Mask of the joints that slide (d,)."""
         self._variables = tuple(variables)
 
     @classmethod
@@ -110,7 +110,7 @@ class Chain:
 
     @property
     def carriers(self) -> tuple[str, ...]:
-        """The child links of its moving joints, base first: what :meth:`frames` tells the poses of."""
+        """Return the child links of its moving joints, base first: :meth:`frames` gives their poses."""
         moved = zip(self._joints, self._variables, strict=True)
         return tuple(joint.child for joint, variable in moved if variable.index is not None)
 
@@ -120,12 +120,12 @@ class Chain:
         return len(self.names)
 
     def locked(self, positions: Mapping[str, float]) -> Chain:
-        """The same chain with more of its joints kept at a position."""
+        """Return the same chain with more of its joints kept at a position."""
         return Chain(self._joints, others=self._others, locked={**self._locked, **positions})
 
     @cached_property
     def digest(self) -> str:
-        """Equal for chains that move alike: joints, their frames, axes and limits, and what is locked."""
+        """Return a digest, equal for chains that move the same: joints, frames, axes, limits, and what is locked."""
         moved = zip(self._joints, self._variables, strict=True)
         parts = [(joint.kind, joint.origin.tolist(), joint.axis.tolist(), variable) for joint, variable in moved]
         limits = (self.names, self.lower.tolist(), self.upper.tolist(), self.continuous.tolist())
@@ -133,7 +133,7 @@ class Chain:
 
     @cached_property
     def functions(self) -> ChainFunctions:
-        """The functions that compute this chain, shared by all chains of a process that move alike."""
+        """Return the functions that compute this chain, shared by all chains of a process with the same digest."""
         known = _FUNCTIONS.get(self.digest)
         if known is None:
             while len(_FUNCTIONS) >= MOST_CHAINS:
@@ -169,19 +169,19 @@ class Chain:
         return rows.T.reshape(rows.shape[1], 6, self.dof)
 
     def within(self, q: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
-        """Which configurations (n, d) keep all limits; continuous joints have none."""
+        """Return which configurations (n, d) keep all limits; continuous joints have none."""
         rows = self._rows(q)
         inside = (rows >= self.lower - tolerance) & (rows <= self.upper + tolerance)
         return np.asarray((inside | self.continuous).all(axis=1))
 
     def near(self, q: ArrayLike, reference: ArrayLike) -> Array:
-        """The same configurations (..., d) with continuous joints within half a turn of the reference."""
+        """Return the same configurations (..., d) with continuous joints within half a turn of the reference."""
         given, other = np.asarray(q, float), np.asarray(reference, float)
         turns = np.where(self.continuous, np.round((other - given) / (2 * np.pi)), 0.0)
         return np.asarray(given + 2 * np.pi * turns)
 
     def may_reach(self, targets: ArrayLike) -> NDArray[np.bool_]:
-        """Which targets (m, 4, 4) in the base are not too far away: no configuration takes the tip to the others."""
+        """Return which targets (m, 4, 4) in the base are not too far away for the tip in every configuration."""
         center, radius, last = self._span
         poses = np.asarray(targets, float)
         last_frames = rotated(poses[:, :3, :3], last) + poses[:, :3, 3]
@@ -254,7 +254,7 @@ class ChainFunctions:
 
 _FUNCTIONS: dict[str, ChainFunctions] = {}
 MOST_CHAINS = 32
-"""Chains whose functions are kept in a process: those of the arms, necks and lifts of several robots."""
+"""Largest number of chains whose functions are kept in a process: arms, necks and lifts of several robots."""
 
 
 class InverseKinematics:
@@ -332,7 +332,7 @@ class InverseKinematics:
     def solve_one(
         self, target: ArrayLike, seed: ArrayLike, rng: np.random.Generator | None = None, restarts: int = 20
     ) -> Array | None:
-        """One target (4, 4) from a seed (d,), then from random ones if a generator is given; q (d,) or None."""
+        """Return q (d,) for one target (4, 4) from a seed (d,), then random seeds if ``rng`` is given; or None."""
         seeds = np.asarray(seed, float)[None]
         if rng is not None:
             seeds = np.concatenate([seeds, self.chain.sample(rng, restarts)])

@@ -29,7 +29,7 @@ class Shaped:
 
     @cached_property
     def spheres(self) -> tuple[tuple[Array, float], ...]:
-        """Of each shape the spheres in it, centres and radii (k, 4), and how far it sticks out of them [m]."""
+        """Return for each shape the spheres in it, centres and radii (k, 4), and how far it sticks out of them [m]."""
         return tuple((np.column_stack([found.centres, found.radii]), found.slack) for found in self._filled)
 
     @cached_property
@@ -38,7 +38,7 @@ class Shaped:
 
     @cached_property
     def pieces(self) -> tuple[Solids, float]:
-        """What stands for it as an obstacle: plain shapes, the spheres in others; and how far these stick out [m]."""
+        """Return its pieces as an obstacle: plain shapes, the spheres in others; and how far these stick out [m]."""
         pieces: list[Solid] = []
         slack = 0.0
         for number, shape in enumerate(self.shapes):
@@ -54,29 +54,29 @@ class Shaped:
 
     @property
     def exact(self) -> bool:
-        """Whether the pieces are all of it."""
+        """Return True if the pieces are all of it."""
         return all(shape.kind in _PLAIN for shape in self.shapes)
 
 
 def links_of(world: PlanningWorld) -> tuple[Shaped, ...]:
-    """The solid links of a world's robot, in their order."""
+    """Return the solid links of a world's robot, in their order."""
     robot = world.robot
     return tuple(Shaped(name, robot.hulls(number)) for number, name in enumerate(robot.solid_names))
 
 
 def thing_in(world: PlanningWorld, name: str) -> Shaped:
-    """A body of a world."""
+    """Return a body of a world."""
     return Shaped(name, [convex_solid(part.kind, _even(part.kind, part.size), at) for part, at in world.pieces(name)])
 
 
 def _filled(shape: ConvexSolid) -> Spheres:
-    """The spheres in a shape, in the frame in which its pose is given."""
+    """Return the spheres in a shape, in the frame in which its pose is given."""
     spheres = kept_spheres(Hull(shape.points, shape.radius, shape.beyond))
     pose = shape.pose.matrix()
     return Spheres(moved(pose, spheres.centres), spheres.radii, spheres.slack)
 
 
 def _even(kind: str, size: tuple[float, float, float]) -> tuple[float, float, float]:
-    """The extents of a round piece as the world makes it: as wide as its larger side."""
+    """Return the extents of a round piece as the world makes it: as wide as its larger side."""
     x, y, z = size
     return size if kind == SolidKind.BOX else (max(x, y), max(x, y), z)

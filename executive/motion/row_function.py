@@ -27,7 +27,7 @@ class RowFunction:
     """
 
     def __init__(self, function: Any) -> None:
-        """``function``: of casadi's scalar expressions (SX), with dense vectors as arguments and results."""
+        """Wrap ``function``, of casadi's scalar expressions (SX), with dense vectors as arguments and results."""
         self._function = function
         self._blocks: dict[int, tuple[list[Array], list[Array], Any, Any]] = {}
 

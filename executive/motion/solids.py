@@ -32,11 +32,11 @@ class Solids:
     reach: Array
     """Radius of a sphere around each piece (k,)."""
     limbs: NDArray[np.bool_]
-    """Which are parts of persons' arms that have left their rest, (k,)."""
+    """Mask of the parts of persons' arms that have left their rest, (k,)."""
 
     @staticmethod
     def of(pieces: Sequence[Solid]) -> Solids:
-        """Pieces as a world tells them."""
+        """Return the pieces that a world reports."""
         matrices = Pose.matrices(piece.pose for piece in pieces)
         shapes = [(piece.kind, piece.size) for piece in pieces]
         limbs = np.array([piece.limb for piece in pieces], bool)
@@ -69,31 +69,31 @@ class Solids:
 
     @staticmethod
     def joined(several: Sequence[Solids]) -> Solids:
-        """All pieces of several, one after another."""
+        """Return all pieces of several, one after another."""
         every = several or [Solids.of(())]
         names = tuple(body for solids in every for body in solids.bodies)
         fields = ("centres", "axes", "half", "kinds", "reach", "limbs")
         return Solids(names, *(np.concatenate([getattr(solids, field) for solids in every]) for field in fields))
 
     def near(self, centre: Array, radius: float) -> Solids:
-        """Those that a sphere meets."""
+        """Return the pieces that a sphere meets."""
         return self.only(np.linalg.norm(self.centres - centre, axis=1) <= radius + self.reach)
 
     def only(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Solids:
-        """Those of a mask (k,), or of some numbers, in their order."""
+        """Return the pieces of a mask (k,), or of some numbers, in their order."""
         rows = np.flatnonzero(kept) if kept.dtype == bool else kept
         names = tuple(self.bodies[row] for row in rows.tolist())
         arrays = (self.centres, self.axes, self.half, self.kinds, self.reach, self.limbs)
         return Solids(names, *(array[rows] for array in arrays))  # type: ignore[arg-type]
 
     def moved(self, places: Array) -> Solids:
-        """Each from the frame in which it is told to one that sees that frame at a place (k, 4, 4)."""
+        """Return each piece in a frame that sees its present frame at a pose (k, 4, 4)."""
         turns = places[:, :3, :3]
         centres = np.einsum("kij,kj->ki", turns, self.centres) + places[:, :3, 3]
         return Solids(self.bodies, centres, turns @ self.axes, self.half, self.kinds, self.reach, self.limbs)
 
     def crossed(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
-        """Which segments (n, 3) enter a piece, of a round one the box inside it, (n,); one begun inside does not."""
+        """Return which segments (n, 3) enter a piece (the box inside a round one), (n,); one begun inside does not."""
         boxes = self.half.copy()
         round_, balls = self.kinds >= 2, self.kinds == 3
         boxes[round_, 1] = boxes[round_, 0] = self.half[round_, 0] / np.sqrt(self.kinds[round_])

@@ -20,9 +20,9 @@ from planlang.geometry import Array
 MOST = 24
 """Spheres in one shape."""
 OUT = 0.008
-"""How far a shape may stick out of its spheres where more of them help [m]."""
+"""Largest distance by which a shape may stick out of its spheres where more of them help [m]."""
 CENTRES, POINTS = 250, 300
-"""About how many places for spheres are looked at, and by how many points of the surface they are judged."""
+"""Approximate numbers of places for spheres that are looked at, and of surface points that measure them."""
 CELLS = 16_000
 """Into about how many cells the box around a shape is divided to measure its slack."""
 _CACHE = Cache("spheres", most=1000)
@@ -30,7 +30,7 @@ _CACHE = Cache("spheres", most=1000)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spheres:
-    """Centres (k, 3) and radii (k,) [m] in the shape's frame; ``slack`` [m] as this file's first lines say."""
+    """Centres (k, 3) and radii (k,) [m] in the shape's frame; ``slack`` [m] is explained in the module's docstring."""
 
     centres: Array
     radii: Array
@@ -38,7 +38,7 @@ class Spheres:
 
 
 def kept_spheres(hull: Hull) -> Spheres:
-    """As :func:`spheres_in`, for each shape worked out once and kept in the user's cache."""
+    """Return :func:`spheres_in`, computed once for each shape and kept in the user's cache."""
     return _kept(np.ascontiguousarray(hull.points, float).tobytes(), hull.radius, hull.beyond)
 
 
@@ -69,7 +69,7 @@ def spheres_in(hull: Hull) -> Spheres:
 
 
 def _slack(hull: Hull, centres: Array, radii: Array) -> float:
-    """A bound of how far points of a shape are from its spheres [m]."""
+    """Return an upper bound of the distance of points of a shape from its spheres [m]."""
     cells, half = _cells(hull, CELLS)
     met = cells[hull.depths(cells) >= -half]  # every point of the shape is in one of these
     return max(0.0, float((_distances(met, centres) - radii).min(axis=1).max()) + half)
@@ -90,7 +90,7 @@ def _cells(hull: Hull, number: int) -> tuple[Array, float]:
 
 
 def _spacing(hull: Hull) -> float:
-    """The distance of about :data:`POINTS` points spread over the surface [m]."""
+    """Return the distance of about :data:`POINTS` points spread over the surface [m]."""
     assert hull.faces is not None
     first, second = (hull.faces.triangles[:, k] - hull.faces.triangles[:, 0] for k in (1, 2))
     area = float(np.linalg.norm(np.cross(first, second), axis=1).sum() / 2)

@@ -1,7 +1,7 @@
 """A chain of joints as symbolic expressions of casadi: forward kinematics, Jacobian, one step of inverse kinematics.
 
-The step is one of Levenberg and Marquardt with joint limits. With e = (p* - p, w log(R* R^T)) and J weighted alike, it
-is dq = J^T (J J^T + l I)^-1 e with the damping l = |e|^2 / 2 + bias of Sugihara (Solvability-unconcerned inverse
+The step is one of Levenberg and Marquardt with joint limits. With e = (p* - p, w log(R* R^T)) and J weighted likewise,
+it is dq = J^T (J J^T + l I)^-1 e with the damping l = |e|^2 / 2 + bias of Sugihara (Solvability-unconcerned inverse
 kinematics by the Levenberg-Marquardt method, IEEE T-RO 2011). Columns of joints that stand at a limit and would leave
 it are taken out of J; the step is clipped, then the joints.
 """
@@ -20,18 +20,18 @@ from planlang.geometry.matrices import cross_matrix, product
 from planlang.geometry.urdf import Joint, displacement
 
 ROTATION_WEIGHT = 0.5
-"""Metres per radian in the error: about the length of a forearm, so that both parts change alike."""
+"""Metres per radian in the error: about the length of a forearm, so that both parts change at the same rate."""
 BIAS = 1e-6
 """Smallest damping: keeps steps finite where the Jacobian loses rank, and leaves convergence quadratic elsewhere."""
 LARGEST_STEP = 0.8
 """Largest move of a joint in one step [rad, m]: beyond it the linearised rotation means nothing."""
 HALF_TURN = 1e-6
-"""Nearer to half a turn than this the part of a rotation that tells the axis of other turns all but vanishes [rad]."""
+"""Nearer to half a turn than this the part of a rotation that gives the axis of other turns all but vanishes [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """How a joint of a chain gets its position: ``multiplier * q[index] + offset``; index None is a fixed position."""
+    """The source of a joint's position: ``multiplier * q[index] + offset``; index None is a fixed position."""
 
     index: int | None
     multiplier: float = 1.0

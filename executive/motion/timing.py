@@ -34,7 +34,7 @@ def time_path(
     jerk: ArrayLike,
     rate: int,
 ) -> Trajectory:
-    """The trajectory through waypoints (n, d), n >= 1, within limits (d,) or scalars, sampled ``rate`` times a second.
+    """Return the trajectory through waypoints (n, d), n >= 1, within limits (d,) or scalars, at ``rate`` rows/s.
 
     Every row lies on the path; the first and the last row are the first and the last waypoint. The motion starts and
     ends at rest, and stops at corners, at a row of its own. Waypoints that repeat cost no time; n = 1 or no motion
@@ -72,7 +72,7 @@ def time_curve(
     jerk: ArrayLike,
     rate: int,
 ) -> Trajectory:
-    """As :func:`time_path`, along the natural cubic spline through the waypoints, without a stop between its ends.
+    """Return a trajectory as :func:`time_path`, along the waypoints' natural cubic spline, with no stop between.
 
     Rows are on the spline, not on straight lines between the waypoints: what has to be free has to be checked again.
     Its parameter is centripetal (E. T. Y. Lee, Choosing nodes in parametric curve interpolation, 1989): measured in
@@ -120,7 +120,7 @@ def _bends(points: Array, lengths: Array) -> Array:
 
 
 def _steepest(points: Array, lengths: Array, bends: Array) -> tuple[Array, Array, Array]:
-    """The largest first, second and third derivative of each joint (d,), absolute, anywhere on the spline."""
+    """Return each joint's largest first, second and third derivative (d,), absolute, anywhere on the spline."""
     slopes = np.diff(points, axis=0) / lengths[:, None]
     before, after, h = bends[:-1], bends[1:], lengths[:, None]
     begin, end = slopes - h * (2 * before + after) / 6, slopes + h * (before + 2 * after) / 6
@@ -132,7 +132,7 @@ def _steepest(points: Array, lengths: Array, bends: Array) -> tuple[Array, Array
 
 
 def _on_spline(points: Array, lengths: Array, bends: Array, along: Array) -> Array:
-    """The spline (m, d) at places (m,)."""
+    """Return the spline (m, d) at parameters (m,)."""
     marks = np.concatenate([[0.0], np.cumsum(lengths)])
     k = np.clip(np.searchsorted(marks, along, side="right") - 1, 0, len(lengths) - 1)
     h, x = lengths[k][:, None], (along - marks[k])[:, None]

@@ -13,9 +13,9 @@ from executive.motion.kinematics import InverseKinematics
 from planlang.geometry import Array
 
 UNTURNED = 1e-12
-"""Of poses that are turned against each other by no more than half of this the rotation is the same [rad]."""
+"""Poses turned against each other by no more than half of this have the same rotation [rad]."""
 HALF_TURN = 1e-3
-"""Nearer to half a turn than half of this the antisymmetric part of a rotation is too small to tell its axis [rad]."""
+"""Nearer to half a turn than half of this the antisymmetric part of a rotation is too small to give its axis [rad]."""
 
 
 AHEAD = 9
@@ -23,9 +23,9 @@ AHEAD = 9
 UNMOVED = 1e-18
 """Squared lengths up to this are no way [m^2]."""
 LARGEST_STRAY = 1e-3
-"""How far the tip may leave a straight line [m]."""
+"""Largest distance of the tip from a straight line [m]."""
 LARGEST_TILT = 1e-2
-"""How far it may turn there in another way than evenly from the first rotation to the last [rad]."""
+"""Largest rotation of the tip from the even one between the first rotation and the last [rad]."""
 REFINED = 3
 """So many times the steps of a line are halved if the tip leaves it between them."""
 
@@ -67,9 +67,9 @@ def cartesian_path(
 
 
 def keeps_line(poses: Array, start: Array, goal: Array) -> bool:
-    """Whether poses (n, 4, 4) are on the line from one pose (4, 4) to another, but for LARGEST_STRAY and LARGEST_TILT.
+    """Return True if poses (n, 4, 4) are on the line between two poses (4, 4), within both LARGEST_*.
 
-    Where along the line they are is not asked.
+    Their positions along the line are not checked.
     """
     way = goal[:3, 3] - start[:3, 3]
     moved = poses[:, :3, 3] - start[:3, 3]
@@ -133,7 +133,7 @@ def _turn(start: Array, goal: Array) -> tuple[Array | None, float]:
 
 
 def _axis(turn: Array) -> Array:
-    """The axis (3,) of a rotation (3, 3), as its eigenvector: where the antisymmetric part all but vanishes."""
+    """Return a rotation's (3, 3) axis (3,), as its eigenvector: where the antisymmetric part all but vanishes."""
     values, vectors = np.linalg.eig(turn)
     axis = np.real(vectors[:, int(np.argmin(np.abs(values - 1)))])
     return np.asarray(axis / np.linalg.norm(axis))

@@ -30,16 +30,16 @@ class Mechanism:
             self.links.update({joint.parent: None, joint.child: None})
 
     def moves(self, name: str) -> bool:
-        """Whether a joint of that name exists and moves, by itself or after another one."""
+        """Return True if a joint of that name exists and moves, by itself or after another one."""
         joint = self.joints.get(name)
         return joint is not None and joint.moves
 
     def actuated(self, name: str) -> bool:
-        """Whether a joint of that name exists and moves by itself."""
+        """Return True if a joint of that name exists and moves by itself."""
         return self.moves(name) and self.joints[name].mimic is None
 
     def chain(self, link: str) -> tuple[Joint, ...]:
-        """The joints from the root to a link."""
+        """Return the joints from the root to a link."""
         found: list[Joint] = []
         while link in self.above and len(found) <= len(self.joints):
             found.append(self.above[link])
@@ -51,16 +51,16 @@ class Mechanism:
         return tuple(joint.name for joint in self.chain(link) if self.actuated(joint.name))
 
     def ancestors(self, link: str) -> tuple[str, ...]:
-        """The link and those above it, up to the root."""
+        """Return the link and its ancestors, up to the root."""
         return (link, *(joint.parent for joint in reversed(self.chain(link))))
 
     def common_ancestor(self, links: Iterable[str]) -> str:
-        """The deepest link that all links hang from or are."""
+        """Return the deepest link that all links hang from or are."""
         paths = [self.ancestors(link) for link in links]
         return next(link for link in paths[0] if all(link in path for path in paths))
 
     def rigid_with(self, link: str) -> tuple[str, ...]:
-        """The link and all others that never move relative to it, in the order of the file."""
+        """Return the link and all others that never move relative to it, in the order of the file."""
         top = link
         while top in self.above and self.above[top].kind == "fixed":
             top = self.above[top].parent
