@@ -61,20 +61,20 @@ class BodyWriter:
         self._body = body
         self._passing = Passing(body)
         self._variables: dict[str, str] = {}
-        """Of a step (IRI) the variable that holds its result, where that is used."""
+        """The variable that holds the result of a step, by IRI, if the result is used."""
         self._events: dict[Event, str] = {}
         self._given: dict[str, tuple[str, ...]] = {}
-        """Of a branch of a partial order the steps whose results it hands to others."""
+        """The steps whose results a branch of a partial order hands to others, by branch."""
         self._kept: dict[str, str] = {}
-        """Of what states make (a name) the fluent that holds the latest."""
+        """The fluent that holds the latest of what states make, by name."""
         self._write = Expressions(symbols, self._variables, self._kept)
 
     def lines(self) -> list[str]:
-        """The statements of the function."""
+        """Return the statements of the function."""
         return _spaced(self.body(self._body, 1))
 
     def body(self, series: Series, depth: int) -> list[str]:
-        """The statements of a series; at least one line."""
+        """Return the statements of a series; at least one line."""
         lines: list[str] = []
         for event in self._passing.events(series):
             moment = snake_case(event.moment)
@@ -143,7 +143,7 @@ class BodyWriter:
         return self._variables[step]
 
     def _gate(self, gate: Gate, depth: int) -> list[str]:
-        """Waiting, telling, the step, and again; each on a line of its own."""
+        """Return the lines of a gate: the wait, the signal, the step, and the signal and wait after it."""
         lines = self._passages(gate.opens, depth)
         lines += self._statement(gate.body, depth)
         return lines + self._passages(gate.closes, depth)
@@ -209,7 +209,7 @@ class BodyWriter:
         return self._local_function(name, node, depth), Text(name)
 
     def _function_name(self, node: Node) -> str:
-        """What a local function of a branch without a name is called."""
+        """Return the name of the local function of a branch without a name."""
         match node:
             case Hold(name=name):
                 return f"{snake_case(name)}_in_turn"
@@ -275,7 +275,7 @@ class BodyWriter:
         return before, named
 
     def _partial_order(self, node: PartialOrder, depth: int) -> tuple[list[str], CallExpression]:
-        """A partial order; a branch that uses results of others takes them by parameters named like those."""
+        """Return a partial order; a branch that uses results of others takes them as parameters of the same names."""
         before: list[str] = []
         named: dict[str, Expression] = {}
         giving = {key: branch for key, branch in node.branches if self._is_giving(branch)}
@@ -328,7 +328,7 @@ class BodyWriter:
         return before, call(self._symbols.use("state_machine"), table, transitions, **more)
 
     def _latest(self, machine: Machine, depth: int) -> list[str]:
-        """A fluent for each thing that states make and other states use; it has a name, so that a run can go on."""
+        """Return a fluent for each thing that states make and others use, named so that a run can be continued."""
         lines: list[str] = []
         for kept in dict.fromkeys(kept for state in machine.states for kept in state.keeps):
             wanted = f"latest_{snake_case(kept)}"
@@ -344,7 +344,7 @@ class BodyWriter:
         return Text(quoted(case.outcome))
 
     def _outcome(self, state: State, expression: CallExpression, depth: int, *, has_done: bool) -> list[str]:
-        """The statements of a state that do what is done in it and return how it ended."""
+        """Return the statements of a state: they perform its step and return its outcome."""
         indent = INDENT * depth
 
         def kept(result: str) -> list[str]:
@@ -378,7 +378,7 @@ class BodyWriter:
 
 
 def _spaced(lines: list[str]) -> list[str]:
-    """The lines with an empty one between a statement and a local function that follows it, or its comment."""
+    """Insert an empty line between a statement and a local function, or its comment, that follows it."""
     found: list[str] = []
     for line in lines:
         code = line.lstrip()
@@ -394,7 +394,7 @@ def _spaced(lines: list[str]) -> list[str]:
 
 
 def _comment(node: Node, depth: int) -> list[str]:
-    """What a step says in words, above it."""
+    """Return a comment with the description of a step, to stand above it."""
     match node:
         case Perform(name=name, label=str(label)) | Scope(name=name, label=str(label)):
             says_more = snake_case(label) != snake_case(name)

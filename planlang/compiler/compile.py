@@ -105,7 +105,7 @@ def _compiled(
 
 
 def installed_version() -> str:
-    """The version of planlang that compiles."""
+    """Return the version of planlang that compiles."""
     try:
         return version("planlang")
     except PackageNotFoundError:
@@ -135,13 +135,13 @@ def canonical(recipes: RecipeSet, *, data_flow: bool = True) -> RecipeSet:
 
 
 def natural(name: str) -> Key:
-    """A key that sorts names as people do: ``pour2`` before ``pour10``."""
+    """Return a key for natural sorting: ``pour2`` before ``pour10``."""
     parts = re.split(r"([0-9]+)", name)
     return tuple((1, int(part), part) if index % 2 else (0, 0, part) for index, part in enumerate(parts))
 
 
 def iri_key(iri: str | None) -> tuple[Key, str]:
-    """A key that sorts IRIs by their local names."""
+    """Return a key that sorts IRIs by their local names."""
     return natural(local_name(iri or "")), iri or ""
 
 
@@ -186,7 +186,7 @@ def _recipe(recipe: Recipe, *, data_flow: bool) -> Recipe:
 
 
 def _visits(machine: StateMachine) -> dict[str, int]:
-    """The states that can be reached, numbered as they are from the start on, nearer ones first."""
+    """Return the reachable states, numbered breadth first from the start."""
     after: dict[str, list[str]] = {}
     for transition in machine.transitions:
         after.setdefault(transition.source, []).append(transition.target)

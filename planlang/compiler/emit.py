@@ -1,4 +1,4 @@
-"""From the plan tree to Python source: header, imports, constants, places, plan functions."""
+"""Generate Python source from the plan tree: header, imports, constants, places, plan functions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAKERS = {Kind.OBJECT: "an_object", Kind.PERSON: "a_person", Kind.DEVICE: "a_dev
 def emit(
     tree: PlanTree, recipes: RecipeSet, version: str, options: tuple[str, ...] = ()
 ) -> tuple[str, tuple[str, ...]]:
-    """The source of a plan module and the names of its plan functions; formatted, deterministic.
+    """Return the source of a plan module and the names of its plan functions; formatted, deterministic.
 
     Functions stand before their callers, constants and places in the order in which the plan first uses them.
     ``options`` are those of the compiler that shaped the tree.
@@ -126,7 +126,7 @@ def _place(symbols: Symbols, place: Place) -> list[str]:
 
 
 def _reference(symbols: Symbols, reference: Thing | Place) -> tuple[Expression, str]:
-    """What a place refers to, as an expression and in words."""
+    """Return what a place refers to, as an expression and in words."""
     name = symbols.thing(reference) if isinstance(reference, Thing) else symbols.place(reference)
     words = f"the {name.lower().replace('_', ' ')}"
     if isinstance(reference, Thing) or reference.is_posture:
@@ -158,7 +158,7 @@ def _function(symbols: Symbols, function: Function) -> list[str]:
 
 
 def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:
-    """A docstring; what would end it or escape in it is made harmless."""
+    """Return a docstring; characters that would end it or form an escape are escaped."""
     indent = INDENT * depth
     lines: list[str] = []
     for paragraph in paragraphs:

@@ -32,13 +32,13 @@ class Expressions:
         self._kept = kept
 
     def alternatives(self, calls: tuple[FunctionCall, ...]) -> Expression:
-        """Called functions as one branch."""
+        """Return called functions as one branch."""
         if len(calls) == 1:
             return self.function(calls[0])
         return partial_call(self._symbols, call(self._symbols.use("try_in_order"), *map(self.function, calls)))
 
     def function(self, function: FunctionCall) -> Expression:
-        """A called function as a branch."""
+        """Return a called function as a branch."""
         name = self._symbols.functions[function.recipe]
         arguments = self.arguments(function)
         return partial_call(self._symbols, call(name, **arguments))
@@ -48,7 +48,7 @@ class Expressions:
         return {self._symbols.thing(own): self.value(given) for own, given in function.arguments}
 
     def action(self, term: ActionTerm) -> CallExpression:
-        """An action designator."""
+        """Return an action designator."""
         return self._described("action", term.type, term.properties)
 
     def value(self, value: Value) -> Expression:
@@ -76,7 +76,7 @@ class Expressions:
     def _described(
         self, maker: str, type: str, properties: tuple[tuple[str, tuple[Value, ...]], ...]
     ) -> CallExpression:
-        """A call that describes something by its class and properties."""
+        """Return a call that describes something by its class and properties."""
         written: dict[str, Expression | str] = {}
         for name, fillers in properties:
             values = [self.value(filler) for filler in fillers]
@@ -85,14 +85,14 @@ class Expressions:
         return call(self._symbols.use(maker), cls, **written)
 
     def condition(self, condition: Condition) -> Expression:
-        """A condition that the executive looks up."""
+        """Return a condition that the executive evaluates."""
         things = [Text(self._symbols.thing(thing)) for thing in condition.things]
         if condition.predicate == "holding":
             return call(self._symbols.use("holding"), *things)
         return call(self._symbols.use("Condition"), quoted(condition.predicate), sequence(things))
 
     def recovery(self, recovery: Recover) -> Expression:
-        """A recovery."""
+        """Return a recovery."""
         use = self._symbols.use
         arguments: list[Expression | str] = [use(recovery.failure, "planlang.failures")]
         attempts = recovery.attempts if recovery.strategy.function is not None else 0
@@ -107,7 +107,7 @@ class Expressions:
 
 
 def partial_call(symbols: Symbols, expression: CallExpression) -> Expression:
-    """The call as a zero-argument callable: the function itself if it takes no arguments."""
+    """Return the call as a zero-argument callable: the function itself if it takes no arguments."""
     if not expression.arguments:
         return Text(expression.function)
     symbols.use("partial", "functools")

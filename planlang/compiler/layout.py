@@ -21,7 +21,7 @@ class Text:
     text: str
 
     def flat(self) -> str:
-        """The text."""
+        """Return the text."""
         return self.text
 
 
@@ -33,7 +33,7 @@ class Sum:
     right: str
 
     def flat(self) -> str:
-        """The sum on one line."""
+        """Return the sum on one line."""
         return f"{self.left} + {self.right}"
 
 
@@ -45,7 +45,7 @@ class Item:
     key: str
 
     def flat(self) -> str:
-        """The item on one line."""
+        """Return the item on one line."""
         return f"{self.holder}[{self.key}]"
 
 
@@ -57,7 +57,7 @@ class Call:
     arguments: tuple[tuple[str | None, Expression], ...] = ()
 
     def flat(self) -> str:
-        """The call on one line."""
+        """Return the call on one line."""
         inside = ", ".join(_labelled(keyword) + argument.flat() for keyword, argument in self.arguments)
         return f"{self.function}({inside})"
 
@@ -71,14 +71,14 @@ class Display:
     keys: tuple[Expression, ...] = ()
 
     def flat(self) -> str:
-        """The display on one line."""
+        """Return the display on one line."""
         inside = ", ".join(label + item.flat() for label, item in self.labelled())
         if self.brackets == "()" and len(self.items) == 1:
             inside += ","
         return f"{self.brackets[0]}{inside}{self.brackets[1]}"
 
     def labelled(self) -> list[tuple[str, Expression]]:
-        """The items, each with what stands before it: ``"key": `` or nothing."""
+        """Return the items, each with the text before it: ``"key": `` or nothing."""
         labels = [f"{key.flat()}: " for key in self.keys] if self.keys else [""] * len(self.items)
         return list(zip(labels, self.items, strict=True))
 
@@ -87,14 +87,14 @@ Expression = Text | Sum | Item | Call | Display
 
 
 def call(function: str, *positional: Expression | str, **keywords: Expression | str) -> Call:
-    """A call; plain strings are source text."""
+    """Return a call; plain strings are source text."""
     arguments: list[tuple[str | None, Expression]] = [(None, _expression(value)) for value in positional]
     arguments += [(key, _expression(value)) for key, value in keywords.items()]
     return Call(function, tuple(arguments))
 
 
 def sequence(items: Sequence[Expression], brackets: str = "()") -> Display:
-    """A tuple or list display."""
+    """Return a tuple or list display."""
     return Display(brackets, tuple(items))
 
 
@@ -189,14 +189,14 @@ def _items(items: Sequence[Expression], depth: int) -> list[str]:
 
 
 def _pair(key: Expression, item: Expression, depth: int) -> list[str]:
-    """An entry of a dict: its key is broken only where its value cannot be."""
+    """Return an entry of a dict; its key is broken only if its value cannot be."""
     if isinstance(item, Text):
         return _lines(key, depth + 1, "", f": {item.flat()},")
     return _lines(item, depth + 1, f"{key.flat()}: ", ",")
 
 
 def _is_wide(expression: Expression) -> bool:
-    """True if an expression has too many parts for any line: each takes a character, a comma and a blank."""
+    """Return True if an expression has too many parts for any line: each takes a character, a comma and a blank."""
     if isinstance(expression, (Text, Sum, Item)):
         return False
     parts = [part for _, part in expression.arguments] if isinstance(expression, Call) else expression.items

@@ -1,4 +1,4 @@
-"""From recipes to the plan tree: functions, location scopes, single steps, and what surrounds these."""
+"""Lower recipes to the plan tree: functions, location scopes, single steps, and the constructs around these."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Lowering:
         self.added: dict[str, tuple[tuple[str, str], ...]] = {}
 
     def tree(self) -> PlanTree:
-        """The plan tree of the whole set."""
+        """Return the plan tree of the whole set."""
         functions = [self._function(recipe) for recipe in callees_first(self._recipes)]
         return PlanTree(tuple(functions), self._terms.devices_of_places(self._bases))
 
@@ -134,7 +134,7 @@ class Lowering:
         return self._small[recipe.iri]
 
     def _name(self, recipe: Recipe, iri: str) -> str:
-        """What a branch of a step is called; not like a function if others take the branch's result by this name."""
+        """Return the name of a step's branch; no function's name if others take the branch's result by this name."""
         step = self._terms.step(recipe, iri)
         is_producer = bool(step.recipes) and any(flow.producer == iri for flow in recipe.flows)
         return f"{step.name}Result" if is_producer else step.name
@@ -151,7 +151,7 @@ def added_orders(recipe: Recipe, added: Iterable[tuple[str, str]]) -> Iterator[D
 
 
 def _destination(base: Step) -> Place:
-    """Where a base motion goes: its place, or where the thing that it goes to is in reach."""
+    """Return the destination of a base motion: its place, or a place from which its thing is in reach."""
     filler = next(filler for filler in base.fillers("toLocation") if isinstance(filler, (Place, Thing)))
     if isinstance(filler, Place):
         return filler
@@ -175,7 +175,7 @@ class Steps:
         """The recoveries of each step of a recipe (both IRIs), in words."""
 
     def node(self, recipe: Recipe, step: Step, holding: AbstractSet[str]) -> Node:
-        """A step; it holds its resources if it is one of ``holding`` (IRIs)."""
+        """Return a step as a node; it holds its resources if it is one of ``holding`` (IRIs)."""
         node: Node
         if step.recipes:
             calls = tuple(self._call(recipe, step, callee) for callee in step.recipes)
@@ -197,7 +197,7 @@ class Steps:
         return node
 
     def with_looking(self, recipe: Recipe, node: Node, steps: Iterable[Step]) -> Node:
-        """The node with the recoveries that leave its place: those of all its steps, one for each failure."""
+        """Return the node with the recoveries of its steps that leave its place, one for each failure."""
         found = self._leaving(recipe, steps)
         if not found:
             return node
@@ -237,7 +237,7 @@ class Steps:
         return Condition(goal.predicate, things) if len(things) == len(fillers) else None
 
     def _about(self, recipe: Recipe, step: Step) -> Thing | None:
-        """What a recovery looks at: what the step handles, else what its recipe acts on, else the only object."""
+        """Return the object that a recovery looks at: the step's, else its recipe's, else the only object."""
         own = self.recoveries.looked_at(step)
         if own is not None:
             return own
@@ -256,6 +256,6 @@ def _in_words(recovery: Recover) -> str:
 
 
 def _renamed(recovery: Recover, renaming: Renaming) -> Recover:
-    """A recovery of a called function in terms of its caller."""
+    """Return a recovery of a called function in terms of its caller."""
     about = renaming.get(recovery.about, recovery.about) if recovery.about is not None else None
     return Recover(recovery.failure, recovery.strategy, about, recovery.attempts, recovery.otherwise)

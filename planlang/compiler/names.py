@@ -42,36 +42,36 @@ class Symbols:
         }
 
     def use(self, name: str, module: str = "planlang") -> str:
-        """The name, which is imported from the module."""
+        """Import the name from the module and return it."""
         self._imports.setdefault(module, set()).add(name)
         return name
 
     def thing(self, thing: Thing) -> str:
-        """The parameter name of an object or person, the constant of a device."""
+        """Return the parameter name of an object or person, the constant of a device."""
         if thing not in self._things:
             self._things[thing] = self._claim(without_digits(snake_case(thing.name)))
         return self._things[thing].upper() if thing.kind is Kind.DEVICE else self._things[thing]
 
     def constant(self, thing: Thing) -> str:
-        """The constant that describes a thing."""
+        """Return the constant that describes a thing."""
         return self.thing(thing).upper()
 
     def place(self, place: Place) -> str:
-        """The function that describes a place, the constant of a posture."""
+        """Return the function that describes a place, the constant of a posture."""
         if place.iri not in self._places:
             self._places[place.iri] = (place, self._claim(without_digits(snake_case(place.name))))
         name = self._places[place.iri][1]
         return name.upper() if place.is_posture else name
 
     def iri(self, iri: str) -> Sum:
-        """An expression for an IRI: the constant of its namespace and its local name."""
+        """Return an expression for an IRI: the constant of its namespace and its local name."""
         start = namespace(iri)
         if start not in self._namespaces:
             self._namespaces[start] = self._claim(_stem(start)).upper()
         return Sum(self._namespaces[start], quoted(iri[len(start) :]))
 
     def local_names(self) -> Names:
-        """A scope inside a function: all names of the module are taken."""
+        """Return a scope inside a function, in which all names of the module are taken."""
         return Names(self._claimed | set().union(*self._imports.values()))
 
     def reserve(self, name: str) -> None:
@@ -106,7 +106,7 @@ def namespace(iri: str) -> str:
 
 
 def quoted(text: str) -> str:
-    """A string literal, in double quotes unless that needs more escapes."""
+    """Return a string literal, in double quotes unless they need more escapes."""
     literal = repr(text)
     if literal.startswith("'") and '"' not in text:
         return f'"{literal[1:-1]}"'
@@ -114,7 +114,7 @@ def quoted(text: str) -> str:
 
 
 def is_iri(name: str) -> bool:
-    """True for an IRI, false for a local name of the vocabulary."""
+    """Return True for an IRI, False for a local name of the vocabulary."""
     return ":" in name
 
 

@@ -26,7 +26,7 @@ from planlang.compiler.tree import (
 
 
 def inside(node: Node) -> tuple[Node, ...]:
-    """The nodes directly inside of a node, in textual order."""
+    """Return the nodes directly inside of a node, in textual order."""
     match node:
         case Series(nodes):
             return nodes
@@ -60,20 +60,20 @@ class Passing:
         self._total = self._used.get(id(body), Counter())
 
     def leaving(self, node: Node) -> tuple[str, ...]:
-        """The steps (IRIs) inside of a node whose results are used outside of it."""
+        """Return the steps (IRIs) inside of a node whose results are used outside of it."""
         if self._is_plain:
             return ()
         used = self._used[id(node)]
         return tuple(step for step in self._made[id(node)] if self._total[step] > used[step])
 
     def needed(self, node: Node, made_by: Node) -> bool:
-        """True if a node uses the result of a step inside of another."""
+        """Return True if a node uses the result of a step inside of another."""
         if self._is_plain:
             return False
         return any(self._used[id(node)][step] for step in self._made[id(made_by)])
 
     def events(self, series: Series) -> tuple[Event, ...]:
-        """The events that only a series speaks of, and no series inside of it alone."""
+        """Return the events that occur in a series, but not within one nested series alone."""
         return tuple(self._home.get(id(series), ()))
 
     def _walk(self, node: Node, total: Counter[Event]) -> None:
@@ -103,17 +103,17 @@ def _all(body: Node) -> Iterator[Node]:
 
 
 def uses_kept(body: Node) -> bool:
-    """True if a node, or one inside of it, uses what the states of a machine have made."""
+    """Return True if a node, or one inside of it, uses what the states of a machine have made."""
     return any(isinstance(value, Kept) for node in _all(body) for value in _values(node))
 
 
 def _passed(node: Node) -> Iterator[str]:
-    """The steps whose results a node itself uses."""
+    """Yield the steps whose results a node itself uses."""
     return (value.producer for value in _values(node) if isinstance(value, Passed))
 
 
 def _values(node: Node) -> Iterator[Value]:
-    """What a node itself hands to actions, calls and places."""
+    """Yield the values that a node itself hands to actions, calls and places."""
     if isinstance(node, (Perform, Call)) and node.action is not None:
         for _, fillers in node.action.properties:
             yield from fillers

@@ -17,7 +17,7 @@ from planlang.recipe.checks import check
 from planlang.recipe.model import Kind, Place, Step, Thing
 
 NEXT_SOLUTION = "NextSolution"
-"""No strategy that could be registered: a location scope does it."""
+"""The next solution, which is no registered strategy: a location scope performs it."""
 
 HANDLED = ("in_center_of", "in_front_of")
 """Relations of the hand to a thing that is about to be manipulated."""
@@ -51,7 +51,7 @@ def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
 
 
 def _unregistered(rule: RecoveryRule) -> Iterator[Diagnostic]:
-    """What is wrong with the strategy of a rule, if it is not registered."""
+    """Yield a diagnostic if the strategy of a rule is not registered."""
     try:
         known = find_strategy(rule.strategy) is not None
     except Exception as failed:  # whatever the user's package raises
@@ -67,7 +67,7 @@ def _unregistered(rule: RecoveryRule) -> Iterator[Diagnostic]:
 
 
 def _other_than_a_scope(rule: RecoveryRule) -> Iterator[Diagnostic]:
-    """What a rule for the next place says that a location scope does not do."""
+    """Yield diagnostics where a rule for the next place asks for what a location scope does not do."""
     if set(rule.failures) != CURED:
         message = f"the recovery `{rule.name}` cannot change the failures for which the next place is tried"
         yield warning("R044", message, rule.span, f"name exactly {', '.join(sorted(CURED))}")
@@ -95,7 +95,7 @@ class Recoveries:
         self._primitives = actions.primitives
 
     def _of(self, cls: str) -> list[tuple[str, RecoveryRule]]:
-        """What :func:`recoveries_of` tells of a class; many classes have the same."""
+        """Return :func:`recoveries_of` of a class, cached as many classes share them."""
         concerned = tuple(name for name in self._ontology.ancestors(cls) if name in self._acted_on)
         found = self._known.get(concerned)
         if found is None:

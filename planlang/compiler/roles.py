@@ -46,7 +46,7 @@ class Roles:
         return tuple(sorted(names, key=_rank))
 
     def held(self, recipe: Recipe, order: Precedence[str]) -> frozenset[str]:
-        """The steps (IRIs) that hold their roles; ``order`` has all orders of the recipe's steps."""
+        """Return the steps (IRIs) that hold their roles; ``order`` has all orders of the recipe's steps."""
         users: dict[str, int] = {}
         for step in recipe.steps:
             for name in self.of(recipe, step):
@@ -89,7 +89,7 @@ class Roles:
 
 
 def _side(device: Thing | None) -> str | None:
-    """The side that a device's name or its class in the vocabulary tells; None if neither, or both sides, are told."""
+    """Return the side in a device's name or its class in the vocabulary; None if neither, or both, are named."""
     if device is None:
         return None
     words = {word for name in (device.iri, device.type) if name for word in snake_case(local_name(name)).split("_")}

@@ -1,4 +1,4 @@
-"""From orders, overlaps and transitions to constructs of the plan language.
+"""Convert orders, overlaps and transitions to constructs of the plan language.
 
 An order becomes what is one after another, side by side, or a partial order of its own. Steps that overlap run side by
 side: what a relation says about their beginnings and ends (:meth:`planlang.recipe.model.Allen.endpoints`) becomes
@@ -46,7 +46,7 @@ class _Structure:
         self._known = known
 
     def series(self, part: Part | None) -> Series:
-        """The statements of a whole order."""
+        """Return the statements of a whole order."""
         if part is None:
             return Series(())
         node = self._node(part, 0)
@@ -79,7 +79,7 @@ class _Structure:
         return PartialOrder(branches, tuple((self._names[a], self._names[b]) for a, b in pairs))
 
     def _name(self, part: Part) -> str:
-        """The name of a branch: of its step, or made of the names of its first and last ones."""
+        """Return the name of a branch: of its step, or made of the names of its first and last ones."""
         if isinstance(part, int):
             return self._names[part]
         leaves = _leaves(part)
@@ -92,7 +92,7 @@ class _Structure:
 
 
 def _leaves(part: Part) -> list[int]:
-    """The leaves of a part, in the order of its parts."""
+    """Return the leaves of a part, in the order of its parts."""
     found: list[int] = []
     waiting = [part]
     while waiting:
@@ -125,7 +125,7 @@ class Overlaps:
         self._points: dict[tuple[str, str], _Point] = {}
         self._told: set[Event] = set()
         self._said: dict[str, str] = {}
-        """Of a step what the recipe says about how it overlaps others, in words."""
+        """What the recipe states about how a step overlaps others, in words, by step."""
         known = {step.iri for step in recipe.steps}
         for overlap in recipe.overlaps:
             said = f"{overlap.relation.value} {local_name(overlap.second)}"
@@ -145,7 +145,7 @@ class Overlaps:
                         self._with_recipe(recipe, points[one], points[other], order)
 
     def gated(self, step: str, node: Node) -> Node:
-        """The node of a step behind its gates; as it is if nothing overlaps the step."""
+        """Return the node of a step between its gates, or the node itself if nothing overlaps the step."""
         if not self._points and not self._told:
             return node
         opens, closes = self._gates(step, BEGINS), self._gates(step, ENDS)
@@ -177,7 +177,7 @@ class Overlaps:
     def _with_recipe(
         self, recipe: Recipe, one: tuple[str, str], other: tuple[str, str], order: Precedence[str]
     ) -> None:
-        """A step that begins with the recipe begins before any other; one that ends with it ends after any other."""
+        """Gate a step that begins with the recipe before all others, one that ends with it after all others."""
         step, moment = one if other[0] == recipe.iri else other
         for another in recipe.steps:
             if another.iri == step or order.ordered(step, another.iri):
@@ -200,7 +200,7 @@ NOT_SEEN = ObjectNotFound.__name__
 def machine(
     recipe: Recipe, node_of: Callable[[Step], Node], kept: Callable[[Step], tuple[str, ...]] = lambda step: ()
 ) -> Machine:
-    """The state machine of a finite-state recipe; ``node_of`` says what is done in a state.
+    """Return the state machine of a finite-state recipe; ``node_of`` returns the node of a state's step.
 
     ``kept`` are the names under which other states find what a state has made.
     """
@@ -238,7 +238,7 @@ def _state(name: str, body: Node, leaving: list[Transition]) -> State:
 
 
 def _not_cured(body: Node) -> Node:
-    """What is done when nothing is seen is for the machine to say, not for a recovery."""
+    """Return the node without recoveries from failed perception, which the machine handles itself."""
     if not isinstance(body, Handle):
         return body
     kept = tuple(recovery for recovery in body.recoveries if recovery.failure != NOT_SEEN)
@@ -246,7 +246,7 @@ def _not_cured(body: Node) -> Node:
 
 
 def _cases(names: Mapping[str, str], state: str, leaving: list[Transition]) -> list[Case]:
-    """One case for each outcome of a state; a transition for any outcome stands for those that have no other."""
+    """Return a case for each outcome of a state; a transition for any outcome covers outcomes without their own."""
     endings = {transition.ending for transition in leaving}
     checks = bool(endings & {Ending.TRUE, Ending.FALSE})
     found: dict[tuple[str, bool], str] = {}

@@ -50,26 +50,26 @@ class Terms:
             self._uses[recipe.iri] = tuple(dict.fromkeys(self.hand_uses(recipe, self.steps(recipe))))
 
     def order(self, recipe: Recipe) -> Precedence[str]:
-        """The order of a recipe's steps (IRIs) as the recipe states it."""
+        """Return the order of a recipe's steps (IRIs) as the recipe states it."""
         if recipe.iri not in self._orders:
             self._orders[recipe.iri] = recipe_order(recipe)
         return self._orders[recipe.iri]
 
     def steps(self, recipe: Recipe) -> Sequence[Step]:
-        """The steps of a recipe in the order in which the plan names them."""
+        """Return the steps of a recipe in the order in which the plan names them."""
         if recipe.iri not in self._steps:
             by_iri = self._by_iri[recipe.iri] = {step.iri: step for step in recipe.steps}
             self._steps[recipe.iri] = tuple(by_iri[iri] for iri in self.order(recipe).extension)
         return self._steps[recipe.iri]
 
     def step(self, recipe: Recipe, iri: str) -> Step:
-        """A step of a recipe."""
+        """Return a step of a recipe."""
         if recipe.iri not in self._by_iri:
             self.steps(recipe)
         return self._by_iri[recipe.iri][iri]
 
     def parameters(self, recipe: Recipe) -> tuple[Thing, ...]:
-        """The objects and persons that a recipe uses, itself or in what it calls, by first use."""
+        """Return the objects and persons that a recipe uses, itself or in what it calls, by first use."""
         if recipe.iri not in self._parameters:
             found: dict[Thing, None] = {}
             for step in self.steps(recipe):
@@ -85,10 +85,10 @@ class Terms:
         return self._parameters[recipe.iri]
 
     def is_performed(self, step: Step) -> bool:
-        """False for a step with a recipe that no module may take over.
+        """Return False for a step with a recipe that no module may replace.
 
-        That is one nearer than its primitive ancestor, and one of which nothing says what kind of action it is: a
-        module for actions of any kind would do anything else.
+        Either the recipe is nearer than its primitive ancestor, or its kind of action is unknown: a module for
+        actions of any kind would do something else.
         """
         if not step.recipes:
             return True
@@ -97,16 +97,16 @@ class Terms:
     def renaming(self, caller: Recipe, step: Step, callee: str) -> Renaming:
         """Return the thing that a call passes for each parameter of the called function.
 
-        An individual stands for itself. Any of a class takes the caller's filler of the same property if there is
-        just one and its class is below; else it stands for itself, too.
+        An individual stands for itself. A class takes the caller's filler of the same property if there is just one
+        and its class is below; else it stands for itself, too.
         """
         recipe = self._recipes.recipes[callee]
         return {thing: self._argument(caller, step, recipe, thing) for thing in self.parameters(recipe)}
 
     def action(self, recipe: Recipe, step: Step) -> ActionTerm:
-        """The action designator of a step; a step of the hand takes the recipe's device if it names none.
+        """Return the action designator of a step; a step of the hand takes the recipe's device if it names none.
 
-        A step with a recipe, of which the vocabulary only knows that it is some action, is told by its own class.
+        A step with a recipe that is only some action to the vocabulary is described by its own class.
         """
         properties: dict[str, tuple[Value, ...]] = {}
         for name, fillers in _ordered(step):
@@ -121,7 +121,7 @@ class Terms:
         return ActionTerm(step.action_class if is_any else step.action, tuple(properties.items()))
 
     def passed(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> str | None:
-        """The step (IRI) whose result a step takes for a filler; None if none hands it on.
+        """Return the step (IRI) whose result a step takes for a filler; None if none provides it.
 
         Of several that make the same the last one, if they are in order.
         """
@@ -139,14 +139,14 @@ class Terms:
         return last[0] if last else None
 
     def kept(self, recipe: Recipe, step: Step) -> tuple[str, ...]:
-        """The names under which other states of a machine find what a state has made: those of what it makes."""
+        """Return the names under which other states of a machine find what a state makes."""
         if recipe.machine is None:
             return ()
         used = [flow for flow in recipe.flows if flow.producer == step.iri and flow.consumer != step.iri]
         return tuple(dict.fromkeys(_key(flow) for flow in used if self._takes(recipe, flow)))
 
     def handed(self, recipe: Recipe, step: Step, thing: Thing) -> Thing | Passed | Kept:
-        """A thing that a step is about, or what an earlier step has handed on for it."""
+        """Return a thing that a step is about, or the result of an earlier step for it."""
         for name in dict.fromkeys(parameter.property for parameter in step.parameters if parameter.filler == thing):
             found = self._from_others(recipe, step, name, thing, thing)
             if found is not None:
@@ -161,14 +161,14 @@ class Terms:
     def _checked(
         self, condition: Description, properties: Mapping[str, tuple[Value, ...]]
     ) -> dict[str, tuple[Value, ...]]:
-        """What a step checks: whether something is seen says an action that acts on it; anything else a situation."""
+        """Return the properties of a check: perception is an action on an object, anything else a situation."""
         seen = [one.filler for one in condition.parameters if local_name(one.property) == SEEN]
         if len(seen) == len(condition.parameters) == 1 and isinstance(seen[0], Thing):
             return {} if ACTED_ON in properties else {ACTED_ON: (seen[0],)}
         return {CHECKED: (self._described(condition) if condition.parameters else Name(condition.type),)}
 
     def _described(self, description: Description) -> Described:
-        """A situation as plans write it."""
+        """Return a situation in the form that plans use."""
         properties: dict[str, tuple[Value, ...]] = {}
         for parameter in description.parameters:
             filler = parameter.filler
@@ -184,7 +184,7 @@ class Terms:
     def _from_others(
         self, recipe: Recipe, step: Step, property_name: str, filler: Filler, own: _T
     ) -> Passed | Kept | None:
-        """What other steps hand on for a filler, which is ``own`` in the plan; None if they do not."""
+        """Return what other steps provide for a filler, which is ``own`` in the plan; None if they provide nothing."""
         if recipe.machine is not None:
             for flow in recipe.flows:
                 if (flow.consumer, flow.consumes) == (step.iri, property_name) and flow.resource in _names(filler):
@@ -200,12 +200,12 @@ class Terms:
         )
 
     def use(self, place: Place, renaming: Renaming | None = None) -> PlaceUse:
-        """A place with the things that it depends on, renamed."""
+        """Return a place with the things that it depends on, renamed."""
         things = dict.fromkeys(thing for thing in place.things() if thing.kind is not Kind.DEVICE)
         return PlaceUse(place, tuple((renaming or {}).get(thing, thing) for thing in things))
 
     def device(self, recipe: Recipe, step: Step) -> Thing | None:
-        """The device of a step of the hand: its own, else its recipe's."""
+        """Return the device of a step of the hand: its own, else its recipe's."""
         own = _device(step.fillers("deviceUsed"))
         if own is not None or not self._actions.uses_hand(step):
             return own
@@ -221,7 +221,7 @@ class Terms:
                 yield from ((renamed(where, renaming), device) for where, device in self._uses[callee])
 
     def devices_of_places(self, scopes: Iterable[tuple[PlaceUse, list[HandUse]]]) -> tuple[tuple[str, Thing], ...]:
-        """The places that are always reached with one and the same device: of hands, and of bases in their scopes."""
+        """Return the places that are always reached with the same device: of hands, and of bases in their scopes."""
         users: dict[str, set[Thing | None]] = {}
         for recipe in self._recipes.recipes.values():
             for step in self.steps(recipe):
@@ -257,7 +257,7 @@ class Terms:
         return thing
 
     def _effective_devices(self) -> dict[str, Thing]:
-        """The device of each recipe: its own, else the one that all its callers give it."""
+        """Return the device of each recipe: its own, else the one that all its callers give it."""
         devices: dict[str, Thing] = {}
         given: dict[str, set[Thing | None]] = {}
         for recipe in reversed(callees_first(self._recipes)):
@@ -297,12 +297,12 @@ def callees_first(recipes: RecipeSet) -> list[Recipe]:
 
 
 def _key(flow: Flow) -> str:
-    """The name of what a flow passes between states."""
+    """Return the name of what a flow passes between states."""
     return local_name(flow.resource or flow.producer)
 
 
 def _names(filler: Filler) -> tuple[str | None, ...]:
-    """How a data flow may name a filler; None, for it does not say, names any."""
+    """Return the names of a filler in data flows; among them None, as a flow may leave out the name."""
     match filler:
         case Thing():
             return (None, filler.iri) if filler.iri is not None else (None, filler.stated)
@@ -313,7 +313,7 @@ def _names(filler: Filler) -> tuple[str | None, ...]:
 
 
 def _ordered(step: Step) -> list[tuple[str, tuple[Filler, ...]]]:
-    """Properties and their fillers: what is acted on first, where next, the device last, the rest by name."""
+    """Return properties and their fillers: the object first, then the place, the rest by name, the device last."""
     names = dict.fromkeys(parameter.property for parameter in step.parameters)
     middle = sorted(name for name in names if name not in FIRST + LAST)
     ordered = [name for name in FIRST if name in names] + middle + [name for name in LAST if name in names]
@@ -333,7 +333,7 @@ def _device(fillers: Iterable[Filler]) -> Thing | None:
 
 
 def _unclashed(key: str, taken: Iterable[str]) -> str:
-    """A keyword argument of ``action`` for a property: no word of the language, nor one that ``action`` has itself."""
+    """Return a keyword argument of ``action`` for a property: no keyword of Python, nor a parameter of ``action``."""
     used = {*taken, "type", "name", *kwlist}
     number, name = 1, key
     while name in used:

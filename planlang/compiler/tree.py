@@ -196,7 +196,7 @@ class Gate:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """From a state to the next for an outcome; ``is_failure`` if that is the name of a failure class."""
+    """A change from a state to the next for an outcome; ``is_failure`` if that is the name of a failure class."""
 
     state: str
     outcome: str

@@ -1,4 +1,4 @@
-"""What a file builds wrongly of several triples (restrictions, lists, values), and what shows when all are read."""
+"""Check what a file builds wrongly of several triples (restrictions, lists, values), and the ontology as a whole."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from planlang.ontology.triples import Triples, counted
 from planlang.resources import bundled
 
 MOST_WARNINGS = 100
-"""Of each kind about one file; the last one says how many more there are."""
+"""The most warnings of each kind about one file; the last one states how many more there are."""
 
 _FILLERS = frozenset(OWL + name for name in ("someValuesFrom", "allValuesFrom", "hasValue", "hasSelf"))
 _NUMBERS = frozenset(
@@ -64,7 +64,7 @@ def _bounded(found: Iterable[Diagnostic]) -> list[Diagnostic]:
 
 
 def _said(triples: Triples, rows: Iterable[int], subjects: set[int]) -> list[list[Triple]]:
-    """Of those rows the triples of each of these subjects, in document order."""
+    """Return, for each of the subjects, its triples among the rows, in document order."""
     said: dict[int, list[Triple]] = {}
     for row in sorted(rows) if subjects else ():
         if triples.subjects[row] in subjects:
@@ -73,7 +73,7 @@ def _said(triples: Triples, rows: Iterable[int], subjects: set[int]) -> list[lis
 
 
 def _not_once(triples: Triples, *columns: Sequence[int]) -> set[int]:
-    """The subjects that do not stand in each of these rows exactly once."""
+    """Return the subjects that do not occur in each of these columns exactly once."""
     found: set[int] = set()
     sets = [_column(triples.subjects, rows) for rows in columns]
     for rows, unique in zip(columns, sets, strict=True):
@@ -86,7 +86,7 @@ def _not_once(triples: Triples, *columns: Sequence[int]) -> set[int]:
 
 
 def _column(column: Sequence[int], rows: Iterable[int]) -> set[int]:
-    """The numbers that stand in some rows of a column."""
+    """Return the numbers in some rows of a column."""
     return set(map(column.__getitem__, rows))
 
 
@@ -161,7 +161,7 @@ def _list(triples: list[Triple], is_list: Callable[[Term], bool]) -> Iterator[Di
 
 
 def _circles(triples: Triples, rests: Sequence[int]) -> Iterator[Diagnostic]:
-    """A warning for each list that comes back to a cell of its own."""
+    """Yield a warning for each list that comes back to a cell of its own."""
     end = triples.numbers.get(NIL, -1)
     if all(triples.subjects[row] < triples.objects[row] or triples.objects[row] == end for row in rests):
         return  # every list goes on with a cell that was met later
@@ -210,7 +210,7 @@ _W3C = (OWL, RDF, RDFS, XSD)
 
 
 class Declarations(Protocol):
-    """What all documents together declare."""
+    """The declarations of all documents together."""
 
     def is_class(self, iri: str) -> bool: ...
     def is_individual(self, iri: str) -> bool: ...
@@ -231,7 +231,7 @@ def check(ontology: Declarations, documents: Iterable[tuple[Path, Triples]]) -> 
 
 
 def _named_objects(triples: Triples, predicate: str) -> dict[str, int]:
-    """The IRIs that are objects of a predicate, each with the first row that has it."""
+    """Return the IRIs that are objects of a predicate, each with the first row that has it."""
     found: dict[int, int] = {}
     for row in triples.by(predicate):
         found.setdefault(triples.objects[row], row)
@@ -252,7 +252,7 @@ def _undefined_superclasses(ontology: Declarations, triples: Triples) -> Iterato
 
 
 def _similar(ontology: Declarations, name: str) -> str | None:
-    """The local name of a declared class of the same namespace that is written almost like this one."""
+    """Return the local name of a declared class of the same namespace that is written almost like this one."""
     local = local_name(name)
     namespace = name.removesuffix(local)
     others = [other.removeprefix(namespace) for other in ontology.class_names() if other.startswith(namespace)]

@@ -105,7 +105,7 @@ class Restriction(NamedTuple):
 
 
 def restrictions_of(triples: Triples, words: Words, cls: int) -> Iterator[Restriction]:
-    """The restrictions of a class in source order; of a nameless one those that it consists of. Terms by number."""
+    """Return the restrictions of a class in source order, for a nameless one its parts. Terms by number."""
     if triples.is_node(cls):
         for member in conjuncts(triples, cls):
             if triples.is_node(member):
@@ -134,7 +134,7 @@ class Words(NamedTuple):
 
     @staticmethod
     def of(triples: Triples) -> Words:
-        """Those that these triples use."""
+        """Return the words that these triples use."""
         number = triples.numbers
 
         def used(words: Mapping[str, str]) -> dict[int, str]:
@@ -151,7 +151,7 @@ class Words(NamedTuple):
 
 
 def _restriction(triples: Triples, node: int, form: str, words: Words) -> Sequence[Restriction]:
-    """The restrictions that a nameless node is: one for each filler or cardinality of its first property."""
+    """Return the restrictions that a nameless node is: one for each filler or cardinality of its first property."""
     on_property, fillers, cardinalities, ranges = words[2:]
     predicates, objects, (rows, following) = triples.predicates, triples.objects, triples.by_subject
     first, row = -1, rows[node]
@@ -186,12 +186,12 @@ def _whole(term: Term) -> int | None:
 
 
 def conjuncts(triples: Triples, expression: int) -> Iterator[int]:
-    """The members of an intersection, nested ones opened; of anything else the expression itself. Terms by number."""
+    """Yield the members of an intersection, flattened; of anything else the expression itself. Terms by number."""
     return _opened(triples, [expression])
 
 
 def _opened(triples: Triples, expressions: Iterable[int]) -> Iterator[int]:
-    """The expressions in their order, intersections among them opened, each once however they are nested."""
+    """Yield the expressions in their order, intersections among them flattened, each expression once."""
     lists = triples.intersections
     opened: set[int] = set()
     for expression in expressions:
@@ -209,7 +209,7 @@ def _opened(triples: Triples, expressions: Iterable[int]) -> Iterator[int]:
 
 
 def items(triples: Triples, cell: int) -> Iterator[int]:
-    """The items of an RDF list; a list that bites its own tail ends there. Terms by number."""
+    """Yield the items of an RDF list; a cyclic list ends where it repeats. Terms by number."""
     first, rest, end = triples.find(FIRST), triples.find(REST), triples.find(NIL)
     predicates, objects, (rows, next_row) = triples.predicates, triples.objects, triples.by_subject
     seen: set[int] = set()

@@ -1,4 +1,4 @@
-"""From a path to everything that a file and its imports say, in load order; which syntax a file is in."""
+"""Read a file and all its imports in load order, and detect the syntax of a file."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ _TURTLE = re.compile(
 
 
 def syntax_of(content: bytes, file: str) -> Syntax:
-    """The syntax of a file's content. Raises BadInput if it is none of those that are read."""
+    """Return the syntax of a file's content. Raises BadInput if it is none of the known ones."""
     return syntax_of_text(decode(content, file), file)
 
 
 def syntax_of_text(text: str, file: str) -> Syntax:
-    """The syntax of a text; see :func:`syntax_of`."""
+    """Return the syntax of a text; see :func:`syntax_of`."""
     beginning = _NOTHING_SAID.match(text)
     assert beginning is not None
     position = beginning.end()
@@ -70,7 +70,7 @@ def syntax_of_text(text: str, file: str) -> Syntax:
 
 
 def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
-    """The triples of a file in any of the syntaxes. Raises BadInput as their readers do."""
+    """Return the triples of a file in any of the syntaxes. Raises BadInput as their readers do."""
     text = decode(content, file)
     match syntax_of_text(text, file):
         case Syntax.RDFXML:
@@ -156,7 +156,7 @@ def _own_iri(triples: Triples) -> str | None:
 
 
 def read_all(path: Path, folders: Sequence[Path], *, builtin: bool) -> list[Reading]:
-    """The file, its imports depth first, then the bundled vocabulary.
+    """Return the file, its imports depth first, then the bundled vocabulary.
 
     Raises BadInput if the file itself cannot be used; an import that cannot be is a warning of the main document.
     """

@@ -76,13 +76,13 @@ class Statements:
         self._datatypes = datatypes
 
     def fresh(self) -> BNode:
-        """A new nameless node."""
+        """Return a new nameless node."""
         node = self.triples.term(self.triples.fresh())
         assert isinstance(node, BNode)
         return node
 
     def named_node(self, name: str) -> BNode:
-        """The node that the file calls ``_:name``."""
+        """Return the node that the file calls ``_:name``."""
         return BNode(f"{self._label}.{name}")
 
     def state(self, subject: str | BNode, predicate: str, value: Term, span: Span) -> Term:
@@ -122,7 +122,7 @@ class Statements:
         return begin
 
     def is_data(self, expression: Expression) -> bool:
-        """True for a set of values rather than of things."""
+        """Return True for a set of values rather than of things."""
         match expression.kind:
             case "name":
                 return isinstance(expression.term, Literal) or expression.term in self._datatypes or _is_xsd(expression)

@@ -68,7 +68,7 @@ class Annotation:
 
 
 def _bounded(parts: Sequence[Expression | Annotation], span: Span) -> int:
-    """How deep something with these parts is. Raises BadInput beyond :data:`DEEPEST`."""
+    """Return the nesting depth of an expression with these parts. Raises BadInput beyond :data:`DEEPEST`."""
     depth = 1 + max((part.depth for part in parts), default=0)
     if depth > DEEPEST:
         raise BadInput([error("O008", f"more than {DEEPEST} expressions or annotations inside each other", span)])
@@ -98,7 +98,7 @@ class Frames(Transformer[Token, None]):
     # what the lexer tells
 
     def opens(self, token: Token) -> Token:
-        """A word or sign behind which the parser has to wait. Raises BadInput when there are too many."""
+        """Count a word or sign that opens a nested part. Raises BadInput when there are too many."""
         self._open += 1
         if self._open > MOST_OPEN:
             message = f"more than {MOST_OPEN:,} expressions or annotations in one item"
@@ -106,7 +106,7 @@ class Frames(Transformer[Token, None]):
         return token
 
     def separates(self, token: Token) -> Token:
-        """A comma: another item begins."""
+        """Count a comma, behind which another item begins."""
         self._open = 0
         return token
 
@@ -123,7 +123,7 @@ class Frames(Transformer[Token, None]):
     annotation_property = annotation_target = fact_property = key = iri
 
     def named(self, children: Children) -> Expression:
-        """A class or a datatype; some datatypes have names of their own."""
+        """Return a class or a datatype; some datatypes have names of their own."""
         token = children[0]
         if token in BUILTIN and not self._is_declared(str(token)):
             return Expression("name", self._span(token), XSD + token)
@@ -330,7 +330,7 @@ class Frames(Transformer[Token, None]):
             self._reify(self._subject, predicate, value, expression.span, notes)
 
     def simple_frame(self, children: Children) -> None:
-        """A frame of a class or an individual with nothing but simple descriptions and facts."""
+        """Read a frame of a class or an individual that has simple descriptions and facts only."""
         token = children[0]
         position = self._positions(token)
         head, facts = _FRAME.match(token), _FACTS.search(token)
@@ -349,7 +349,7 @@ class Frames(Transformer[Token, None]):
             self._out.state(self._subject, predicate, value, span)
 
     def _simple_descriptions(self, token: str, position: _Position, begin: int, end: int) -> Iterator[Expression]:
-        """The names and restrictions in a part of a token."""
+        """Yield the names and restrictions in a part of a token."""
         for found in _DESCRIPTION.finditer(token, begin, end):
             first, kind, second = found.groups()
             span = position(found.start())
@@ -362,7 +362,7 @@ class Frames(Transformer[Token, None]):
                 yield Expression(kind, span, parts=(name, filler), depth=2)
 
     def _positions(self, token: Token) -> _Position:
-        """What tells the position of an offset in a token; the offsets that it is asked for only grow."""
+        """Return a function from offsets in a token to positions; the offsets given to it must not decrease."""
         line, counted, begin = token.line or 1, 0, 1 - (token.column or 1)
 
         def position(offset: int) -> Span:

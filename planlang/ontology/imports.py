@@ -1,4 +1,4 @@
-"""Where imports are found: beside the file, in the folders that the user gives, among the bundled ontologies.
+"""Find imports: beside the file, in the folders that the user gives, among the bundled ontologies.
 
 Nothing is ever fetched, and nothing is read outside these folders, whatever an import says.
 """
@@ -47,7 +47,7 @@ _HEADING = re.compile(r"^[ \t]*Ontology:\s*<([^<>\s]*)>", re.MULTILINE)
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """What became of an import: the file that is meant, or why there is none. Both None: there is nothing to read."""
+    """The result of an import: a file, or the problem that there is none. Both None: nothing has to be read."""
 
     path: Path | None = None
     problem: Diagnostic | None = None
@@ -62,7 +62,7 @@ class ImportMap:
         self._roots = tuple(root.resolve() for root in (main.parent, main.resolve().parent, *folders, self._ours))
 
     def resolve(self, target: str, importing: Path, span: Span) -> Resolution:
-        """The file that ``target`` means in the file ``importing``."""
+        """Return the file that ``target`` means in the file ``importing``."""
         address = canonical(target).rstrip("#")
         if address in _LANGUAGES:
             return Resolution()
@@ -90,7 +90,7 @@ class ImportMap:
         return Resolution(problem=_unresolved(target, path, span, remote=remote, escaped=escaped or ".." in path))
 
     def _candidates(self, path: tuple[str, ...], beside: Path) -> Iterator[Path]:
-        """The path as it is, then ever shorter ends of it in every folder, with the suffixes of ontologies."""
+        """Yield the path as it is, then ever shorter ends of it in every folder, with the suffixes of ontologies."""
         if not path:
             return
         names = _names(path[-1])
@@ -103,7 +103,7 @@ class ImportMap:
                 yield from (folder.joinpath(*parents[start:], name) for name in names)
 
     def _bundled(self, address: str, path: tuple[str, ...], remote: bool) -> Path | None:
-        """A bundled file of this name; an address must be the very one that the file gives itself."""
+        """Return a bundled file of this name; an address must be the one that the file gives itself."""
         if not path:
             return None
         stem = _stem(path[-1])

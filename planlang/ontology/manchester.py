@@ -25,7 +25,7 @@ FRAME_WORDS = (
     "EquivalentClasses:", "DisjointClasses:", "EquivalentProperties:", "DisjointProperties:", "SameIndividual:",
     "DifferentIndividuals:",
 )  # fmt: skip
-"""What begins a frame, or an axiom that stands beside the frames."""
+"""The words that begin a frame, or an axiom that stands beside the frames."""
 
 _SPOKEN = {
     "NAME": "a name",
@@ -46,7 +46,7 @@ _SPOKEN = {
     "SELF": "Self",
     "$END": "the end of the file",
 }
-"""What the terminals of the grammar are called in messages; the others are words of the language."""
+"""The names of the grammar's terminals in messages; the others are words of the language."""
 
 _WORD = re.compile(r'"|\S+')
 
@@ -70,7 +70,7 @@ def explain(
     *,
     words: Sequence[str] = FRAME_WORDS,
 ) -> Diagnostic:
-    """The diagnostic for a mistake at an offset of the text; ``words`` may be meant wherever they can stand."""
+    """Return the diagnostic for a mistake at an offset; ``words`` are suggested wherever they can stand."""
     word = _WORD.match(text, offset)
     found = "the end of the file" if _is_at_end(problem) or word is None else word[0][:40]
     message = f"unexpected {found}"
@@ -87,7 +87,7 @@ def _is_at_end(problem: UnexpectedInput) -> bool:
 
 
 def _expected(problem: UnexpectedInput, parser: Lark) -> tuple[list[str], list[str]]:
-    """What could stand here: signs and words that end in a colon as they are written, everything else as spoken."""
+    """Return what could stand here: signs and section words as written, everything else described."""
     names: Iterable[str] = getattr(problem, "accepts", None) or getattr(problem, "allowed", None) or ()
     names = names or getattr(problem, "expected", None) or ()
     order = {name: place for place, name in enumerate(_SPOKEN)}
@@ -145,7 +145,7 @@ class _Relay(Transformer[Token, None]):
         return lambda children: getattr(self.frames, rule)(children)
 
     def told(self, token: Token) -> Token:
-        """Called by the lexer for each of the words that the frames count."""
+        """Count a word for the frames; called by the lexer."""
         assert self.frames is not None
         return self.frames.separates(token) if token == "," else self.frames.opens(token)
 
@@ -159,7 +159,7 @@ def _parser() -> tuple[Lark, _Relay]:
 
 
 def read_manchester(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
-    """The triples of a file in Manchester syntax. ``base`` is its address when ``Ontology:`` gives none.
+    """Return the triples of a file in Manchester syntax. ``base`` is its address when ``Ontology:`` gives none.
 
     ``label`` begins the labels of nameless nodes. Raises BadInput with all syntax errors, each with its position and
     with what was expected there.
@@ -227,7 +227,7 @@ class _Names:
         return frozenset(iri for name in found if (iri := self._iri(name)) is not None)
 
     def is_class(self, name: str) -> bool:
-        """True if the file has a frame for a class of this name."""
+        """Return True if the file has a frame for a class of this name."""
         return name in self._classes
 
     def resolve(self, name: str, span: Span) -> str:

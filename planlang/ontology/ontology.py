@@ -59,7 +59,7 @@ def load(path: Path, *, folders: Sequence[Path] = (), builtin: bool = True) -> O
 
 
 class Ontology:
-    """What the documents say together, in document order, the main document first.
+    """The statements of all documents, in document order, the main document first.
 
     Classes, properties and individuals are given by IRI, prefixed name, or bare name of the vocabulary. ``store`` holds
     the triples of all documents.
@@ -70,7 +70,7 @@ class Ontology:
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
         self.store = Triples.joined([reading.triples for reading in readings])
         self.kept: dict[object, Any] = {}
-        """What others have worked out about it and keep as long as it lives, under keys of their own."""
+        """Values that users of the ontology compute and cache for its lifetime, under keys of their own."""
         self._main = self.store.ranges[0]
         self._restrictions: dict[int, tuple[Restriction, ...]] = {}
         self._kind = self.store.number(TYPE)
@@ -92,14 +92,14 @@ class Ontology:
         return self.documents[0].iri
 
     def renamed(self, names: Mapping[str, str]) -> Ontology:
-        """The same with other names (IRIs) in the place of some in the main document."""
+        """Return a copy in which some names (IRIs) of the main document are replaced."""
         main, *others = self._readings
         return Ontology([replace(main, triples=main.triples.renamed(names)), *others])
 
     # triples
 
     def triples(self, s: str | BNode | None = None, p: str | None = None, o: Term | None = None) -> Iterator[Triple]:
-        """The triples with this subject, predicate and object (None: any), in document order."""
+        """Yield the triples with this subject, predicate and object (None: any), in document order."""
         return map(self.store.triple, self._rows(s, p, o))
 
     def _rows(self, s: str | BNode | None, p: str | None, o: Term | None) -> Iterator[int]:
@@ -129,23 +129,23 @@ class Ontology:
         return self.store.find(term)
 
     def _about(self, term: Term) -> Sequence[int]:
-        """The rows that have a term as their subject."""
+        """Return the rows that have a term as their subject."""
         number = self._number(term)
         return () if number is None else self.store.about(number)
 
     def said(self, s: str | BNode, *names: str) -> Iterator[Triple]:
-        """What is said of a subject by properties with one of these local names, in document order."""
+        """Yield the triples of a subject whose properties have one of these local names, in document order."""
         named, predicates = self._named(names), self.store.predicates
         if not named:
             return iter(())
         return map(self.store.triple, [row for row in self._about(s) if predicates[row] in named])
 
     def using(self, *names: str) -> Iterator[Triple]:
-        """The triples whose property has one of these local names, in document order."""
+        """Return the triples whose property has one of these local names, in document order."""
         return map(self.store.triple, self.store.by(*self.properties_named(*names)))
 
     def properties_named(self, *names: str) -> tuple[str, ...]:
-        """The properties that any triple uses and whose local names are among these."""
+        """Return the properties that any triple uses and whose local names are among these."""
         found = (self.store.name(number) for number in self._named(names))
         return tuple(name for name in found if name is not None)
 
@@ -157,13 +157,13 @@ class Ontology:
         return found
 
     def values(self, s: str | BNode, p: str, *, subproperties: bool = False) -> tuple[Term, ...]:
-        """What the property has as values for a subject, in document order, each once."""
+        """Return the values of a property for a subject, in document order, each once."""
         if not subproperties:
             return self._values(s, (self._number(p),))
         return self._values(s, frozenset(map(self._number, self.subproperties(p))))
 
     def linked(self, s: str | BNode, *names: str) -> tuple[list[str], ...]:
-        """For each of these local names what (IRIs) properties of that name link a subject to, each once."""
+        """Return, for each of these local names, the IRIs that properties of that name link a subject to, each once."""
         return self.linked_from(s, *names)[0]
 
     def linked_from(self, s: str | BNode, *names: str) -> tuple[tuple[list[str], ...], Span | None]:
@@ -200,13 +200,13 @@ class Ontology:
         return tuple(map(store.term, dict.fromkeys(found) if len(found) > 1 else found))
 
     def value(self, s: str | BNode, p: str, *, subproperties: bool = False) -> Term | None:
-        """The first value of a property, or None."""
+        """Return the first value of a property, or None."""
         return next(iter(self.values(s, p, subproperties=subproperties)), None)
 
     # what there is
 
     def types(self, individual: str | BNode) -> tuple[str, ...]:
-        """The named classes that an individual is said to be of, without those of OWL itself."""
+        """Return the named classes that an individual is stated to be of, without those of OWL itself."""
         return tuple(
             cls
             for cls in self._values(individual, (self._kind,))
@@ -214,7 +214,7 @@ class Ontology:
         )
 
     def is_class(self, iri: str) -> bool:
-        """True if it is declared a class, or stated to be below, above or the same as one."""
+        """Return True if it is declared a class, or stated to be below, above or the same as one."""
         return self._number_of_thing(iri) in self._classes
 
     @cached_property
@@ -230,24 +230,24 @@ class Ontology:
         return tuple(name for name in names if name is not None)
 
     def _of_kinds(self, kinds: Iterable[int]) -> dict[int, None]:
-        """What is said to be of one of these kinds, in document order."""
+        """Return the subjects that have one of these types, in document order."""
         store = self.store
         rows = [row for kind in kinds for row in store.with_object(kind) if store.predicates[row] == self._kind]
         return dict.fromkeys(map(store.subjects.__getitem__, sorted(rows)))
 
     def is_individual(self, iri: str) -> bool:
-        """True if it has a class, or is declared an individual. A class may be one too."""
+        """Return True if it has a class, or is declared an individual. A class may be one too."""
         return bool(self.types(iri)) or NAMED_INDIVIDUAL in self.values(iri, TYPE)
 
     def is_property(self, iri: str) -> bool:
-        """True if it is declared a property of any kind."""
+        """Return True if it is declared a property of any kind."""
         return any(
             isinstance(kind, str) and kind.startswith(_LANGUAGE) and kind.endswith("Property")
             for kind in self.values(iri, TYPE)
         )
 
     def defined(self, iri: str) -> bool:
-        """True if any document says what it is: declares it, gives it a class, or places it below one."""
+        """Return True if any document declares it, gives it a class, or places it below one."""
         number, predicates = self._number_of_thing(iri), self.store.predicates
         return number is not None and any(predicates[row] in self._defining for row in self.store.about(number))
 
@@ -261,13 +261,13 @@ class Ontology:
         return number
 
     def individuals(self, cls: str) -> tuple[str, ...]:
-        """The individuals of a class and of its subclasses, in document order."""
+        """Return the individuals of a class and of its subclasses, in document order."""
         wanted = (self.store.find(name) for name in self.subclasses(cls))
         names = map(self.store.name, self._of_kinds(number for number in wanted if number is not None))
         return tuple(name for name in names if name is not None)
 
     def unused(self) -> Iterator[str]:
-        """What the main document gives a type and no document says anything with, but itself; each once."""
+        """Yield what the main document gives a type and no document mentions otherwise; each once."""
         store, (first, following) = self.store, self.store.by_object
         subjects = store.subjects
         for number in dict.fromkeys(subjects[row] for row in store.by(TYPE) if row in self._main):
@@ -279,12 +279,12 @@ class Ontology:
                 yield name
 
     def main(self, iri: str) -> bool:
-        """True if the main document says something about it."""
+        """Return True if the main document states something about it."""
         number = self._number(iri)
         return number is not None and self.store.first_about(number) in self._main
 
     def span(self, iri: str) -> Span | None:
-        """Where it is defined: its first type, else the first statement about it."""
+        """Return the position of its definition: its first type, else the first statement about it."""
         first = None
         for row in self._about(iri):
             if self.store.predicates[row] == self._kind:
@@ -307,30 +307,30 @@ class Ontology:
         return Taxonomy((*edges(self.store), *alias_edges(self.is_class, mentioned)))
 
     def ancestors(self, cls: str) -> tuple[str, ...]:
-        """The class itself, then its superclasses, nearest first."""
+        """Return the class itself, then its superclasses, nearest first."""
         return self.taxonomy.ancestors(expand(cls))
 
     def parents(self, cls: str) -> tuple[str, ...]:
-        """The named classes directly above: stated, members of a stated intersection, or equivalent."""
+        """Return the named classes directly above: stated, members of a stated intersection, or equivalent."""
         return self.taxonomy.parents(expand(cls))
 
     def subclasses(self, cls: str) -> tuple[str, ...]:
-        """The class itself, then its subclasses, nearest first."""
+        """Return the class itself, then its subclasses, nearest first."""
         return self.taxonomy.descendants(expand(cls))
 
     def is_a(self, cls_or_individual: str, cls: str) -> bool:
-        """True for a class below ``cls`` or the same, and for an individual of such a class."""
+        """Return True for a class below ``cls`` or the same, and for an individual of such a class."""
         iri, wanted = expand(cls_or_individual), expand(cls)
         return self.taxonomy.is_below(iri, wanted) or any(
             self.taxonomy.is_below(kind, wanted) for kind in self.types(iri)
         )
 
     def subproperties(self, p: str) -> tuple[str, ...]:
-        """The property itself, then those below it, nearest first."""
+        """Return the property itself, then those below it, nearest first."""
         return by_distance(expand(p), self._property_children)
 
     def superproperties(self, p: str) -> tuple[str, ...]:
-        """The property itself, then those above it, nearest first."""
+        """Return the property itself, then those above it, nearest first."""
         return by_distance(expand(p), self._property_parents)
 
     @cached_property
@@ -358,7 +358,7 @@ class Ontology:
     # class expressions
 
     def restrictions(self, cls: str | BNode) -> tuple[Restriction, ...]:
-        """The restrictions that a class states itself, in source order; of a nameless one those that it consists of."""
+        """Return the restrictions that a class states itself, in source order; for a nameless one its parts."""
         number = self._number(cls)
         if number is None:
             return ()
@@ -372,7 +372,7 @@ class Ontology:
         return Words.of(self.store)
 
     def members(self, expression: Term) -> tuple[Term, ...]:
-        """The members of an intersection, nested ones opened; of anything else the expression itself."""
+        """Return the members of an intersection, flattened; of anything else the expression itself."""
         number = self.store.find(expression) if isinstance(expression, BNode) else None
         return (expression,) if number is None else tuple(map(self.store.term, conjuncts(self.store, number)))
 

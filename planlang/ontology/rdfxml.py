@@ -71,7 +71,7 @@ class _Frame:
 
 
 def read_rdfxml(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
-    """The triples of an RDF/XML file. ``base`` is its address unless it says ``xml:base``.
+    """Return the triples of an RDF/XML file. ``base`` is its address unless it says ``xml:base``.
 
     ``label`` begins the labels of nameless nodes. Raises BadInput with the position of the first thing that is not XML,
     that is out of bounds, or that refers outside the file.
@@ -133,19 +133,19 @@ class _Handler:
         """Base -> reference -> number of the IRI that it means there."""
         self.tags: dict[str, str] = {}
         self.keys: dict[str, str] = {}
-        """What expat calls an element, and an attribute that says something -> its IRI."""
+        """The IRIs of elements, and of attributes that state something, by their names in expat."""
         self.prefixes: dict[str, str] = {}
         self.classes: dict[str, int] = {}
-        """What expat calls an element that is a thing -> the number of its class; -1 if that tells none."""
+        """The number of a thing's class, by the element's name in expat; -1 if the name gives none."""
         self.plain: dict[str, int] = {}
-        """What expat calls a property that needs no more than a value -> the number of its IRI."""
+        """The number of a property's IRI, by its name in expat, for properties that need no more than a value."""
         self.complete = _Frame(_PROPERTY, base, None, 1, 1)
         """The element of such a property with rdf:resource: most are this, and none is inside another."""
         self.complete.filled = True
         self.gaps: set[str] = set()
         """The texts, each once, that stand where only white space may; not kept if texts come in pieces."""
         self.between = self.gaps.add if parser.buffer_text else self.characters
-        """What takes such texts: most of a large file, and not worth a call of Python each."""
+        """The receiver of texts between elements: most of a large file, and not worth a call of Python each."""
         self.type, self.first, self.rest = map(self.triples.number, (TYPE, FIRST, REST))
         parser.ordered_attributes = True
         parser.StartElementHandler = self._starting()
@@ -171,7 +171,7 @@ class _Handler:
             self.prefixes.setdefault(prefix or "", namespace)
 
     def _starting(self) -> Callable[[str, list[str]], None]:
-        """What expat calls where an element begins.
+        """Return the handler for the begin of an element.
 
         Most elements of large files are properties with rdf:resource and nothing else, things with rdf:about and
         nothing else, and nameless items of lists: these are read here, with all names at hand, and left to
@@ -277,7 +277,7 @@ class _Handler:
             self._state(parent, frame.subject, place)
 
     def _ending(self) -> Callable[[str], None]:
-        """What expat calls where an element ends."""
+        """Return the handler for the end of an element."""
         frames, parser, complete, end = self.frames, self.parser, self.complete, self._end
         pop, characters, between = frames.pop, self.characters, self.between
 

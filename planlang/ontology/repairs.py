@@ -1,4 +1,4 @@
-"""What reading puts right: names of old namespaces, terms in the wrong namespace, restrictions that do not say so."""
+"""Repair on reading: names of old namespaces, terms in the wrong namespace, restrictions without their type."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _RENAMED: dict[str, str] = {f"{OLD_HOST}{name}.owl": f"{HOST}{name}.owl" for nam
 
 
 def canonical(iri: str) -> str:
-    """The name of a term or document as it is used here."""
+    """Return the current name of a term or document."""
     if not iri.startswith(OLD_HOST):
         return iri
     document, hash_sign, name = iri.partition("#")
@@ -93,7 +93,7 @@ TERMS: dict[str, frozenset[str]] = {RDFS: frozenset(_RDFS.split()), OWL: frozens
 _W3C = tuple(TERMS)
 
 MISSPELT = 0.8
-"""How alike, as difflib measures it, something is to a term that it is taken for: ``abuot`` and ``about`` are so."""
+"""The similarity (of difflib) at which something is read as a term: ``abuot`` is similar enough to ``about``."""
 
 _ATTRIBUTES = frozenset(("about", "resource", "ID", "nodeID", "datatype", "parseType"))
 """Names of RDF that RDF/XML has as attributes only."""
@@ -140,7 +140,7 @@ class _Meanings:
         self._known: dict[int, tuple[str, str, str | None]] = {}
 
     def number(self, triples: Triples, wrong: int, row: int) -> int:
-        """The number of what is meant by a term that there is not; of the term itself if nobody knows."""
+        """Return the number of the term that an undefined one stands for; of the term itself if unknown."""
         iri = triples.name(wrong) or ""
         known = self._known.get(wrong)
         if known is None:
@@ -155,13 +155,13 @@ class _Meanings:
 
 
 def meant_term(iri: str) -> str:
-    """The term of RDF, RDFS or OWL that an IRI means: itself, or the same name in the namespace that has it."""
+    """Return the term of RDF, RDFS or OWL that an IRI means: itself, or the same name in the namespace that has it."""
     correction = _correction(iri)
     return iri if correction is None else correction[0]
 
 
 def _correction(iri: str) -> tuple[str, str, str | None] | None:
-    """What a term is read as, why, and what to write; None if there is nothing to correct."""
+    """Return what a term is read as, why, and what to write; None if there is nothing to correct."""
     local = local_name(iri)
     namespace = iri.removesuffix(local)
     if namespace not in TERMS or not local or local in TERMS[namespace] or (namespace == RDF and local[0] == "_"):
@@ -185,7 +185,7 @@ def _near(namespace: str, local: str, least: float) -> list[str]:
 
 @cache
 def _is_misspelt(iri: str) -> bool:
-    """True for what is no term of RDF, RDFS or OWL in any namespace, but nearly one, or an attribute of RDF/XML."""
+    """Return True for a name that is nearly a term of RDF, RDFS or OWL, or an attribute of RDF/XML, but is none."""
     local = local_name(iri)
     namespace = iri.removesuffix(local)
     if namespace not in TERMS or iri in _SPELT or any(local in terms for terms in TERMS.values()):

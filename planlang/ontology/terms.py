@@ -16,7 +16,7 @@ _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 
 
 def resolve(base: str, reference: str) -> str:
-    """The IRI that a reference means in a document with this address; what has a scheme is left as it is."""
+    """Return the IRI that a reference means in a document with this address; an IRI with a scheme is left as it is."""
     if reference.startswith("#"):
         return base.partition("#")[0] + reference
     if not reference:
@@ -96,7 +96,7 @@ class Literal:
     language: str | None = None
 
     def number(self) -> float:
-        """The value as a number. Raises ValueError if it is none, or not finite."""
+        """Return the value as a number. Raises ValueError if it is none, or not finite."""
         text = self.value.strip()
         if "_" in text:
             raise ValueError(f"not a number: {text!r}")
@@ -128,14 +128,14 @@ class Triple:
 
 _PREFIXED = re.compile(r"([A-Za-z][\w.-]*):(?!//)(.*)", re.DOTALL)
 ABSOLUTE = ("http://", "https://")
-"""How a full name begins."""
+"""The beginnings of full names."""
 _FRAME = re.compile(
     r"^(?:Class|ObjectProperty|DataProperty|AnnotationProperty|Individual|Datatype):[ \t]+(\S+)", re.MULTILINE
 )
 
 
 def expand(name: str) -> str:
-    """The IRI of a name: a bare name of the bundled vocabulary, a prefixed name, or an IRI as it is.
+    """Return the IRI of a name: a bare name of the bundled vocabulary, a prefixed name, or an IRI as it is.
 
     A bare name that the vocabulary does not define is taken as one of KnowRob's.
     """
@@ -152,7 +152,7 @@ def expand(name: str) -> str:
 
 @lru_cache(maxsize=10_000)
 def shorten(iri: str) -> str:
-    """The bare name that :func:`expand` turns into this IRI, if there is one; else the IRI."""
+    """Return the bare name that :func:`expand` turns into this IRI, if there is one; else the IRI."""
     name = local_name(iri)
     namespace = iri[: len(iri) - len(name)]
     if namespace == KNOWROB:
@@ -161,7 +161,7 @@ def shorten(iri: str) -> str:
 
 
 def is_vocabulary(name: str) -> bool:
-    """True if the bundled vocabulary defines this bare name."""
+    """Return True if the bundled vocabulary defines this bare name."""
     return name in _headings()[0] or name in _headings()[1]
 
 

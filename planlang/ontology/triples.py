@@ -26,7 +26,7 @@ MOST_TRIPLES = 1_000_000
 
 @dataclass
 class Parsed:
-    """What a file says: its triples in document order, what was repaired on the way, the prefixes that it declares."""
+    """The content of a file: its triples in document order, the repairs made, the declared prefixes."""
 
     triples: Triples
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -34,7 +34,7 @@ class Parsed:
 
 
 def counted(shown: list[Diagnostic], more: int) -> list[Diagnostic]:
-    """The diagnostics that are shown; the last says how many there are besides, so that nothing is silent."""
+    """Return the diagnostics to show; the last states how many more there are, so that nothing is silent."""
     if more <= 0 or not shown:
         return shown
     return [*shown[:-1], replace(shown[-1], message=f"{shown[-1].message}; {more} more like this are not shown")]
@@ -61,7 +61,7 @@ class Triples(Sequence[Triple]):
 
     @classmethod
     def of(cls, triples: Iterable[Triple], file: str = "") -> Triples:
-        """The triples given, in their order, as of one file."""
+        """Return the given triples, in their order, as triples of one file."""
         found = cls(file)
         for triple in triples:
             found.state(triple.subject, triple.predicate, triple.object, triple.span)
@@ -70,7 +70,7 @@ class Triples(Sequence[Triple]):
     # adding
 
     def number(self, term: Term) -> int:
-        """The number of a term, a new one if it has none yet."""
+        """Return the number of a term, a new one if it has none yet."""
         found = self.numbers.get(term)
         if found is None:
             found = self.find(term)
@@ -80,7 +80,7 @@ class Triples(Sequence[Triple]):
         return found
 
     def fresh(self) -> int:
-        """The number of a new nameless node."""
+        """Return the number of a new nameless node."""
         self.terms.append(None)
         return len(self.terms) - 1
 
@@ -127,7 +127,7 @@ class Triples(Sequence[Triple]):
             self.renumber(same)
 
     def renamed(self, names: Mapping[str, str]) -> Triples:
-        """A copy in which other names (IRIs) stand in the place of some. The triples are those of one file."""
+        """Return a copy in which some names (IRIs) are replaced. The triples are those of one file."""
         copy = Triples(self._files[0], self.label)
         copy.terms, copy.numbers = self.terms.copy(), self.numbers.copy()
         for column, own in zip(copy._terms_of_rows(), self._terms_of_rows(), strict=True):
@@ -145,7 +145,7 @@ class Triples(Sequence[Triple]):
     # terms and triples
 
     def find(self, term: Term) -> int | None:
-        """The number of a term; None if nothing says anything of it or with it."""
+        """Return the number of a term; None if no triple has it."""
         found = self.numbers.get(term)
         if found is None and isinstance(term, BNode):
             digits = term.label.removeprefix(self.label)
@@ -155,29 +155,29 @@ class Triples(Sequence[Triple]):
         return found
 
     def term(self, number: int) -> Term:
-        """What a number stands for."""
+        """Return the term of a number."""
         found = self.terms[number]
         if found is None:
             found = self.terms[number] = BNode(f"{self.label}{number}")
         return found
 
     def name(self, number: int) -> str | None:
-        """The IRI that a number stands for; None if it is that of a node or a value."""
+        """Return the IRI that a number stands for; None for a node or a value."""
         found = self.terms[number]
         return found if isinstance(found, str) else None
 
     def is_node(self, number: int) -> bool:
-        """True for a nameless node."""
+        """Return True for a nameless node."""
         found = self.terms[number]
         return found is None or isinstance(found, BNode)
 
     def span(self, row: int) -> Span:
-        """Where a triple stands."""
+        """Return the position of a triple."""
         file = self._files[0 if row < self._first_end else bisect_right(self._starts, row) - 1]
         return Span(file, self.lines[row], self.columns[row])
 
     def triple(self, row: int) -> Triple:
-        """The triple of a row."""
+        """Return the triple of a row."""
         terms = self.terms
         subject, value = self.subjects[row], self.objects[row]
         return Triple(
@@ -240,7 +240,7 @@ class Triples(Sequence[Triple]):
 
     @classmethod
     def joined(cls, parts: Sequence[Triples]) -> Triples:
-        """The triples of several files, one after the other; each part is of one file and stays as it is."""
+        """Join the triples of several files, one after the other; each part is of one file and stays as it is."""
         first = parts[0]
         whole = cls(first._files[0], first.label)
         whole.terms, whole.numbers = first.terms.copy(), first.numbers.copy()
@@ -268,7 +268,7 @@ class Triples(Sequence[Triple]):
     # finding
 
     def about(self, subject: int) -> Sequence[int]:
-        """The rows with a subject."""
+        """Return the rows with a subject."""
         first, following = self.by_subject
         row = first[subject]
         found = []
@@ -278,7 +278,7 @@ class Triples(Sequence[Triple]):
         return found
 
     def with_object(self, value: int) -> Sequence[int]:
-        """The rows with an object."""
+        """Return the rows with an object."""
         first, following = self.by_object
         row = first[value]
         found = []
@@ -288,11 +288,11 @@ class Triples(Sequence[Triple]):
         return found
 
     def first_about(self, subject: int) -> int:
-        """The first row with a subject; -1 if there is none."""
+        """Return the first row with a subject; -1 if there is none."""
         return self.by_subject[0][subject]
 
     def by(self, *predicates: str) -> Sequence[int]:
-        """The rows with one of these predicates (IRIs)."""
+        """Return the rows with one of these predicates (IRIs)."""
         numbers = (self.numbers.get(predicate, -1) for predicate in predicates)
         found = [rows for number in numbers if (rows := self._by_predicate.get(number)) is not None]
         return found[0] if len(found) == 1 else sorted(row for rows in found for row in rows)
@@ -304,7 +304,7 @@ class Triples(Sequence[Triple]):
 
     @cached_property
     def intersections(self) -> dict[int, int]:
-        """Of each nameless node that is an intersection of classes the list of its members."""
+        """Return the list of members of each nameless node that is an intersection of classes."""
         rows = reversed(self.by(INTERSECTION_OF))
         return {self.subjects[row]: self.objects[row] for row in rows if self.is_node(self.subjects[row])}
 

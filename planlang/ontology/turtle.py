@@ -47,7 +47,7 @@ _HEAD = "".join(f"@prefix {name}: <{_UNDECLARED}{name}:> . " for name in PREFIXE
 _LINES_BEFORE = 1
 
 _ANONYMOUS = re.compile(r"[0-9a-f]{20,32}")
-"""How the parser calls nodes without a label: by a number at random."""
+"""The names that the parser gives nodes without a label: random numbers."""
 
 _PROBLEM = re.compile(r"Parser error [^:]*: (.*)", re.DOTALL)
 _NO_PREFIX = re.compile(r"The prefix (.*): has not been declared", re.DOTALL)
@@ -61,7 +61,7 @@ _EXPECTED = {
     "A dot is expected": "'.', ';' or ','",
     "Unexpected end": "'.' behind the last statement",
 }
-"""What the parser says -> what could stand there."""
+"""What could stand where the parser reports a message, by message."""
 
 
 def read_turtle(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
@@ -154,7 +154,7 @@ class _Reader:
         self.prefixes = {name: space for name, space in found if not space.startswith(_UNDECLARED)}
 
     def _scanned(self) -> tuple[str, list[tuple[int, int]]]:
-        """The text without what the parser should refuse, and where texts of several lines begin and end."""
+        """Return the text without what the parser should refuse, and where texts of several lines begin and end."""
         text, start, depth = self._text, 0, 0
         long: list[tuple[int, int]] = []
         pieces: list[str] = []
@@ -290,7 +290,7 @@ class _Reader:
         self.triples.columns.extend(repeat(1, len(self.triples) - len(self.triples.columns)))
 
     def _iri(self, name: str, line: int) -> int:
-        """The number of an IRI that is met for the first time."""
+        """Return the number of an IRI that occurs for the first time."""
         iri = name
         if name.startswith(_UNDECLARED):
             prefix, _, local = name.removeprefix(_UNDECLARED).partition(":")
@@ -306,7 +306,7 @@ class _Reader:
         return number
 
     def _node(self, label: str, line: int) -> int:
-        """The number of a nameless node that is met for the first time."""
+        """Return the number of a nameless node that occurs for the first time."""
         if _ANONYMOUS.fullmatch(label):
             number = self.triples.fresh()
             self._lines[number] = line
@@ -333,7 +333,7 @@ class _Reader:
 
 
 def _in_bytes(text: str, spans: list[tuple[int, int]], shift: int) -> list[tuple[int, int]]:
-    """Where parts of a text are when it is encoded behind so many bytes."""
+    """Return the spans of a text as byte offsets in its encoding, shifted by ``shift`` bytes."""
     found: list[tuple[int, int]] = []
     done, at = 0, shift
     for begin, end in spans:

@@ -133,7 +133,7 @@ def _declare(text: str, visible: str, entities: dict[str, str]) -> str:
 
 
 def _sections(text: str) -> Iterator[tuple[int, int]]:
-    """Where comments, CDATA sections and processing instructions are."""
+    """Yield the spans of comments, CDATA sections and processing instructions."""
     position = 0
     while opening := _OPENING.search(text, position):
         closing = _SECTIONS[opening[0]]
@@ -145,7 +145,7 @@ def _sections(text: str) -> Iterator[tuple[int, int]]:
 
 
 def _without_comments(text: str) -> str:
-    """The text with comments, CDATA sections and processing instructions made blank, offsets kept."""
+    """Return the text with comments, CDATA sections and processing instructions made blank, offsets kept."""
     return _blanked(text, list(_sections(text)))
 
 

@@ -1,4 +1,4 @@
-"""From the bytes of a file to text: encodings, bounds of its entities, positions, and the meaning of expat's errors."""
+"""Convert the bytes of a file to text: encodings, bounds of entities, positions, the meaning of expat's errors."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class EntityTable:
 
     @property
     def names(self) -> frozenset[str]:
-        """What may be referred to: declared entities and those of XML itself."""
+        """Return the entities that may be referred to: declared entities and those of XML itself."""
         return frozenset(self._values) | frozenset(("amp", "lt", "gt", "apos", "quot"))
 
     def begin(self, name: str, system: str | None, public: str | None, internal: bool) -> None:
@@ -123,7 +123,7 @@ _ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "ascii", "iso8859-1",
 
 
 def decode(content: bytes | str, file: str) -> str:
-    """The text of an XML or Manchester file, line ends as they are; a text as it is. Raises BadInput if it is none.
+    """Return the text of an XML or Manchester file, line ends unchanged. Raises BadInput if it cannot be decoded.
 
     The encoding is told by a byte order mark, else by the XML declaration, else it is UTF-8.
     """
@@ -159,13 +159,13 @@ def decode(content: bytes | str, file: str) -> str:
 
 
 def position_of(text: str, offset: int, file: str) -> Span:
-    """The position of a character."""
+    """Return the position of a character."""
     line = text.count("\n", 0, offset) + 1
     return Span(file, line, offset - text.rfind("\n", 0, offset))
 
 
 def offset_of(text: str, span: Span) -> int:
-    """The offset of a position, at most the length of the text."""
+    """Return the offset of a position, at most the length of the text."""
     offset = 0
     for _ in range(span.line - 1):
         offset = text.find("\n", offset) + 1
@@ -177,7 +177,7 @@ def offset_of(text: str, span: Span) -> int:
 def explain(
     problem: expat.ExpatError, text: str, file: str, open_lines: Sequence[int], entities: frozenset[str]
 ) -> Diagnostic:
-    """What an expat error means.
+    """Return the diagnostic that explains an expat error.
 
     ``open_lines`` are where the open elements begin, the innermost last; ``entities`` what may be referred to.
     """

@@ -48,23 +48,23 @@ class Actions:
         return self._statements[iri]
 
     def is_a(self, step: Step | Recipe, *classes: str) -> bool:
-        """True if the step's class is below one of the classes (local names of the vocabulary)."""
+        """Return True if the step's class is below one of the classes (local names of the vocabulary)."""
         return any(self.ontology.is_a(step.action_class, expand(name)) for name in classes)
 
     def is_any(self, cls: str) -> bool:
-        """True for a class (IRI, or local name of the vocabulary) that says no more than that something is done."""
+        """Return True for a class (IRI, or local name of the vocabulary) that means no more than some action."""
         return self.ontology.is_a(expand(_ANY), expand(cls))
 
     def primitive(self, step: Step) -> Primitive | None:
-        """The primitive that performs the step, if one does."""
+        """Return the primitive that performs the step, if one does."""
         return self.primitives[step.primitive] if step.primitive is not None else None
 
     def has_primitive_ancestor(self, cls: str) -> bool:
-        """True if a process module would perform the class or an ancestor of it."""
+        """Return True if a process module would perform the class or an ancestor of it."""
         return any(ancestor in self.primitives for ancestor in self.ontology.ancestors(cls))
 
     def is_base_motion(self, step: Step) -> bool:
-        """True for a primitive step that depends on BaseMotionCapability and says where to go."""
+        """Return True for a primitive step that depends on BaseMotionCapability and states a destination."""
         if step.primitive is None or not any(isinstance(goal, (Place, Thing)) for goal in step.fillers("toLocation")):
             return False
         return any(
@@ -76,18 +76,18 @@ class Actions:
         )
 
     def moves_the_base(self, recipe: Recipe, recipes: RecipeSet) -> bool:
-        """True if the recipe has a base motion, itself or in a recipe below it."""
+        """Return True if the recipe has a base motion, itself or in a recipe below it."""
         return recipe.iri in self._moving(recipes)
 
     def movers(self, recipe: Recipe, recipes: RecipeSet) -> Movers:
-        """The steps of a recipe that move the base: by themselves, or in a recipe below them."""
+        """Return the steps of a recipe that move the base: by themselves, or in a recipe below them."""
         moving = self._moving(recipes)
         opening = frozenset(step.iri for step in recipe.steps if self.is_base_motion(step))
         ending = frozenset(step.iri for step in recipe.steps if not moving.isdisjoint(step.recipes))
         return Movers(opening, ending)
 
     def _moving(self, recipes: RecipeSet) -> frozenset[str]:
-        """The recipes that move the base, themselves or in a recipe below them."""
+        """Return the recipes that move the base, themselves or in a recipe below them."""
         if self._last_moving is None or self._last_moving[0] is not recipes:
             callers: dict[str, list[str]] = {}
             for recipe in recipes.recipes.values():
@@ -103,7 +103,7 @@ class Actions:
         return self._last_moving[1]
 
     def uses_hand(self, step: Step) -> bool:
-        """True for a primitive that needs an arm or a gripper."""
+        """Return True for a primitive that needs an arm or a gripper."""
         primitive = self.primitive(step)
         return primitive is not None and not _HAND.isdisjoint(primitive.resources)
 
@@ -122,14 +122,14 @@ class Actions:
         return frozenset(self.ontology.valid_properties(cls))
 
     def goal(self, cls: str) -> Goal | None:
-        """The goal declared for the class or its nearest ancestor that has one."""
+        """Return the goal declared for the class or its nearest ancestor that has one."""
         for ancestor in self.ontology.ancestors(cls):
             if ancestor in self.goals:
                 return self.goals[ancestor]
         return None
 
     def releases(self, step: Step) -> bool:
-        """True if the step lets go of something."""
+        """Return True if the step lets go of something."""
         primitive = self.primitive(step)
         if primitive is not None and primitive.releases:
             return True
@@ -235,7 +235,7 @@ def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:
 
 
 def recoveries_of(ontology: Ontology, rules: tuple[RecoveryRule, ...], cls: str) -> list[tuple[str, RecoveryRule]]:
-    """The rules that hold for an action class, as pairs (failure, rule), nearest class first, then by rank.
+    """Return the rules that hold for an action class, as pairs (failure, rule), nearest class first, then by rank.
 
     A rule for the same failure nearer by replaces the farther; ``attempts 0`` switches it off.
     """

@@ -34,7 +34,7 @@ TEXT = frozenset({"", "string", "langString"})
 
 
 def nearest_in_vocabulary(ontology: Ontology, cls: str, below: str | None = None) -> str:
-    """The class itself or its nearest ancestor that the bundled vocabulary knows, as a local name; else the IRI.
+    """Return the class itself or its nearest ancestor that the bundled vocabulary knows, as a local name; else the IRI.
 
     With ``below`` (IRI) only classes that are below that one count, unless there is none.
     """
@@ -56,12 +56,12 @@ def kind_of(ontology: Ontology, cls: str) -> Kind:
 
 
 def is_device(ontology: Ontology, cls: str) -> bool:
-    """True for classes of robot parts that can be used to do something, such as grippers and arms."""
+    """Return True for classes of robot parts that can be used to do something, such as grippers and arms."""
     return any(ontology.is_a(cls, expand(name)) for name in ("HolderGripper", "RobotPart", "ComponentComposition"))
 
 
 def is_place(ontology: Ontology, iri: str) -> bool:
-    """True for a location designator, written as an individual or as a class."""
+    """Return True for a location designator, written as an individual or as a class."""
     return any(ontology.is_a(iri, expand(place)) for place in PLACES)
 
 
@@ -83,7 +83,7 @@ def read_filler(ontology: Ontology, term: Term, property_name: str | None = None
 
 
 def read_thing(ontology: Ontology, iri: str) -> Thing | None:
-    """The individual or class as a thing; None if no class of it is one of localised things."""
+    """Return the individual or class as a thing; None if no class of it is one of localised things."""
     for cls in classes_of(ontology, iri):
         if is_localised(ontology, cls):
             return Thing(kind_of(ontology, cls), _type_of(ontology, cls), _individual(ontology, iri), cls)
@@ -91,35 +91,35 @@ def read_thing(ontology: Ontology, iri: str) -> Thing | None:
 
 
 def classes_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
-    """A class itself; the classes of an individual, those with the most above them first."""
+    """Return a class itself, or the classes of an individual, the ones with the most ancestors first."""
     if _individual(ontology, iri) is None:
         return (iri,)
     return tuple(sorted(ontology.types(iri), key=lambda cls: (-len(ontology.ancestors(cls)), cls)))
 
 
 def is_of_unknown_kind(ontology: Ontology, iri: str) -> bool:
-    """True if no class of the vocabulary is above a class, or above any class of an individual."""
+    """Return True if no class of the vocabulary is above a class, or above any class of an individual."""
     above = (ancestor for cls in classes_of(ontology, iri) for ancestor in ontology.ancestors(cls))
     return not any(is_vocabulary_class(ancestor) for ancestor in above)
 
 
 def is_vocabulary_class(cls: str) -> bool:
-    """True for a class that the bundled vocabulary defines."""
+    """Return True for a class that the bundled vocabulary defines."""
     short = shorten(cls)
     return short != cls and is_vocabulary(short)
 
 
 def takes_things(ontology: Ontology, property_name: str) -> bool:
-    """True for a property whose range is one of localised things."""
+    """Return True for a property whose range is one of localised things."""
     ranges = (range_ for range_ in ontology.values(property_name, RANGE) if isinstance(range_, str))
     return any(is_localised(ontology, cls) for cls in ranges)
 
 
 def takes_numbers(ontology: Ontology, property_name: str) -> bool:
-    """True for a property whose range, or that of one above it, is a type of numbers, or that has a physical dimension.
+    """Return True for a property with a numeric range, its own or an ancestor's, or with a physical dimension.
 
-    The last is told by the local name, as some recipes have the vocabulary in a namespace of their own; but not of a
-    property that a file declares as one of things, or of other values.
+    The dimension follows from the local name, as some recipes have the vocabulary in a namespace of their own; but not
+    for a property that a file declares with things or other values.
     """
     key = ("takes numbers", property_name)
     if key not in ontology.kept:
@@ -134,7 +134,7 @@ def takes_numbers(ontology: Ontology, property_name: str) -> bool:
 
 
 def _is_declared_otherwise(ontology: Ontology, property_name: str) -> bool:
-    """True for a property outside of the vocabulary that is declared as one of things, or has a range."""
+    """Return True for a property outside of the vocabulary that is declared as an object property, or has a range."""
     if shorten(property_name) != property_name:
         return False
     return OBJECT_PROPERTY in ontology.values(property_name, TYPE) or bool(ontology.values(property_name, RANGE))
@@ -145,24 +145,24 @@ def _individual(ontology: Ontology, iri: str) -> str | None:
 
 
 def _unknown(ontology: Ontology, iri: str) -> Thing:
-    """A thing of which nothing says what it is: an object of its first class."""
+    """Return a thing of unknown kind: an object of its first class."""
     cls = next(iter(classes_of(ontology, iri)), expand(ANYTHING[0]))
     return Thing(Kind.OBJECT, shorten(cls), _individual(ontology, iri), cls)
 
 
 def _type_of(ontology: Ontology, cls: str) -> str:
-    """The nearest class of the vocabulary; the class itself if that only says that it is a thing somewhere."""
+    """Return the nearest class of the vocabulary; the class itself if that is only the class of localised things."""
     nearest = nearest_in_vocabulary(ontology, cls)
     return cls if nearest in ANYTHING and shorten(cls) == cls else nearest
 
 
 def is_localised(ontology: Ontology, cls: str) -> bool:
-    """True for classes of things that are somewhere: objects, persons, devices."""
+    """Return True for classes of things with a position: objects, persons, devices."""
     return ontology.is_a(cls, expand("SpatialThing-Localized")) or kind_of(ontology, cls) is not Kind.OBJECT
 
 
 def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset()) -> Place:
-    """A location designator with its relations in the order of the file.
+    """Return a location designator with its relations in the order of the file.
 
     As an individual its facts count, as a class its restrictions. A place that refers to itself, directly or through
     others, loses the reference that closes the circle; so does one that is :data:`MOST_PLACES` references away. What it
@@ -184,12 +184,12 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
 
 
 def is_relation(property_name: str) -> bool:
-    """True for a property (IRI) by which location designators relate to things and places."""
+    """Return True for a property (IRI) by which location designators relate to things and places."""
     return _relation(property_name) is not None
 
 
 def references_of_unknown_kind(ontology: Ontology, place: str) -> list[tuple[str, str]]:
-    """The relations of a location designator to what is defined, but as nothing of which it is known what it is."""
+    """Return the relations of a location designator to things that are defined, but of unknown kind."""
     return [
         (relation, term)
         for relation, term in references(ontology, place)
@@ -225,7 +225,7 @@ def _relation(property_name: str) -> str | None:
 
 
 def read_literal(literal: Literal, *, is_number: bool = False) -> str | int | float | bool:
-    """A value of Python's; one with a unit that is known in SI units, text that is no number as it is.
+    """Return a literal as a Python value, in SI units if its unit is known; text that is no number as it is.
 
     With ``is_number`` text without a type is read as a number, too, if it is written like one.
     """
@@ -283,12 +283,12 @@ def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> It
 
 
 def _may_fill(property_name: str) -> bool:
-    """True for a property (IRI) that may say on what an action acts; others say how, when or with what right."""
+    """Return True for a property (IRI) that may state what an action acts on, not how, when or with what right."""
     return not is_word(property_name, *NO_PARAMETERS, *REGISTERED_WORDS)
 
 
 def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
-    """What the restrictions of a class fill in; nothing for classes of the bundled vocabulary."""
+    """Return what the restrictions of a class fill in; nothing for classes of the bundled vocabulary."""
     known: dict[str, list[Filling]] = ontology.kept.setdefault("restricted", {})
     found = known.get(cls)
     if found is None:
@@ -317,7 +317,7 @@ def read_parameters(
 
 
 def action_class(ontology: Ontology, individual: str) -> str | None:
-    """The class of actions of an individual: of its types the first that is one, else the first that is known."""
+    """Return the class of actions of an individual: its first type that is one, else its first known type."""
     types = ontology.types(individual)
     for wanted in ("Action", "Event"):
         for cls in types:
@@ -327,7 +327,7 @@ def action_class(ontology: Ontology, individual: str) -> str | None:
 
 
 def unread_facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
-    """The facts of an individual that neither fill a property of actions nor say how it is performed."""
+    """Yield the facts of an individual that neither fill a property of actions nor state how it is performed."""
     for triple in ontology.triples(s=individual):
         name = triple.predicate
         is_bookkeeping = is_word(name, *NO_PARAMETERS, *READ_BY_DIALECTS, *REGISTERED_WORDS) or _is_annotation(
@@ -338,20 +338,20 @@ def unread_facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
 
 
 def _facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
-    """The facts of an individual in properties that the vocabulary lists for actions."""
+    """Yield the facts of an individual in properties that the vocabulary lists for actions."""
     for triple in ontology.triples(s=individual):
         if _is_of_actions(ontology, triple.predicate):
             yield Filling(triple.predicate, triple.object, triple.span)
 
 
 def action_properties(ontology: Ontology) -> tuple[str, ...]:
-    """The properties (IRIs) that the vocabulary lists for any class of actions."""
+    """Return the properties (IRIs) that the vocabulary lists for any class of actions."""
     found = {triple.object: None for triple in ontology.triples(p=expand("hasParameter"))}
     return tuple(name for name in found if isinstance(name, str))
 
 
 def _is_of_actions(ontology: Ontology, property_name: str) -> bool:
-    """True for a property that the vocabulary lists for a class of actions, or one below it."""
+    """Return True for a property that the vocabulary lists for a class of actions, or one below it."""
     return any(
         True
         for above in ontology.superproperties(property_name)

@@ -184,7 +184,7 @@ class Step:
 
 
 class Reason(Enum):
-    """Why one step comes before another."""
+    """The reason why one step comes before another."""
 
     CONSTRAINT = "ordering constraint"
     DATA_FLOW = "data flow"
@@ -285,7 +285,7 @@ class Ending(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """From one state (IRI of a step) to another if the first ends with ``outcome`` (IRI; ``ending`` is what it means).
+    """A change from one state (IRI of a step) to another if the first ends with ``outcome`` (IRI), meaning ``ending``.
 
     Without outcome (None, ending DONE) the transition is taken whenever the step was performed.
     """
@@ -343,7 +343,7 @@ class Recipe:
         return self.cls or self.iri
 
     def step(self, iri: str) -> Step:
-        """The step of a class; KeyError if it is no step."""
+        """Return the step of a class; KeyError if it is no step."""
         if "steps" not in self.derived:
             self.derived["steps"] = {step.iri: step for step in reversed(self.steps)}
         found: Step = self.derived["steps"][iri]

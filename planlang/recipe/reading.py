@@ -113,7 +113,7 @@ def read_recipe(
 def _read(
     actions: Actions, task: str | None, *, allow_abstract: bool, scopes: bool
 ) -> tuple[RecipeSet | None, tuple[Diagnostic, ...]]:
-    """The recipes, or None without a task, and their diagnostics."""
+    """Return the recipes, or None without a task, and their diagnostics."""
     try:
         chosen = choose_task(actions, task)
     except BadInput as problem:
@@ -142,7 +142,7 @@ def _read(
 def _judged(
     checks: Iterable[Check[[_Subject], Iterable[Diagnostic]]], subject: _Subject, before: Iterable[str]
 ) -> list[Diagnostic]:
-    """The findings of all checks that nothing suppresses; ``before`` are codes that were reported already."""
+    """Return the unsuppressed findings of all checks; ``before`` are codes that were reported already."""
     reported = set(before)
     found: list[Diagnostic] = []
     for one in checks:

@@ -86,7 +86,7 @@ class Statements:
         return tuple(dict.fromkeys(sub.iri for sub in self.sub_actions if sub.iri is not None))
 
     def mentioned(self) -> tuple[str, ...]:
-        """The sub-actions, and everything else that is ordered, passed something, or a state."""
+        """Return the sub-actions, and everything else that is ordered, receives data, or is a state."""
         states = self.states or States((), (), ())
         pairs = (
             *((one.before, one.after) for one in self.orderings),
@@ -98,9 +98,9 @@ class Statements:
 
 
 def is_word(iri: str, *names: str) -> bool:
-    """True for these properties of the recipe vocabulary.
+    """Return True for these properties of the recipe vocabulary.
 
-    They are told by their local names, as some recipes have them in a namespace of their own.
+    Only their local names count, as some recipes have them in a namespace of their own.
     """
     return _local(iri) in names
 
@@ -109,12 +109,12 @@ _local = lru_cache(maxsize=10_000)(local_name)  # of properties: few, and asked 
 
 
 def is_foreign(iri: str) -> bool:
-    """True for a property that the bundled vocabulary does not have under this IRI."""
+    """Return True for a property that the bundled vocabulary does not have under this IRI."""
     return shorten(iri) == iri
 
 
 def facts(ontology: Ontology, subject: str | BNode, *names: str) -> list[Filling]:
-    """The facts of an individual whose property has one of these local names, in document order."""
+    """Return the facts of an individual whose property has one of these local names, in document order."""
     found = [Filling(triple.predicate, triple.object, triple.span) for triple in ontology.said(subject, *names)]
     if len(found) < 2:
         return found
@@ -122,7 +122,7 @@ def facts(ontology: Ontology, subject: str | BNode, *names: str) -> list[Filling
 
 
 def named(fillings: Iterable[Filling]) -> list[tuple[str, Span]]:
-    """The IRIs among what is filled in, with their places."""
+    """Return the IRIs among the fillers, with their positions."""
     return [
         (filling.term, filling.span)
         for filling in fillings
@@ -186,7 +186,7 @@ _IN_NAMES = re.compile(r"[A-Z]?[a-z]+|[A-Z]+|\d+")
 
 
 def words_of(outcome: str) -> tuple[str, ...]:
-    """The words in the local name of an outcome, as written."""
+    """Return the words in the local name of an outcome, as written."""
     return tuple(_IN_NAMES.findall(local_name(outcome)))
 
 

@@ -24,7 +24,7 @@ _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
 
 
 def stated_tasks(actions: Actions) -> tuple[str, ...]:
-    """The classes and individuals of the main document that state a recipe, in the order of the file."""
+    """Return the classes and individuals of the main document that state a recipe, in the order of the file."""
     ontology = actions.ontology
     tasks = [task for task in tasks_of(ontology) if actions.statements(task) is not None]
     spans = {task: ontology.span(task) or Span("") for task in tasks}
@@ -32,7 +32,7 @@ def stated_tasks(actions: Actions) -> tuple[str, ...]:
 
 
 def top_tasks(actions: Actions) -> tuple[str, ...]:
-    """The stated tasks that no other one uses, by a sub-action or by a name in its constraints."""
+    """Return the stated tasks that no other one uses, by a sub-action or by a name in its constraints."""
     tasks = stated_tasks(actions)
     used: set[str] = set()
     for task in tasks:
@@ -81,7 +81,7 @@ def circular_task(actions: Actions) -> str | None:
 
 
 def _below(actions: Actions, task: str) -> set[str]:
-    """The tasks that one uses, by a sub-action or by a name in its constraints."""
+    """Return the tasks that one uses, by a sub-action or by a name in its constraints."""
     statements = actions.statements(task)
     assert statements is not None
     below = set(statements.mentioned())
@@ -114,7 +114,7 @@ def _named(actions: Actions, wanted: str, span: Span) -> str:
 
 
 def read_recipes(actions: Actions, task: str) -> RecipeSet:
-    """The recipe of a task and all recipes below it, the task first, then in the order of use.
+    """Return the recipe of a task and all recipes below it, the task first, then in the order of use.
 
     A task without sub-actions of its own takes those of its nearest ancestor that has any.
     """
@@ -154,7 +154,7 @@ def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None
 
 
 def levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
-    """An individual; a class, its direct superclasses, theirs, ...: each class once, at its least distance."""
+    """Yield an individual; or a class, its direct superclasses, theirs, ...: each class once, at its least distance."""
     cls = iri
     if not ontology.is_class(iri):
         yield (iri,)
@@ -174,7 +174,7 @@ def levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
 
 
 def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = frozenset()) -> Step | None:
-    """A sub-action as a step; None if it names nothing that is defined.
+    """Return a sub-action as a step; None if it names nothing that is defined.
 
     ``known`` are individuals that need not be defined, as another step creates them.
     """
@@ -197,9 +197,9 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
 
 
 def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> Recipe:
-    """The recipe that a class or an individual states: repeated and undefined sub-actions left out.
+    """Return the recipe that a class or an individual states, without repeated and undefined sub-actions.
 
-    ``task`` is what it is read for, when that inherits it. Raises KeyError if it states none.
+    ``task`` is the task that inherits the recipe, if any. Raises KeyError if none is stated.
     """
     ontology, statements = actions.ontology, actions.statements(stating)
     if statements is None:
@@ -242,7 +242,7 @@ def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
 
 
 def _label(ontology: Ontology, iri: str) -> str | None:
-    """What an action says in words: its label, else what an action data table says about it."""
+    """Return the description of an action in words: its label, else the text of its action data table."""
     label = ontology.label(iri)
     for filling in () if label is not None else facts(ontology, iri, "instruction", "taskContext"):
         if isinstance(filling.term, Literal):
@@ -251,7 +251,7 @@ def _label(ontology: Ontology, iri: str) -> str | None:
 
 
 def _condition(ontology: Ontology, cls: str) -> Description | None:
-    """What a class of actions checks: the class expression, class or individual that ``conditionEvaluated`` names."""
+    """Return what a class of actions checks: the class expression, class or individual of ``conditionEvaluated``."""
     known: dict[str, Description | None] = ontology.kept.setdefault("conditions", {})
     for ancestor in ontology.ancestors(cls):
         if ancestor not in known:
@@ -269,7 +269,7 @@ def _stated_condition(ontology: Ontology, cls: str) -> Description | None:
 
 
 def read_description(ontology: Ontology, term: object) -> Description | None:
-    """A class with restrictions as a description; None if it names no class."""
+    """Return a class with restrictions as a description; None if it names no class."""
     if isinstance(term, str):
         return Description(term)
     if not isinstance(term, BNode):

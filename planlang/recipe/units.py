@@ -29,12 +29,12 @@ class Unit:
     offset: float = 0.0
 
     def to_si(self, value: float) -> float:
-        """A value in this unit as one in the SI unit of its dimension."""
+        """Convert a value in this unit to the SI unit of its dimension."""
         return value * self.factor + self.offset
 
 
 def unit_of(literal: Literal) -> str | None:
-    """The local name of the unit that types a literal; None for plain text and the datatypes of XML Schema."""
+    """Return the local name of the unit that types a literal; None for plain text and the datatypes of XML Schema."""
     datatype = literal.datatype
     if datatype is None or datatype == LANG_STRING or datatype.startswith(XSD) or "22-rdf-syntax-ns#" in datatype:
         return None
@@ -43,7 +43,7 @@ def unit_of(literal: Literal) -> str | None:
 
 @cache
 def unit(name: str) -> Unit | None:
-    """The unit of a name, such as Centimeter, SquareMeter or MeterPerSecondSquared; None if it is not known."""
+    """Return the unit of a name, such as Centimeter, SquareMeter or MeterPerSecondSquared; None if unknown."""
     units = _table()[0]
     if name in units:
         return units[name]
@@ -66,12 +66,12 @@ def dimension_of(property_name: str) -> Dimension | None:
 
 
 def si_unit(dimension: Dimension) -> str:
-    """The SI unit of a dimension in words, e.g. ``m s-1``."""
+    """Return the SI unit of a dimension in words, e.g. ``m s-1``."""
     return " ".join(f"{_BASES[base]}{power if power != 1 else ''}" for base, power in dimension) or "1"
 
 
 def _product(name: str) -> Unit | None:
-    """A unit, its square or its cube."""
+    """Return a unit, its square or its cube."""
     for prefix, suffix, power in (("Square", "Squared", 2), ("Cubic", "Cubed", 3)):
         if name.startswith(prefix) or name.endswith(suffix):
             base = _table()[0].get(name.removeprefix(prefix).removesuffix(suffix))

@@ -15,7 +15,7 @@ _ATTRIBUTES = """\
 
 
 def dot(graph: TaskGraph) -> str:
-    """The graph in the language of Graphviz: steps are nodes, nested recipes are clusters, implied orders left out."""
+    """Return the graph in DOT: steps are nodes, nested recipes are clusters, implied orders are left out."""
     lines = [f'digraph "{for_dot(graph.title)}" {{', _ATTRIBUTES.rstrip("\n")]
     lines.append(f'    label="{for_dot(graph.title)}\\l{for_dot(graph.subtitle)}\\l"; labelloc=t;')
     lines += _group(graph.group, "    ")
@@ -76,7 +76,7 @@ def _arrow(arrow: Arrow, boxes: dict[str, Box], indent: str) -> str:
 
 
 def _end(box: Box, *, last: bool) -> str:
-    """The node at which an arrow from or to a box ends: inside of a cluster a last or a first step."""
+    """Return the node where an arrow from or to a box ends: in a cluster a last or a first step."""
     while box.groups:
         group = box.groups[-1 if last else 0]
         if not group.boxes:

@@ -44,7 +44,7 @@ class _Item:
     above: list[int] = field(default_factory=list)
     below: list[int] = field(default_factory=list)
     x: float = 0.0
-    """Of the centre."""
+    """The x coordinate of the centre."""
 
 
 def layered(
@@ -90,7 +90,7 @@ def layered(
 
 
 def _ranks(number: int, edges: Sequence[tuple[int, int]]) -> list[int]:
-    """The longest path that leads to each box."""
+    """Return the length of the longest path that leads to each box."""
     below: list[list[int]] = [[] for _ in range(number)]
     missing = [0] * number
     for before, after in edges:
@@ -110,7 +110,7 @@ def _ranks(number: int, edges: Sequence[tuple[int, int]]) -> list[int]:
 
 
 def _chains(items: list[_Item], edges: Sequence[tuple[int, int]]) -> list[list[int]]:
-    """For each edge the items that it goes through; bends are appended to ``items``."""
+    """Return for each edge the items that it goes through; bends are appended to ``items``."""
     has_bends = sum(items[after].rank - items[before].rank - 1 for before, after in edges) <= MOST_BENDS
     chains = []
     for before, after in edges:
@@ -123,7 +123,7 @@ def _chains(items: list[_Item], edges: Sequence[tuple[int, int]]) -> list[list[i
 
 
 def _ordered(items: list[_Item], layers: list[list[int]]) -> list[list[int]]:
-    """The layers sorted by barycentres, downwards and upwards by turns; the arrangement with the fewest crossings."""
+    """Sort the layers by barycentres, down and up in turn, and return the arrangement with the fewest crossings."""
     best, fewest = layers, _crossings(items, layers)
     current = layers
     for sweep in range(SWEEPS):
@@ -149,7 +149,7 @@ def _ordered(items: list[_Item], layers: list[list[int]]) -> list[list[int]]:
 
 
 def _crossings(items: list[_Item], layers: list[list[int]]) -> int:
-    """How many pairs of edges between neighbouring layers cross: inversions of the places of their lower ends."""
+    """Return how many edges between neighbouring layers cross: inversions of the positions of their lower ends."""
     total = 0
     for upper, lower in pairwise(layers):
         position = {index: place for place, index in enumerate(lower)}
@@ -187,7 +187,7 @@ def _place(items: list[_Item], layers: list[list[int]], gap: float) -> None:
 
 
 def _separated(wanted: Sequence[float], steps: Sequence[float]) -> list[float]:
-    """The positions nearest to the wanted ones (least squares) of which each is at least a step after the one before.
+    """Return the positions nearest to the wanted ones (least squares), each at least a step after the one before.
 
     Without the steps this is isotonic regression, solved by pooling adjacent violators.
     """
@@ -239,7 +239,7 @@ def _routes(
 
 
 def _ports(items: list[_Item], chains: list[list[int]], *, out: bool) -> dict[int, float]:
-    """Where each edge leaves its first box, or meets its last: side by side in the order of where they lead."""
+    """Return where each edge leaves its first box, or enters its last: side by side, ordered by their other ends."""
     at: dict[int, list[int]] = {}
     for number, chain in enumerate(chains):
         at.setdefault(chain[0 if out else -1], []).append(number)

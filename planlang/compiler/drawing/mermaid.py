@@ -10,7 +10,7 @@ _LINKS = {Order.STATED: "-->", Order.ADDED: "-.->", Order.TRANSITION: "-->", Ord
 
 
 def mermaid(graph: TaskGraph) -> str:
-    """The graph as a flowchart: nested recipes are subgraphs, implied orders are left out, lines stand in the labels.
+    """Return the graph as a flowchart: nested recipes are subgraphs, implied orders are left out, labels hold lines.
 
     Tooltips need a script in Mermaid, so that there are none.
     """

@@ -45,7 +45,7 @@ text { font-family: Helvetica, Arial, "Liberation Sans", sans-serif; fill: #1f2d
 
 
 def svg(graph: TaskGraph) -> str:
-    """The graph as an SVG document: stated orders solid, those that the compiler adds dashed, implied ones left out."""
+    """Return the graph as an SVG document: stated orders solid, added ones dashed, implied ones left out."""
     found = arranged(graph.group)
     has_added = any(route.arrow.order is Order.ADDED for route in found.routes)
     legend = "dashed: added by the compiler, as steps at one place are performed together" if has_added else ""
@@ -172,7 +172,7 @@ def _label(arrow: Arrow, at: Point, anchor: str = "middle") -> str:
 
 
 def _middle(points: Sequence[Point]) -> Point:
-    """Where the label of a route stands: in the middle of its first change of ranks."""
+    """Return where the label of a route stands: in the middle of its first change of ranks."""
     (x, y), (other, below) = points[1:3] if len(points) > 2 else points[:2]
     return (x + other) / 2, (y + below) / 2 + 3
 
@@ -186,7 +186,7 @@ def _path(arrow: Arrow, curve: str) -> str:
 
 
 def _curve(points: Sequence[Point], *, starts_curved: bool = False) -> str:
-    """A path through the points; parts are upright and curved by turns."""
+    """Return a path through the points; vertical and curved parts alternate."""
     parts = [f"M {_p(points[0])}"]
     for number, (before, point) in enumerate(pairwise(points)):
         if point == before:
@@ -204,7 +204,7 @@ def _p(point: Point) -> str:
 
 
 def _n(value: float) -> str:
-    """A length with one digit: rounding noise of other machines does not show."""
+    """Return a length with one digit, so that rounding noise of other machines does not show."""
     return f"{value:.1f}".removesuffix(".0")
 
 

@@ -40,9 +40,9 @@ class Order(Enum):
     ADDED = "added"
     """The compiler adds it: steps at one place are performed together."""
     TRANSITION = "transition"
-    """No order: the one state is left for the other."""
+    """A transition, which is no order: one state is left for the other."""
     OVERLAP = "overlap"
-    """No order: the two run side by side, and the one begins or ends in relation to the other."""
+    """An overlap, which is no order: two steps run side by side, and one begins or ends in relation to the other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class Box:
     groups: tuple[Group, ...] = ()
 
     def text(self) -> tuple[str, ...]:
-        """The lines to show in the box: the name, then what the step is and what fills its properties."""
+        """Return the lines to show in the box: the name, then what the step is and what fills its properties."""
         return (shown(self.name, LONGEST_LINE), *(part for line in (self.action, *self.lines) for part in broken(line)))
 
 
@@ -88,7 +88,7 @@ class Group:
     arrows: tuple[Arrow, ...]
 
     def of(self, *orders: Order) -> tuple[Arrow, ...]:
-        """The arrows of these kinds."""
+        """Return the arrows of these kinds."""
         return tuple(arrow for arrow in self.arrows if arrow.order in orders)
 
 
@@ -114,10 +114,10 @@ def task_graph(
     added: Mapping[str, Iterable[tuple[str, str]]] | None = None,
     recoveries: Mapping[tuple[str, str], Sequence[str]] | None = None,
 ) -> TaskGraph:
-    """The graph of a task and all recipes below it; nothing recurses.
+    """Return the graph of a task and all recipes below it; nothing recurses.
 
-    ``added`` gives for a recipe (IRI) the orders of steps (IRIs) that the compiler adds, ``recoveries`` for a step of a
-    recipe (both IRIs) what is done when it fails. A recipe that several steps call is drawn in the first of them.
+    ``added`` maps a recipe (IRI) to the step orders (IRIs) that the compiler adds, ``recoveries`` a step of a
+    recipe (both IRIs) to its recoveries. A recipe that several steps call is drawn in the first of them.
     """
     main = recipes.main
     subtitle = f"{main.label}, {recipes.source.file}" if main.label else recipes.source.file
@@ -184,7 +184,7 @@ class _Builder:
         )
 
     def _arrows(self, recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
-        """The orders that follow from no others: those that the recipe states, and those that the compiler adds."""
+        """Return the orders that follow from no others, both the stated and the added ones."""
         stated: dict[tuple[str, str], list[Ordering]] = {}
         for ordering in recipe.orderings:
             stated.setdefault((ordering.before, ordering.after), []).append(ordering)
@@ -196,13 +196,13 @@ class _Builder:
 
 
 def _role(machine: StateMachine, step: Step) -> str:
-    """What a state is besides being one."""
+    """Return the role of a state, such as start or end."""
     roles = [*(["start"] if step.iri == machine.start else []), *(["end"] if step.iri in machine.ends else [])]
     return f"{' and '.join(roles)} state" if roles else ""
 
 
 def _transitions(recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
-    """One arrow for each two states, with all the outcomes that lead from the one to the other."""
+    """Yield one arrow for each two states, with all outcomes that lead from one to the other."""
     assert recipe.machine is not None
     between: dict[tuple[str, str], list[Transition]] = {}
     for transition in recipe.machine.transitions:
@@ -296,14 +296,14 @@ _PLAIN = frozenset(" _-.,/=+")
 
 
 def shown(text: str, longest: int = LONGEST_TEXT) -> str:
-    """The text on one line; characters that are not shown as themselves become ``\N{REPLACEMENT CHARACTER}``."""
+    """Return the text on one line, with ``\N{REPLACEMENT CHARACTER}`` for characters that have no glyph."""
     line = _SPACE.sub(" ", text).strip()
     line = "".join("\N{REPLACEMENT CHARACTER}" if unicodedata.category(c) in _HIDDEN else c for c in line)
     return line if len(line) <= longest else line[: longest - 1].rstrip() + "…"
 
 
 def broken(text: str) -> list[str]:
-    """The lines of a text inside a box, those after the first one indented; a bracket begins a line if one has to."""
+    """Return the lines of a text in a box, indented after the first; a bracket begins a line if one has to."""
     if len(text) <= LONGEST_LINE:
         return [text]
     head, bracket, tail = text.partition(" (")
@@ -315,17 +315,17 @@ def broken(text: str) -> list[str]:
 
 
 def for_xml(text: str) -> str:
-    """The text as content or attribute of an XML or HTML element."""
+    """Return the text as content or attribute of an XML or HTML element."""
     return escape(text, quote=True)
 
 
 def for_dot(text: str) -> str:
-    """The text inside of a quoted string of Graphviz, which reads escapes and HTML entities in labels."""
+    """Return the text inside of a quoted string of Graphviz, which reads escapes and HTML entities in labels."""
     return text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
 
 
 def for_mermaid(text: str) -> str:
-    """The text inside of a quoted label of Mermaid: what might be syntax or HTML is written by its number."""
+    """Return the text as a quoted label of Mermaid; possible syntax or HTML is written as character numbers."""
     return "".join(c if c.isalnum() or c in _PLAIN else f"#{ord(c)};" for c in text)
 
 

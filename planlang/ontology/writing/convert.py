@@ -1,4 +1,4 @@
-"""From a file in one syntax to the same graph in another, and what did not survive it."""
+"""Convert a file from one syntax to the same graph in another, and list what is lost."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ class Words:
         return f"{quoted}^^{self.name(literal.datatype)}" if literal.datatype else quoted
 
     def text(self, expression: Expression, *, inside: bool = False) -> str:
-        """An expression; ``inside`` another one it stands in brackets unless it is a name or has brackets itself."""
+        """Return the text of an expression; ``inside`` another one in brackets unless it is a name or has its own."""
         kind, parts = expression.kind, expression.parts
         match kind:
             case "name":
@@ -139,7 +139,7 @@ class Expressions:
         return self._read(triple.object, triple, used, DEEPEST), used
 
     def about(self, subject: str | BNode, at: Triple) -> tuple[Expression, list[Triple]]:
-        """The expression that is said of a subject, and the triples that it is made of."""
+        """Return the expression stated of a subject, and the triples that it is made of."""
         used: list[Triple] = []
         return self._node(subject, at, used, DEEPEST), used
 
@@ -187,7 +187,7 @@ class Expressions:
         return self._read(item, at, used, depth - 1)
 
     def _types(self, node: str | BNode, kinds: tuple[str, ...]) -> list[Triple]:
-        """The triples that say what kind of expression a nameless node is."""
+        """Return the triples that state what kind of expression a nameless node is."""
         if not isinstance(node, BNode):
             return []
         return [triple for triple in self._graph.about(node, TYPE) if triple.object in kinds][:1]
@@ -250,7 +250,7 @@ _ROOT, _IS = "urn:expression", "urn:is"
 
 
 def expression_of(ontology: Ontology, term: Term, span: Span) -> Expression | None:
-    """The class expression or data range that a term is, at ``span``; None if it is none or has no end."""
+    """Return the class expression or data range that a term is, at ``span``; None if it is none or is cyclic."""
     if not isinstance(term, BNode):
         return Expression("name", span, term)
     triples = [Triple(_ROOT, _IS, term, span)]
@@ -271,7 +271,7 @@ def expression_of(ontology: Ontology, term: Term, span: Span) -> Expression | No
 
 
 def text_of(expression: Expression) -> str:
-    """An expression in Manchester syntax; names of the vocabulary without prefix."""
+    """Return an expression in Manchester syntax; names of the vocabulary without prefix."""
     return _Short(Names({})).text(expression)
 
 

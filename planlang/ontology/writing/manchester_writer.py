@@ -25,7 +25,7 @@ from planlang.ontology.writing.sections import (
 
 
 def manchester(triples: Iterable[Triple], prefixes: Mapping[str, str]) -> tuple[str, list[Triple]]:
-    """The text of a graph, and the triples that Manchester syntax has no words for.
+    """Return the text of a graph, and the triples that Manchester syntax cannot express.
 
     The same graph gives the same text. What is nowhere declared is given a frame, which declares it.
     """
@@ -99,7 +99,7 @@ class _Writer:
         return "\n".join(lines) + "\n"
 
     def _said(self, triples: list[Triple], write: Callable[[], str]) -> Iterator[str]:
-        """The text of triples, which count as written then; nothing if there are no words for them."""
+        """Yield the text of triples, which then count as written; nothing if the syntax cannot express them."""
         before = len(self._graph.written)
         try:
             text = write()
@@ -135,7 +135,7 @@ class _Writer:
         return f"Annotations: {', '.join(texts)} " if texts else ""
 
     def _annotated(self, triple: Triple, item: str) -> list[str]:
-        """An item once for each annotation that it has, or once without."""
+        """Return an item once for each annotation that it has, or once without."""
         return [note + item for note in self._notes(triple)] or [item]
 
     # things that have names
@@ -176,7 +176,7 @@ class _Writer:
         return "\0".join(self._annotated(triple, self._words.term(triple.subject)))
 
     def _words_of(self, subject: str | BNode, said: list[Triple]) -> tuple[str, ...]:
-        """The words for the frames of a subject: what it is declared, else what is said of it tells."""
+        """Return the words for the frames of a subject: from its declarations, else from the statements about it."""
         if isinstance(subject, BNode):
             return ("Individual",)
         declared = {FRAMES[t.object] for t in said if t.predicate == TYPE and t.object in FRAMES}
@@ -222,7 +222,7 @@ class _Writer:
             self._value(triple, words)
 
     def _value(self, triple: Triple, words: tuple[str, ...]) -> None:
-        """A fact of an individual, or an annotation; both state the same triple."""
+        """Write a fact of an individual, or an annotation; both state the same triple."""
         is_fact = "Individual" in words and triple.predicate not in ANNOTATING
         if is_fact and not self._is_annotation_property(triple.predicate):
             self._put(triple, words, ("Individual",), "Facts", lambda: self._fact(triple))
@@ -251,7 +251,7 @@ class _Writer:
         return self._annotated(triple, text)
 
     def _plain(self, triple: Triple) -> str:
-        """The name or expression that is a triple's object."""
+        """Return the name or expression that is a triple's object."""
         if isinstance(triple.object, BNode) and triple.predicate in (OWL + "sameAs", OWL + "differentFrom"):
             return self._words.term(triple.object)
         if isinstance(triple.object, Literal):

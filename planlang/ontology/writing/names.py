@@ -55,7 +55,7 @@ class Names:
         return sorted((name, space) for space, name in self._spaces.items())
 
     def used(self) -> list[tuple[str, str]]:
-        """The prefixes that were needed, with their namespaces, sorted."""
+        """Return the used prefixes, with their namespaces, sorted."""
         return sorted((name, space) for space, name in self._spaces.items() if name in self._used)
 
 

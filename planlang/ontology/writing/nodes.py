@@ -44,7 +44,7 @@ class Graph:
         return tuple(self._about)
 
     def about(self, subject: str | BNode, predicate: str | None = None) -> list[Triple]:
-        """What is said of a subject, by one property or all."""
+        """Return the triples of a subject, with one property or all."""
         found = self._about.get(subject, [])
         return found if predicate is None else [triple for triple in found if triple.predicate == predicate]
 
@@ -72,11 +72,11 @@ class Graph:
             self.written.popitem()
 
     def rest(self) -> Iterator[Triple]:
-        """What has not been written."""
+        """Yield the triples that have not been written."""
         return (triple for triple in self.triples if triple not in self.written)
 
     def items(self, triple: Triple) -> tuple[list[Term], list[Triple]]:
-        """The items of the list that is a triple's object, and the triples of its cells. Raises CannotSay."""
+        """Return the items of the list that is a triple's object, and the triples of its cells. Raises CannotSay."""
         items: list[Term] = []
         used: list[Triple] = []
         cell, seen = triple.object, set[Term]()
@@ -93,11 +93,11 @@ class Graph:
         return items, used
 
     def annotations(self, triple: Triple) -> list[BNode]:
-        """The nodes that annotate a triple."""
+        """Return the nodes that annotate a triple."""
         return self._annotated.get((triple.subject, triple.predicate, triple.object), [])
 
     def notes(self, node: BNode) -> tuple[list[Triple], list[Triple]]:
-        """What an annotating node says, and the triples by which it does."""
+        """Return the annotations in an annotating node, and the triples that link it to the annotated triple."""
         frame = (TYPE, _SOURCE, _PROPERTY, _TARGET)
         said = self.about(node)
         return [t for t in said if t.predicate not in frame], [t for t in said if t.predicate in frame]
@@ -133,7 +133,7 @@ class Order:
                 return ("1", term, "", "")
 
     def triple_key(self, triple: Triple) -> tuple[Key, str, Key]:
-        """By subject, predicate and object."""
+        """Return a key that sorts triples by subject, predicate and object."""
         return self.key(triple.subject), triple.predicate, self.key(triple.object)
 
 
@@ -156,7 +156,7 @@ def labelled(triples: Iterable[Triple]) -> list[Triple]:
 
 
 def differences(before: Iterable[Triple], after: Iterable[Triple]) -> tuple[list[Triple], list[Triple]]:
-    """What only the first and what only the second graph states, nameless nodes being alike if all is that they say."""
+    """Return the triples in only the first and in only the second graph; nameless nodes match by their content."""
     one, two = statements(before), statements(after)
     gone = [triple for key, found in one.items() for triple in found[len(two.get(key, ())) :]]
     new = [triple for key, found in two.items() for triple in found[len(one.get(key, ())) :]]
@@ -164,7 +164,7 @@ def differences(before: Iterable[Triple], after: Iterable[Triple]) -> tuple[list
 
 
 def statements(triples: Iterable[Triple]) -> dict[tuple[object, str, object], list[Triple]]:
-    """What a graph states, each under a key that equal ones share, in whatever graph and whatever its labels."""
+    """Return the statements of a graph, each under a key that equal ones share in all graphs, whatever the labels."""
     given = list({(t.subject, t.predicate, t.object): t for t in triples}.values())
     colours = _content([Triple(t.subject, t.predicate, _plain(t.object), t.span) for t in given])
     found: dict[tuple[object, str, object], list[Triple]] = {}
@@ -177,7 +177,7 @@ def statements(triples: Iterable[Triple]) -> dict[tuple[object, str, object], li
 
 
 def _plain(term: Term) -> Term:
-    """The term, a text without its datatype, which says nothing: since RDF 1.1 plain texts are xsd:string."""
+    """Return the term, a text without its datatype: since RDF 1.1 plain texts are xsd:string."""
     return Literal(term.value) if isinstance(term, Literal) and term.datatype == STRING else term
 
 
@@ -186,7 +186,7 @@ def _digest(parts: object) -> str:
 
 
 def _said(triples: list[Triple]) -> tuple[dict[BNode, list[Triple]], dict[BNode, list[Triple]]]:
-    """What is said of each node, and with it."""
+    """Return the triples of each node as subject, and as object."""
     out: dict[BNode, list[Triple]] = {}
     into: dict[BNode, list[Triple]] = {}
     for triple in triples:
@@ -202,7 +202,7 @@ def _said(triples: list[Triple]) -> tuple[dict[BNode, list[Triple]], dict[BNode,
 
 
 def _content(triples: list[Triple]) -> dict[BNode, str]:
-    """A digest of everything that is said below each node; of nodes on circles, of what a few rounds show."""
+    """Return a digest of all statements below each node; for nodes on cycles, of a few rounds."""
     out, into = _said(triples)
     waiting = {node: sum(isinstance(t.object, BNode) for t in said) for node, said in out.items()}
     ready = [node for node, number in waiting.items() if number == 0]
@@ -239,7 +239,7 @@ def _shown(term: Term, colours: Mapping[BNode, str]) -> tuple[str, ...]:
 
 
 def _colours(triples: list[Triple]) -> dict[BNode, str]:
-    """The digests of the nodes' contents, refined by where the nodes are used."""
+    """Return the digests of the nodes' contents, refined by the uses of the nodes."""
     out, into = _said(triples)
     colours = _content(triples)
     for tie in range(MOST_TIES):
@@ -279,7 +279,7 @@ def _refined(
 
 
 class Subjects:
-    """What is stated of each subject, and which nameless nodes are used in one place, where they can be written."""
+    """The statements of each subject, and the nameless nodes with a single use, where they can be written."""
 
     def __init__(self, triples: Iterable[Triple]) -> None:
         self.about: dict[str | BNode, list[Triple]] = {}

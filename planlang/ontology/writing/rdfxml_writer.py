@@ -21,7 +21,7 @@ _SYNTAX = frozenset(RDF + name for name in ("RDF", "ID", "about", "parseType", "
 
 
 def rdfxml(triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None) -> tuple[str, list[Triple]]:
-    """The text of a graph, and the triples that RDF/XML has no way to write.
+    """Return the text of a graph, and the triples that RDF/XML cannot express.
 
     These have a property whose IRI does not end in a name, or a text with characters that XML does not have. The same
     graph gives the same text. ``own`` is the name of the ontology.
@@ -42,7 +42,7 @@ def _can_be_written(triple: Triple) -> bool:
 
 
 def _is_element(term: Term) -> bool:
-    """True for an IRI that can be the name of an element: it ends in a name, and does not mean something else there."""
+    """Return True for an IRI that can name an element: it ends in a name, and has no other meaning there."""
     if not isinstance(term, str) or term in _SYNTAX:
         return False
     found = _END.search(term)
@@ -128,7 +128,7 @@ class _Writer:
             yield f"{pad}<rdf:Description{_node_id(item)}/>\n"
 
     def _items(self, cell: BNode) -> list[str | BNode] | None:
-        """The items of a list that can be written as one; None if it cannot, or has values."""
+        """Return the items of a list that can be written as one; None if it cannot, or has values."""
         found = self._subjects.list_at(cell, lambda one: one in self._once and one not in self._written)
         items = [item for item in found[0] if not isinstance(item, Literal)] if found is not None else []
         if found is None or len(items) < len(found[0]):

@@ -1,4 +1,4 @@
-"""What a file in Manchester syntax is made of: frames, their sections, and which property each section states."""
+"""Define the parts of a file in Manchester syntax: frames, their sections, and the property that each states."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class Frame:
 
 
 def section(name: str, items: list[str]) -> str:
-    """A section on one line if it fits or has one item, else with a line for each item."""
+    """Return a section on one line if it fits or has one item, else with a line for each item."""
     line = f"    {name}: {', '.join(items)}"
     if not items[1:] or (len(line) <= WIDTH and "\n" not in line):
         return line

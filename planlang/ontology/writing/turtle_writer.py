@@ -15,12 +15,12 @@ _SHORT = {"\t": r"\t", "\b": r"\b", "\n": r"\n", "\r": r"\r", "\f": r"\f", '"': 
 
 
 def ntriples(triples: Iterable[Triple]) -> str:
-    """The triples in their order; the labels of nameless nodes as they are."""
+    """Return the triples in their order; the labels of nameless nodes as they are."""
     return "".join(f"{term(t.subject)} {iri(t.predicate)} {term(t.object)} .\n" for t in triples)
 
 
 def term(value: Term) -> str:
-    """A term as N-Triples and Turtle write it in full."""
+    """Return a term as N-Triples and Turtle write it in full."""
     match value:
         case BNode(label):
             return f"_:{label}"
@@ -32,12 +32,12 @@ def term(value: Term) -> str:
 
 
 def iri(value: str) -> str:
-    """An IRI in angle brackets; characters that it must not have are escaped."""
+    """Return an IRI in angle brackets; characters that it must not have are escaped."""
     return f"<{_ILLEGAL_IN_IRI.sub(_escape, value)}>"
 
 
 def text(value: str) -> str:
-    """A text in quotation marks, on one line."""
+    """Return a text in quotation marks, on one line."""
     return f'"{_ESCAPED_IN_TEXT.sub(lambda found: _SHORT.get(found[0]) or _escape(found), value)}"'
 
 
@@ -50,7 +50,7 @@ DEEPEST = 40
 
 
 def turtle(triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None) -> str:
-    """The text of a graph; the same graph gives the same text. ``own`` is the name of the ontology."""
+    """Return the text of a graph; the same graph gives the same text. ``own`` is the name of the ontology."""
     writer = _Writer(labelled(triples), Names(prefixes, own))
     body = "\n".join(writer.paragraphs())
     head = "".join(f"@prefix {name}: {iri(space)} .\n" for name, space in writer.names.used())

@@ -49,7 +49,7 @@ def lost_statements(checked: CheckedFile) -> Iterator[Diagnostic]:
 
 
 def _own_classes(ontology: Ontology) -> Iterator[str]:
-    """The named classes of the main document that are said to be below or the same as something, each once."""
+    """Yield the named classes of the main document that have a superclass or an equivalent class, each once."""
     store = ontology.store
     rows = (row for word in (SUBCLASS_OF, EQUIVALENT_CLASS) for row in _here(ontology, store.by(word)))
     for number in dict.fromkeys(map(store.subjects.__getitem__, rows)):
@@ -59,13 +59,13 @@ def _own_classes(ontology: Ontology) -> Iterator[str]:
 
 
 def _here(ontology: Ontology, rows: Iterable[int]) -> list[int]:
-    """The rows of the main document among these."""
+    """Return the rows of the main document among the given rows."""
     main = ontology.store.ranges[0]
     return [row for row in rows if row in main]
 
 
 def _using(ontology: Ontology, *words: str) -> Sequence[int]:
-    """The rows whose property has one of these local names."""
+    """Return the rows whose property has one of these local names."""
     return ontology.store.by(*ontology.properties_named(*words))
 
 
@@ -82,7 +82,7 @@ def _of_no_recipe(actions: Actions, cls: str, stated: tuple[Restriction, ...]) -
 
 
 def _permitted(ontology: Ontology, cls: str, stated: tuple[Restriction, ...]) -> Iterator[Diagnostic]:
-    """What may be there (only, max) of which nothing says that it is there: sub-actions, constraints, parameters."""
+    """Yield diagnostics for restrictions (only, max) that permit but do not require a step, constraint or parameter."""
     if all(one.kind in KINDS for one in stated):
         return
     there = {(one.property, one.filler) for one in stated if one.kind in KINDS}
@@ -133,12 +133,12 @@ def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[D
 
 
 def _word_of(term: Term) -> str:
-    """An IRI, the text of a value, or the label of a node: tells apart what stands in one line of Turtle."""
+    """Return an IRI, the text of a value, or the label of a node, to distinguish terms on one line of Turtle."""
     return term.value if isinstance(term, Literal) else str(term)
 
 
 def _is_about_others(actions: Actions, node: int) -> bool:
-    """True if an expression (number of its node) says what is not, or defines a class of which no recipe is."""
+    """Return True if an expression (number of its node) is a negation, or defines a class that no recipe belongs to."""
     store, through = actions.ontology.store, set[int]()
     word: str | None = None
     while store.name(node) is None and node not in through:
@@ -164,7 +164,7 @@ def _texts_of_individuals(ontology: Ontology) -> Iterator[Diagnostic]:
 
 
 def _text(owner: str, name: str, value: Literal, span: Span) -> Iterator[Diagnostic]:
-    """A text where the name of an action, a constraint or a state is expected."""
+    """Yield a diagnostic for a text where the name of an action, a constraint or a state is expected."""
     if is_word(name, *NAMING):
         message = f"{local_name(name)} of `{owner}` is the text {value.value!r}, which is not a name"
         yield error("R059", message, span, f"write {value.value} without quotation marks (in XML: rdf:resource)")

@@ -49,14 +49,14 @@ _NAMING = (
 
 _OUTCOMES = {word: ending for ending, words in MEANINGS.items() for word in words}
 _WORDS_OF_THEIR_OWN = frozenset({"falling"})
-"""Words of outcomes that are one slip from those that say how a state ends, and mean something else."""
+"""Words of outcomes that are one typo from words that state how a state ends, and mean something else."""
 _SURE_OUTCOME = 0.9
-"""As ``SURE``, for outcomes: nearer, since their words are inflected (``obtained``, ``completely``)."""
+"""The similarity from which outcomes count as sure: higher than ``SURE``, since they are inflected (``obtained``)."""
 
 
 @check("R058")
 def misspellings(ontology: Ontology) -> tuple[Diagnostic, ...]:
-    """An error for each misspelt name of the main document, with what was meant, in the order of the file.
+    """Return an error for each misspelt name of the main document, with its correction, in the order of the file.
 
     It is a warning for one that the document declares.
     """
@@ -66,7 +66,7 @@ def misspellings(ontology: Ontology) -> tuple[Diagnostic, ...]:
 
 
 def corrected(ontology: Ontology, found: Iterable[Diagnostic], *, guessing: bool = False) -> Ontology:
-    """The ontology with what was meant in the place of what is misspelt, where that is sure or one is ``guessing``.
+    """Return the ontology with misspelt names corrected where the correction is sure, or all if ``guessing``.
 
     It is the same ontology if nothing is changed.
     """
@@ -111,7 +111,7 @@ class _Names:
         return dict(sorted(found.items(), key=lambda one: one[1]))
 
     def is_known_property(self, number: int) -> bool:
-        """True for a property about which a document says more than that it is one."""
+        """Return True for a property that any document states more about than that it is a property."""
         name = self._store.name(number)
         if name is None or name.startswith(_W3C) or is_vocabulary(shorten(name)) or _is_read(name):
             return True
@@ -144,7 +144,7 @@ class _Names:
         return dict(sorted(found.items(), key=lambda one: one[1]))
 
     def _links(self, number: int) -> bool:
-        """True for a property of the vocabulary of recipes that links things; its objects are names."""
+        """Return True for an object property of the recipe vocabulary; its objects are names."""
         name = self._store.name(number) or ""
         return not name.startswith(_W3C) and (_is_read(name) or is_vocabulary(shorten(name)))
 
@@ -168,7 +168,7 @@ class _Names:
         return Neighbours(self._known)
 
     def meant(self, written: str) -> list[str]:
-        """The names (IRIs) that are meant by one that nothing defines: the same elsewhere, or nearly the same.
+        """Return the names (IRIs) that an undefined name may stand for: the same elsewhere, or nearly the same.
 
         A name of a thing (``cup``) is not meant for that of its class (``Cup``), nor the other way round.
         """
@@ -185,7 +185,7 @@ class _Names:
         ]
 
     def _are_mixed(self, written: str, meant: str) -> bool:
-        """True for namespaces that are easily taken for each other: the file's own and those of the vocabulary."""
+        """Return True for namespaces that are easily confused: the file's own and those of the vocabulary."""
         first, vocabulary = next(iter(self.own), None), VOCABULARIES.values()
         return (meant in vocabulary and (written == first or written in vocabulary)) or (
             written in vocabulary and meant == first
@@ -218,7 +218,7 @@ def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
 
 
 def _vocabulary(ontology: Ontology) -> Iterator[str]:
-    """The properties that the bundled vocabulary declares."""
+    """Yield the properties that the bundled vocabulary declares."""
     kinds = (OWL + kind for kind in ("ObjectProperty", "DatatypeProperty", "AnnotationProperty"))
     for kind in kinds:
         for triple in ontology.triples(p=TYPE, o=kind):
@@ -227,14 +227,14 @@ def _vocabulary(ontology: Ontology) -> Iterator[str]:
 
 
 def _stated(ontology: Ontology, space: str, word: str, listed: dict[str, str]) -> str:
-    """The word in the namespace in which it was meant: that of what is written if it is used there, else KnowRob's."""
+    """Return the word in its intended namespace: the one that is written if the word is used there, else KnowRob's."""
     if space + word in ontology.properties_named(word):
         return space + word
     return listed.get(word) or (space if space in VOCABULARIES.values() else KNOWROB) + word
 
 
 def _relates_tasks(ontology: Ontology, name: str) -> bool:
-    """True for a property that links steps of workflows with each other."""
+    """Return True for a property that links steps of workflows to each other."""
     steps = {
         term for triple in ontology.using("hasStep", "isStepOf", "stepOf") for term in (triple.subject, triple.object)
     }
@@ -248,7 +248,7 @@ def _plain(short: str) -> str:
 
 
 def _like(short: str, word: str) -> str:
-    """The word with what stands before it in what is written."""
+    """Return the word with the prefix of the name that is written."""
     before = short[: len(short) - len(_plain(short))]
     return before + (word.capitalize() if before else word)
 
@@ -279,12 +279,12 @@ def _misspelt(written: str, meant: list[str], span: Span, message: str) -> Diagn
 
 
 def _is_declared(ontology: Ontology, name: str) -> bool:
-    """True if the main document says of what kind something is, more than that it has a name."""
+    """Return True if the main document states the kind of something, not only its name."""
     return ontology.main(name) and any(kind != OWL + "NamedIndividual" for kind in ontology.values(name, TYPE))
 
 
 def _unusual(written: str, meant: list[str], span: Span) -> Diagnostic:
-    """A name that is nearly a word of the vocabulary, but declared as another one."""
+    """Return a diagnostic for a name that is nearly a word of the vocabulary but declared as another one."""
     short = local_name(written)
     message = f"`{short}` is declared, but nearly a word of the vocabulary; it is kept"
     renames = [Rename(written, name) for name in meant]
@@ -350,10 +350,10 @@ _PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 def guess(
     written: str, names: Iterable[str], *, least: float = 0.6, telling: Callable[[str], str] = local_name
 ) -> Rename | None:
-    """The name (IRI) whose local part is most like that of what is written (IRI); None if none is ``least`` like it.
+    """Return the name (IRI) most similar to a written one (IRI) by its local part; None if none reaches ``least``.
 
-    ``telling`` gives the part of an IRI that is compared, where names end alike whatever they mean.
-    It is sure if it is the only one that is nearly the same, and not the same with another number: of ``cup1`` and
+    ``telling`` returns the part of an IRI to compare, where names share an ending whatever they mean.
+    It is sure if it alone is nearly the same, and does not differ by a number only: of ``cup1`` and
     ``cup2`` neither is a misspelling of the other.
     """
     known: dict[str, str] = {}
@@ -383,7 +383,7 @@ class Neighbours:
                 self._shortened.setdefault(variant, []).append(name)
 
     def of(self, written: str) -> list[str]:
-        """The names that ``written``, which is none of them, differs from in one letter, sorted."""
+        """Return the names, sorted, that differ from ``written``, which is none of them, in one letter."""
         near = {name for variant in _variants(written) for name in self._shortened.get(variant, ())}
         return sorted(name for name in near if _is_slip(written, name))
 
@@ -393,7 +393,7 @@ def _variants(name: str) -> set[str]:
 
 
 def _is_slip(written: str, name: str) -> bool:
-    """True if one slip of a finger makes one name of the other, and hardly a person's will."""
+    """Return True if one typo makes one name of the other, and the difference is hardly intended."""
     shorter, longer = sorted((written, name), key=len)
     if len(shorter) < SHORTEST or written == name or _digits(written) != _digits(name):
         return False

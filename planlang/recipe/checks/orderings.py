@@ -89,7 +89,7 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _constraint(one: Ordering | Overlap) -> str:
-    """The constraint that says it, or in words what is said."""
+    """Return the constraint of an ordering or overlap, or its description in words."""
     return local_name(one.iri) if isinstance(one, Ordering) and one.iri is not None else _said(one)
 
 
@@ -135,7 +135,7 @@ def repeated_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def constraints_of(recipe: Recipe) -> Iterator[Ordering]:
-    """The orderings that the file states as such."""
+    """Yield the orderings that the file states explicitly."""
     yield from (ordering for ordering in recipe.orderings if ordering.reason is Reason.CONSTRAINT)
 
 
@@ -151,15 +151,15 @@ def redundant_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _stated(recipe: Recipe) -> Precedence[str]:
-    """The orders of steps that the file states as such; they are acyclic."""
+    """Return the orders of steps that the file states explicitly; they are acyclic."""
     constraints = tuple(constraints_of(recipe))
     return recipe_order(replace(recipe, orderings=constraints) if len(constraints) < len(recipe.orderings) else recipe)
 
 
 def follow_from_others(recipe: Recipe) -> frozenset[tuple[str, str]]:
-    """The stated orders of steps (IRIs) that follow from other stated ones; none if all that follow are stated.
+    """Return the stated orders of steps (IRIs) that follow from other stated ones; none if all that follow are stated.
 
-    Some tools state every order that follows: then that is how the file is meant. The orders are acyclic, or the
+    Some tools state every order that follows; then none is redundant. The orders have to be acyclic, or the
     answer is none.
     """
     if recipe_cycle(recipe):
@@ -173,7 +173,7 @@ def follow_from_others(recipe: Recipe) -> frozenset[tuple[str, str]]:
 
 
 def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:
-    """A help line with the ordering constraint to add, in Manchester syntax."""
+    """Return a help line with the ordering constraint to add, in Manchester syntax."""
     name = f"{recipe.name}_{local_name(before)}_{local_name(after)}"
     a, b = told_apart(before, after)
     facts = f"occursBeforeInOrdering {a}, occursAfterInOrdering {b}"

@@ -99,7 +99,7 @@ def left_out(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _owners(checked: CheckedRecipe) -> Iterator[tuple[str, tuple[Filling, ...]]]:
-    """The task and its sub-actions (IRIs) with what is filled in where they are mentioned."""
+    """Yield the task and its sub-actions (IRIs) with what is filled in where they are mentioned."""
     yield checked.statements.iri, checked.statements.fillings
     for sub in checked.statements.sub_actions:
         if sub.iri is not None:
@@ -202,7 +202,7 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
 
 
 def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Diagnostic:
-    """A filler, or a thing that a place relates to, is defined, but of a class that is unknown."""
+    """Return a diagnostic for a filler, or a thing that a place relates to, that is of an unknown class."""
     cls = next(iter(classes_of(ontology, term)), term)
     meant = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
     is_what = f", of the class `{local_name(cls)}`" if cls != term else ""
@@ -237,7 +237,7 @@ def _literal(ontology: Ontology, owner: str, property_name: str, literal: Litera
 
 
 def _meant(ontology: Ontology, undefined: str) -> Rename | None:
-    """A name of the main document that is like one that nothing defines."""
+    """Return a name of the main document that is similar to an undefined one."""
     names = {
         triple.subject: None
         for triple in ontology.triples(p=TYPE)

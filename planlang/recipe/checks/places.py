@@ -37,7 +37,7 @@ def unrelated_places(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _unrelated(actions: Actions, owner: Step | Recipe, place: Place, span: Span | None) -> Iterator[Diagnostic]:
-    """A place without relation: an error for the base, a warning for the hand unless robots have such a posture."""
+    """Yield an error for a place of the base without relation, a warning for the hand's unless it names a posture."""
     if not place.is_posture:
         return
     where = actions.ontology.span(place.iri) or span
@@ -73,7 +73,7 @@ _LANGUAGES = {iri.partition("#")[0] for iri in (TYPE, LABEL, COMMENT, OWL)}
 
 
 def places_of(place: Place) -> Iterator[Place]:
-    """A place and those that it relates to."""
+    """Yield a place and the places that it relates to."""
     yield place
     for _, reference in place.relations:
         if isinstance(reference, Place):
@@ -82,7 +82,7 @@ def places_of(place: Place) -> Iterator[Place]:
 
 @cache
 def postures() -> frozenset[str]:
-    """The names of the postures that bundled robots have, without separators."""
+    """Return the names of the postures that bundled robots have, without separators."""
     names: set[str] = set()
     for path in (bundled("ontologies") / "robots").glob("*.toml"):
         names |= set(tomllib.loads(path.read_text(encoding="utf-8")).get("postures", {}))
@@ -108,9 +108,9 @@ def unused_names(checked: CheckedFile) -> Iterator[Diagnostic]:
 
 
 def unused_designators(ontology: Ontology) -> tuple[list[str], list[str]]:
-    """The location designators, and the things, of the main document that nothing refers to, in the order of the file.
+    """Return the unused location designators, and the unused things, of the main document, in the order of the file.
 
-    No things if the file is a map as well. Supporting planes of an action data table say what chunks act on.
+    No things are returned if the file is a map as well. Supporting planes state what chunks act on.
     """
     planes = {triple.subject for triple in ontology.using("supportedObject")}
     places: list[str] = []

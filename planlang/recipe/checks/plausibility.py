@@ -107,7 +107,7 @@ def plausible_orders(
 
 
 def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], grasps: bool) -> bool:
-    """True if steps that do this and that should be in order, at least when they are about the same."""
+    """Return True if steps with these roles should be in order, at least when they concern the same object."""
     nothing, same = frozenset[str](), frozenset({""})
     return any(
         _why(_Facts(first, about), _Facts(second, about), all_roles, grasps=grasps) is not None
@@ -116,9 +116,9 @@ def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], gr
 
 
 def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -> str | None:
-    """Why the first step should come before the second; None if there is no reason.
+    """Return the reason why the first step should come before the second; None if there is no reason.
 
-    ``all_roles`` are the roles of all steps, ``grasps`` tells whether the recipe as a whole gets hold of something.
+    ``all_roles`` are the roles of all steps, ``grasps`` is true if the recipe as a whole grasps something.
     """
     is_related = not first.about.isdisjoint(second.about)
     a, b = first.roles, second.roles
@@ -207,7 +207,7 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     suggested = {frozenset((before, after)) for before, after, _ in plausible_orders(actions, recipe, checked.added)}
 
     def shared(first: Step, second: Step) -> frozenset[str]:
-        """What both need; a recipe also holds what its steps need on the way, process modules take turns by step."""
+        """Return what both steps need; a recipe also holds what its steps need, process modules take turns by step."""
         needs = whole if first.recipes or second.recipes else own
         return needs[first.iri] & needs[second.iri]
 

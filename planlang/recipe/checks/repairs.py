@@ -37,14 +37,14 @@ def repaired(ontology: Ontology, recipes: RecipeSet) -> tuple[RecipeSet, list[Di
 
 
 def violates_range(ontology: Ontology, property_name: str, cls: str) -> bool:
-    """True if the property has a range and a class (IRI) is known not to be below it."""
+    """Return True if the property has a range and a class (IRI) is known not to be below it."""
     if is_of_unknown_kind(ontology, cls):
         return False
     return any(not ontology.is_a(cls, wanted) for wanted in ranges_of(ontology, property_name))
 
 
 def ranges_of(ontology: Ontology, property_name: str) -> list[str]:
-    """The classes (IRIs) that a property takes things of."""
+    """Return the classes (IRIs) in the range of a property."""
     return [
         triple.object
         for triple in ontology.triples(s=expand(property_name), p=RANGE)
@@ -76,7 +76,7 @@ def _exchanged(
 def exchanged_pair(
     ontology: Ontology, parameters: tuple[Parameter, ...]
 ) -> tuple[tuple[Parameter, Thing], tuple[Parameter, Thing]] | None:
-    """The first two parameters whose fillers, each given beside it, should be exchanged; None if all is well."""
+    """Return the first two parameters whose fillers, each given beside it, should be exchanged; None if all is well."""
     things = [(parameter, parameter.filler) for parameter in parameters if isinstance(parameter.filler, Thing)]
     single = [(p, thing) for p, thing in things if sum(q.property == p.property for q in parameters) == 1]
     for (first, a), (second, b) in combinations(single, 2):

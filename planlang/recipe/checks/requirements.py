@@ -69,7 +69,7 @@ def _judged(ontology: Ontology, cls: str, restriction: Restriction) -> Iterator[
 
 
 def _alternatives(ontology: Ontology, word: str, ending: str) -> list[str]:
-    """The classes that may be meant: those that end alike, if it has one of the endings that tell nothing."""
+    """Return the classes that may be meant: those with the same ending, if it is one of the uninformative endings."""
     upper = _UPPER.get(word)
     if upper:
         names = ontology.subclasses(expand(upper))[1:]
@@ -80,13 +80,13 @@ def _alternatives(ontology: Ontology, word: str, ending: str) -> list[str]:
 
 
 def _ending(name: str) -> str:
-    """The kind of thing with which a name ends, maybe misspelt there; empty for other names."""
+    """Return the kind of thing with which a name ends, also if misspelt; empty for other names."""
     last = _LAST_PART.search(local_name(name))
     return next(iter(get_close_matches(last[0], _ENDINGS, n=1, cutoff=0.8)), "") if last else ""
 
 
 def _telling(name: str) -> str:
-    """The local name without that: all names of capabilities are alike in it."""
+    """Return the local name without its ending, which the names of all capabilities share."""
     short = local_name(name)
     return _LAST_PART.sub("", short) if _ending(name) else short
 

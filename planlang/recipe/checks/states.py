@@ -192,7 +192,7 @@ def _later(first: Transition, second: Transition) -> Span | None:
 
 
 def _where(ontology: Ontology, statements: Statements, name: str) -> Span | None:
-    """Where a state is mentioned first: in a transition, else as start or end."""
+    """Return where a state is mentioned first: in a transition, else as start or end."""
     transitions = statements.states.transitions if statements.states is not None else ()
     events = {one.iri for one in transitions}
     mentions = list(ontology.triples(o=name))

@@ -46,7 +46,7 @@ def repeated_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _once(checked: CheckedRecipe) -> dict[SubAction, None]:
-    """The sub-actions as they are first stated, and all that name nothing."""
+    """Return the sub-actions as they are first stated, and all that name nothing."""
     found: dict[str, SubAction] = {}
     subs = checked.statements.sub_actions
     return dict.fromkeys(sub for sub in subs if sub.iri is None or found.setdefault(sub.iri, sub) is sub)
@@ -124,7 +124,7 @@ def same_names(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tuple[str, Rename | None]:
-    """The name that an undefined one probably stands for, in words and as a change."""
+    """Return the name that an undefined one probably stands for, in words and as a change."""
     for name in statements.mentioned():
         if name not in statements.names and ontology.defined(name):
             return f"did you mean `{local_name(name)}`, which is ordered but is not a sub-action?", None

@@ -97,7 +97,7 @@ class Fix:
 
 
 def applied(text: str, edits: Iterable[Edit]) -> str:
-    """The text with all edits made. Raises CannotEdit if two of them touch the same characters."""
+    """Return the text with all edits made. Raises CannotEdit if two of them touch the same characters."""
     parts: list[str] = []
     position = 0
     for edit in _ordered(edits):
@@ -109,7 +109,7 @@ def applied(text: str, edits: Iterable[Edit]) -> str:
 
 
 def _ordered(edits: Iterable[Edit]) -> Sequence[Edit]:
-    """By place; of those that insert at one place the earlier given comes first."""
+    """Return the edits sorted by position; of insertions at one position the one given first comes first."""
     return sorted(dict.fromkeys(edits), key=lambda edit: (edit.start, edit.end))
 
 
@@ -120,6 +120,6 @@ def line_end(text: str) -> str:
 
 
 def indentation(text: str, offset: int) -> str:
-    """The white space before a place if nothing else is before it on its line, else none."""
+    """Return the white space before a place if nothing else is before it on its line, else none."""
     before = text[text.rfind("\n", 0, offset) + 1 : offset]
     return before if not before.strip() else ""

@@ -99,7 +99,7 @@ def fix_recipe(
 
 
 def _in(path: Path, span: Span | None) -> Span | None:
-    """The position in the file itself instead of the copy that is tried out."""
+    """Return the position in the file itself instead of its temporary copy."""
     return span if span is None or Path(span.file).name != path.name else span._replace(file=str(path))
 
 
@@ -114,7 +114,7 @@ class _Fixer:
         self._allow_abstract = allow_abstract
 
     def made(self, state: _State, fixes: Sequence[Fix]) -> tuple[_State, Sequence[Fix]]:
-        """The state with all safe fixes made at once if that works, else with the first of them.
+        """Return the state with all safe fixes made at once if that works, else with the first of them.
 
         Raises CannotEdit if the first one does not work.
         """
@@ -130,7 +130,7 @@ class _Fixer:
         raise CannotEdit("no fix was given")
 
     def read(self, text: str) -> _State:
-        """What there is to say about a text; raises BadInput if it cannot be read."""
+        """Return the diagnostics and fixes of a text; raises BadInput if it cannot be read."""
         with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
             copy = Path(folder) / self._path.name
             copy.write_bytes(text.encode(self._encoding))
@@ -169,7 +169,7 @@ class _Fixer:
 
 
 def editable(text: str) -> Editable:
-    """The text as RDF/XML or as Manchester syntax. Raises CannotEdit if it is XML with mistakes, or Turtle."""
+    """Return the text as RDF/XML or as Manchester syntax. Raises CannotEdit if it is XML with mistakes, or Turtle."""
     match syntax_of_text(text, "the recipe"):
         case Syntax.RDFXML:
             return XmlText(text)

@@ -116,7 +116,7 @@ class ManchesterText:
         return []
 
     def _item(self, last: Span, new: str) -> str:
-        """A further item of the list in which ``last`` is, on a line of its own if that is."""
+        """Return a further item for the list that contains ``last``, on a line of its own if ``last`` is on one."""
         indent = indentation(self.text, self._property(last)[0])
         return f",{line_end(self.text)}{indent}{new}" if indent else f", {new}"
 
@@ -143,7 +143,7 @@ class ManchesterText:
         return Edit(end, end, "".join(line_end(self.text).join(["", "", *frame]) for frame in frames))
 
     def _ends_an_item(self, offset: int) -> bool:
-        """True if an item of a list ends at the place: behind it are a comma, another section, or nothing."""
+        """Return True if an item of a list ends here: before a comma, another section, or the end."""
         rest = re.sub(r"\A(?:\s|#[^\n]*\n)+", "", self.text[offset:])
         return not rest or rest.startswith(",") or _FRAME.match(rest) is not None
 

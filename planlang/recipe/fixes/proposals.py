@@ -145,7 +145,7 @@ def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic,
 
 
 def _anchors(actions: Actions, recipe: Recipe, order: Order) -> Anchors | None:
-    """Where the file says what a new ordering refers to; None if no restrictions of a class say what the steps are."""
+    """Return where the file states the ends of a new ordering; None if no restrictions of a class state the steps."""
     stating = recipes_for(actions, recipe.iri)[0][0]
     statements = actions.statements(stating)
     assert statements is not None
@@ -161,7 +161,7 @@ def _anchors(actions: Actions, recipe: Recipe, order: Order) -> Anchors | None:
 
 
 def _place(ontology: Ontology, stating: str, *words: str) -> Place | None:
-    """Where a class lists sub-actions, and the place of a new restriction: behind the last with one of the words.
+    """Return where a class lists sub-actions, and the place of a new restriction: after the last with one of the words.
 
     Behind the last sub-action if there is none; None if restrictions list no sub-actions.
     """
@@ -287,7 +287,7 @@ def _same_file(*spans: Span) -> None:
 
 
 def removals(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Fix]:
-    """What may go: constraints that say nothing new, or nothing of a recipe of states, and repeated sub-actions."""
+    """Yield removals of constraints without effect and of repeated sub-actions."""
     restrictions = ontology.restrictions(statements.iri)
     stated = {str(one.filler): one for one in restrictions if is_word(one.property, "orderingConstraints")}
     pairs: dict[str, set[tuple[str, str]]] = {}

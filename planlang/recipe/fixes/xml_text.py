@@ -27,13 +27,13 @@ class Element:
     name: str
     """The tag with its namespace in place of the prefix."""
     attributes: Mapping[str, str]
-    """With entities expanded."""
+    """The attributes, with entities expanded."""
     prefixes: Mapping[str, str]
     parent: Element | None
     start: int
     opened: int = -1
     closing: int = -1
-    """Where the end tag begins; -1 if the start tag is all."""
+    """The offset of the end tag; -1 if the element is a start tag only."""
     end: int = -1
     children: list[Element] = field(default_factory=list)
 
@@ -159,7 +159,7 @@ class XmlText:
         return Edit(start, rest.end(), "") if rest and is_alone else Edit(element.start, element.end, "")
 
     def _restriction_of(self, filler: Span) -> tuple[Element, Element]:
-        """The restriction of a filler, and the element around that."""
+        """Return the restriction of a filler, and the element around the restriction."""
         restriction = self._element(filler).parent
         around = restriction.parent if restriction is not None else None
         if restriction is None or around is None:
@@ -220,7 +220,7 @@ class XmlText:
         return element
 
     def _property(self, filler: Span) -> Element:
-        """The owl:onProperty beside a filler."""
+        """Return the owl:onProperty beside a filler."""
         restriction = self._element(filler).parent
         for child in restriction.children if restriction is not None else ():
             if child.name == ON_PROPERTY:
@@ -228,7 +228,7 @@ class XmlText:
         raise CannotEdit("no owl:onProperty is beside it")
 
     def _reference(self, span: Span) -> str:
-        """What to write in rdf:resource for what an element names."""
+        """Return the text to write in rdf:resource for the name of an element."""
         element = self._element(span)
         for local, sign in (("resource", ""), ("about", ""), ("ID", "#")):
             if RDF + local in _names(element):
@@ -236,7 +236,7 @@ class XmlText:
         raise CannotEdit("the element names nothing")
 
     def _value(self, element: Element, local: str) -> tuple[int, int]:
-        """Where the value of an attribute of RDF stands, as it is written."""
+        """Return where the value of an RDF attribute stands in the text."""
         wanted = _names(element).get(RDF + local)
         for match in _ATTRIBUTE.finditer(self.text, element.start, element.opened):
             if match[1] == wanted:
@@ -276,7 +276,7 @@ class XmlText:
             element.closing, element.end = offset, self.text.index(">", offset) + 1
 
     def _offset(self) -> int:
-        """The character at which expat is; -1 inside of an entity, where positions go back."""
+        """Return the offset of the character at which expat is; -1 inside of an entity, where positions go back."""
         position = self._parser.CurrentByteIndex
         if position < self._bytes:
             return -1
@@ -291,7 +291,7 @@ def _names(element: Element) -> dict[str, str]:
 
 
 def _names_it(element: Element, name: str) -> bool:
-    """True if an element describes what has this local name."""
+    """Return True if an element describes the thing with this local name."""
     names = _names(element)
     said = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
     return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in said)
@@ -303,7 +303,7 @@ def _resolved(tag: str, prefixes: Mapping[str, str]) -> str:
 
 
 def _prefix(element: Element, namespace: str) -> str:
-    """The prefix of a namespace, with its colon, where an element stands."""
+    """Return the prefix of a namespace, with its colon, that holds at an element."""
     for prefix, value in element.prefixes.items():
         if value == namespace and prefix:
             return prefix + ":"

@@ -43,7 +43,7 @@ Part = Serial | Parallel | Prime | int
 
 
 def decomposed(small: nx.DiGraph, deepest: int | None = None) -> Part | None:
-    """The decomposition of a transitively reduced graph; None if it has no nodes.
+    """Return the decomposition of a transitively reduced graph; None if it has no nodes.
 
     A part of a Serial is never a Serial, one of a Parallel never a Parallel. Orders that are not series-parallel are
     split in ``deepest`` levels at most, each in linear time; what is below counts as prime.
@@ -147,7 +147,7 @@ class _Contraction:
                     seen[sign] = node
 
     def split(self, deepest: int | None) -> int:
-        """The tree of all nodes that are left."""
+        """Return the tree of all nodes that are left."""
         root = self._grow(_PRIME, ())
         waiting: list[tuple[int, list[int], int]] = [(root, list(self.after), 0)]
         while waiting:
@@ -172,9 +172,9 @@ class _Contraction:
         return root
 
     def part(self, root: int) -> Part:
-        """A tree of numbers as parts, without series in series and parallels in parallels."""
+        """Return a tree of numbers as parts, without series in series and parallels in parallels."""
         made: dict[int, tuple[int, Part]] = {}
-        """Of a tree the number of its first leaf, and its part."""
+        """The number of a tree's first leaf, and its part, by tree."""
         waiting = [root]
         while waiting:
             tree = waiting[-1]
@@ -205,7 +205,7 @@ class _Contraction:
         return first, Prime(parts, tuple(sorted((place[a], place[b]) for a, b in self._edges[tree])))
 
     def _flat(self, tree: int) -> list[int]:
-        """The children of a tree; in place of those of its own kind, if that is series or parallel, theirs."""
+        """Return the children of a tree; those of its own kind, series or parallel, replaced by their children."""
         kind = self._kinds[tree]
         found: list[int] = []
         waiting = list(reversed(self._children[tree]))
@@ -231,7 +231,7 @@ class _Contraction:
         )
 
     def _components(self, nodes: Sequence[int]) -> list[list[int]]:
-        """The connected components, by their first nodes."""
+        """Return the connected components, by their first nodes."""
         left = dict.fromkeys(nodes)
         groups = []
         for start in nodes:
@@ -248,7 +248,7 @@ class _Contraction:
         return groups
 
     def _series(self, nodes: Iterable[int]) -> list[list[int]]:
-        """The longest series of groups such that all of one come before all of the next.
+        """Return the longest series of groups such that all of one come before all of the next.
 
         Everything up to a place in a linear extension comes before everything after it when the edges that cross the
         place lead from each last node before it to each first node after it, and from and to no others.

@@ -29,9 +29,9 @@ class Precedence(Generic[Node]):
 
     @classmethod
     def of(cls, nodes: Iterable[Node], pairs: Iterable[tuple[Node, Node]]) -> Precedence[Node]:
-        """The order of nodes in which the first of each pair comes before the second; of other nodes pairs say nothing.
+        """Return the order in which the first node of each pair precedes the second; pairs of other nodes are ignored.
 
-        It is that of the graph with these edges. Raises ValueError like that.
+        It equals the order of the graph with these edges, and raises ValueError as that does.
         """
         order = cls.__new__(cls)
         order._work_out(nodes, pairs)
@@ -39,7 +39,7 @@ class Precedence(Generic[Node]):
 
     def _work_out(self, nodes: Iterable[Node], pairs: Iterable[tuple[Node, Node]]) -> None:
         self.nodes: tuple[Node, ...] = tuple(nodes)
-        """In the order of the graph."""
+        """The nodes in the order of the graph."""
         number = {node: index for index, node in enumerate(self.nodes)}
         following: list[dict[int, None]] = [{} for _ in self.nodes]
         for first, second in pairs:
@@ -69,27 +69,27 @@ class Precedence(Generic[Node]):
             self._later[position] = reached
 
     def before(self, first: Node, second: Node) -> bool:
-        """True if the first comes before the second in every linear extension."""
+        """Return True if the first comes before the second in every linear extension."""
         return bool(self._later[self._position[first]] >> self._position[second] & 1)
 
     def ordered(self, first: Node, second: Node) -> bool:
-        """True if one of two nodes comes before the other."""
+        """Return True if one of two nodes comes before the other."""
         return self.before(first, second) or self.before(second, first)
 
     def later(self, node: Node) -> int:
-        """The bits of all nodes that come after a node."""
+        """Return the bits of all nodes that come after a node."""
         return self._later[self._position[node]]
 
     def earlier(self, node: Node) -> int:
-        """The bits of all nodes that come before a node."""
+        """Return the bits of all nodes that come before a node."""
         return self._earlier[self._position[node]]
 
     def bit(self, node: Node) -> int:
-        """The bit of a node."""
+        """Return the bit of a node."""
         return 1 << self._position[node]
 
     def members(self, bits: int) -> Iterator[Node]:
-        """The nodes whose bits are set, in the order of the linear extension."""
+        """Yield the nodes whose bits are set, in the order of the linear extension."""
         while bits:
             lowest = bits & -bits
             yield self.extension[lowest.bit_length() - 1]
@@ -104,7 +104,7 @@ class Precedence(Generic[Node]):
         return sum(map(len, self._covers))
 
     def reduction(self) -> Iterator[tuple[Node, Node]]:
-        """The pairs that follow from no others, sorted by the nodes of the graph."""
+        """Yield the pairs that follow from no others, sorted by the nodes of the graph."""
         rank = {node: index for index, node in enumerate(self.nodes)}
         for node in self.nodes:
             after = [self.extension[position] for position in self._covers[self._position[node]]]
@@ -124,7 +124,7 @@ class Precedence(Generic[Node]):
 
 
 def _linear_extension(successors: list[list[int]]) -> list[int]:
-    """Of the numbers whose predecessors are all listed the least one next; incomplete if there is a cycle."""
+    """Return a linear extension, the least available number first; incomplete if there is a cycle."""
     missing = [0] * len(successors)
     for after in successors:
         for other in after:
@@ -142,7 +142,7 @@ def _linear_extension(successors: list[list[int]]) -> list[int]:
 
 
 def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -> nx.DiGraph:
-    """A graph with the nodes in the given order and an edge before -> after for each ordering among them."""
+    """Return a graph with the nodes in the given order and an edge before -> after for each ordering among them."""
     graph = nx.DiGraph()
     graph.add_nodes_from(nodes)
     graph.add_edges_from((before, after) for before, after in orderings if before in graph and after in graph)
@@ -150,7 +150,7 @@ def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -
 
 
 def recipe_graph(recipe: Recipe) -> nx.DiGraph:
-    """The graph of a recipe: its steps (IRIs) in file order, an edge for each ordering among them.
+    """Return the graph of a recipe: its steps (IRIs) in file order, an edge for each ordering among them.
 
     It is made once and cannot be changed.
     """
@@ -161,7 +161,7 @@ def recipe_graph(recipe: Recipe) -> nx.DiGraph:
 
 
 def recipe_order(recipe: Recipe) -> Precedence[str]:
-    """The order that the graph of a recipe stands for. Raises ValueError if it has a cycle. Worked out once."""
+    """Return the order of the graph of a recipe, computed once. Raises ValueError if it has a cycle."""
     if "order" not in recipe.derived:
         pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
         recipe.derived["order"] = Precedence.of((step.iri for step in recipe.steps), pairs)
@@ -170,7 +170,7 @@ def recipe_order(recipe: Recipe) -> Precedence[str]:
 
 
 def recipe_cycle(recipe: Recipe) -> tuple[str, ...] | None:
-    """A shortest cycle of the graph of a recipe; None if its orders can be followed. Searched once."""
+    """Return a shortest cycle of the graph of a recipe, computed once; None if it is acyclic."""
     if "cycle" not in recipe.derived:
         try:
             recipe_order(recipe)
@@ -182,7 +182,7 @@ def recipe_cycle(recipe: Recipe) -> tuple[str, ...] | None:
 
 
 def shortest_cycle(graph: nx.DiGraph) -> tuple[Node, ...] | None:
-    """A shortest cycle, without its repeated end; among equals the one found from the earliest node.
+    """Return a shortest cycle, without its repeated end; among equals the one through the earliest node.
 
     Breadth first from each node that is on a cycle, no farther than the shortest cycle known; a node is taken out when
     all cycles through it are known, and with it what then leads nowhere. O(n * m) at worst, O(m) for one long cycle.
@@ -206,7 +206,7 @@ Links = dict[Node, dict[Node, None]]
 
 
 def _cycle_through(start: Node, after: Links[Node], longest: int) -> tuple[Node, ...] | None:
-    """A shortest way from a node back to it, of at most ``longest`` nodes."""
+    """Return a shortest path from a node back to it, of at most ``longest`` nodes."""
     came_from: dict[Node, Node] = {}
     front = [start]
     for _ in range(longest):

@@ -85,7 +85,7 @@ class Intervals:
 
 
 def implied_by_overlaps(recipe: Recipe) -> Iterable[tuple[str, str]]:
-    """The orders of steps that only overlaps and orders together imply; none if they contradict each other."""
+    """Return the orders of steps that only overlaps and orders together imply; none if they contradict each other."""
     if not recipe.overlaps:
         return ()
     intervals = Intervals(recipe)

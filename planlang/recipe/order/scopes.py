@@ -51,14 +51,14 @@ def single_steps(stated: Precedence[str]) -> Scoping:
 
 
 def scopes_of(actions: Actions, recipe: Recipe, recipes: RecipeSet, stated: Precedence[str]) -> Scoping:
-    """The units of a recipe. What overlaps a base motion has to run beside it: then there are no scopes."""
+    """Return the units of a recipe. There are none if a step overlaps a base motion: it has to run beside it."""
     movers = actions.movers(recipe, recipes)
     overlapping = {iri for overlap in recipe.overlaps for iri in (overlap.first, overlap.second)}
     return single_steps(stated) if overlapping & movers.opening else scoping(stated, movers, placed(recipe))
 
 
 def added_by_scopes(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> tuple[tuple[str, str], ...]:
-    """The orders of steps (IRIs) that scopes add; none where base motions are unordered. Stated orders are acyclic."""
+    """Return the step orders (IRIs) that scopes add; none if base motions are unordered. Stated orders are acyclic."""
     movers = actions.movers(recipe, recipes)
     if not movers.opening:
         return ()
@@ -70,7 +70,7 @@ def added_by_scopes(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> tup
 
 
 def placed(recipe: Recipe) -> frozenset[str]:
-    """The steps that have a location or an object."""
+    """Return the steps that have a location or an object."""
     return frozenset(
         step.iri
         for step in recipe.steps
@@ -113,7 +113,7 @@ def scoping(stated: Precedence[str], movers: Movers, placed: frozenset[str]) -> 
 def _added(
     stated: Precedence[str], order: Precedence[str], units: Sequence[Unit], unit_graph: nx.DiGraph
 ) -> tuple[tuple[str, str], ...]:
-    """The orders between units that are not stated: from each last step of one to the first step of the next."""
+    """Return the unstated orders between units: from each last step of one to the first step of the next."""
     rank = {step: number for number, step in enumerate(stated.nodes)}
     added = []
     lasts: dict[int, list[str]] = {}
@@ -128,7 +128,7 @@ def _added(
 
 
 def _moves_before(order: Precedence[str], moving: Sequence[str], step: str) -> int:
-    """How many of the totally ordered movers come before a step."""
+    """Return how many of the totally ordered base motions come before a step."""
     return bisect_left(moving, True, key=lambda base: not order.before(base, step))
 
 

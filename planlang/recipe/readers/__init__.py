@@ -92,7 +92,7 @@ READERS: list[Reader] = [
         ),
     ),
 ]
-"""In the order in which they are asked: the first that finds a recipe reads it."""
+"""The readers in the order of their use: the first that finds a recipe reads it."""
 
 
 def register(reader: Reader) -> None:

@@ -26,14 +26,14 @@ _ROLES = {
 
 
 def tasks(ontology: Ontology) -> Iterator[str]:
-    """The individuals of the main document that have sub-actions."""
+    """Yield the individuals of the main document that have sub-actions."""
     for triple in ontology.using(*_SUBS):
         if isinstance(triple.subject, str) and ontology.main(triple.subject):
             yield triple.subject
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
-    """The chunks of a table in the order of the chain; None if the individual has no sub-action."""
+    """Return the chunks of a table in the order of the chain; None if the individual has no sub-action."""
     firsts = facts(ontology, iri, *_SUBS)
     if not firsts:
         return None
@@ -65,13 +65,13 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
 
 
 def _in_role(ontology: Ontology, table: str, property_name: str) -> list[Filling]:
-    """What has the role in a table that fills a property of its action."""
+    """Return what has the role in a table that fills a property of its action."""
     found = next(filter(None, (facts(ontology, table, role) for role in _ROLES[property_name])), [])
     return [Filling(expand(property_name), fact.term, fact.span) for fact in found]
 
 
 def _acted_on(ontology: Ontology, table: str, chunk: str) -> list[Filling]:
-    """What a chunk acts on, unless it or its class says that; nothing if actions of its class act on no objects."""
+    """Return what a chunk acts on, unless it or its class states that; nothing for actions without objects."""
     acted_on = expand(_ACTED_ON)
     cls = action_class(ontology, chunk)
     if cls is None or acted_on not in ontology.valid_properties(cls):
@@ -83,7 +83,7 @@ def _acted_on(ontology: Ontology, table: str, chunk: str) -> list[Filling]:
 
 
 def _supported(ontology: Ontology, chunk: str) -> list[Filling]:
-    """What stood on the supporting plane of a chunk: tables name one of a log, and describe it by that name."""
+    """Return what stood on the supporting plane of a chunk: tables name and describe a plane of a log."""
     found: list[Filling] = []
     for plane in facts(ontology, chunk, "adtChunkSupport"):
         name = str(plane.term)

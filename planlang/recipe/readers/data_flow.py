@@ -23,7 +23,7 @@ OUTPUTS = ("outputsCreated", "outputs")
 
 
 def read_data_flow(ontology: Ontology, statements: Statements) -> Statements:
-    """The statements with the flows that they and their sub-actions state, and the orders that those are."""
+    """Return the statements with the data flows that they and their sub-actions state, and the implied orders."""
     mapped, loose = _mapped(ontology, statements)
     flows = (*statements.flows, *mapped, *_produced(ontology, statements))
     orders = () if statements.states is not None else _orders(statements, flows)
@@ -36,8 +36,8 @@ def read_data_flow(ontology: Ontology, statements: Statements) -> Statements:
 
 
 def _orders(statements: Statements, flows: tuple[Flow, ...]) -> Iterator[Ordering]:
-    """The orders that flows are: of a mapping always; of a thing that is used by name unless they are stated already,
-    or the other way round."""
+    """Yield the orders that flows imply: of a mapping always, of a thing that is used by name only if neither the order
+    nor its opposite is stated."""
     if not flows:
         return
     graph = nx.DiGraph((ordering.before, ordering.after) for ordering in statements.orderings)
@@ -51,7 +51,7 @@ def _orders(statements: Statements, flows: tuple[Flow, ...]) -> Iterator[Orderin
 
 
 def made(ontology: Ontology, statements: Statements) -> frozenset[str]:
-    """The individuals (IRIs) that sub-actions create: they need not be defined anywhere else."""
+    """Return the individuals (IRIs) that sub-actions create: they need not be defined anywhere else."""
     key = ("made", statements.iri)
     if key not in ontology.kept:
         ontology.kept[key] = frozenset(name for _, name, _ in _outputs(ontology, statements))
@@ -116,7 +116,7 @@ def _outputs(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, 
 
 
 def _says_outputs(ontology: Ontology) -> bool:
-    """True if any document says of anything what it creates."""
+    """Return True if any document states what something creates."""
     if "says outputs" not in ontology.kept:
         store = ontology.store
         restricted = map(store.name, set(map(store.objects.__getitem__, store.by(ON_PROPERTY))))
@@ -126,7 +126,7 @@ def _says_outputs(ontology: Ontology) -> bool:
 
 
 def _consumed(ontology: Ontology, statements: Statements, consumer: str, resource: str | None) -> str | None:
-    """The property of the consumer that is filled with the resource, or with something of its class."""
+    """Return the property of the consumer that is filled with the resource, or with something of its class."""
     for sub in statements.sub_actions:
         if sub.iri == consumer and resource is not None:
             for filling in _all(ontology, sub):

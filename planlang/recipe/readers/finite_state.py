@@ -81,7 +81,7 @@ def _states(restrictions: Iterable[Restriction], word: str) -> list[tuple[str, S
 def _told_by_transitions(
     transitions: tuple[Transition, ...], starts: list[tuple[str, Span]], ends: list[tuple[str, Span]], span: Span
 ) -> list[SubAction]:
-    """The states of a recipe that names no sub-actions: those that its transitions lead through."""
+    """Return the states of a recipe without stated sub-actions: the states that its transitions lead through."""
     states: dict[str, Span] = dict(starts)
     for transition in transitions:
         states.setdefault(transition.source, transition.span or span)

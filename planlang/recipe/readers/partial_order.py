@@ -56,7 +56,7 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
 
 
 def is_sub_action(restriction: Restriction) -> bool:
-    """True if a restriction names a sub-action."""
+    """Return True if a restriction names a sub-action."""
     return (
         is_word(restriction.property, "subAction", "subEvents")
         and restriction.kind in KINDS
@@ -66,14 +66,14 @@ def is_sub_action(restriction: Restriction) -> bool:
 
 
 def in_stated_order(restrictions: Iterable[Restriction]) -> list[Restriction]:
-    """In the order of the list in which they stand; what stands in none has no order in RDF and is sorted by name."""
+    """Return restrictions in the order of their list; RDF gives no order to others, which are sorted by name."""
     inside = list(restrictions)
     flat = sorted((one for one in inside if one.form == "flat"), key=lambda one: str(one.filler))
     return [one for one in inside if one.form != "flat"] + flat
 
 
 def read_sub_action(ontology: Ontology, restriction: Restriction) -> SubAction:
-    """The sub-action that a restriction names: of an intersection its first named member, and what that restricts."""
+    """Return the sub-action of a restriction: of an intersection the first named member, with its restrictions."""
     filler, times = restriction.filler, restriction.cardinality or 1
     if isinstance(filler, str):
         return SubAction(filler, (), restriction.span, times)
@@ -89,7 +89,7 @@ def read_sub_action(ontology: Ontology, restriction: Restriction) -> SubAction:
 def read_constraints(
     ontology: Ontology, restrictions: tuple[Restriction, ...]
 ) -> tuple[tuple[Ordering, ...], tuple[LooseEnd, ...]]:
-    """The orderings that constraints state, and the constraints that lack an end."""
+    """Return the orderings that constraints state, and the constraints that lack an end."""
     orderings: list[Ordering] = []
     loose: list[LooseEnd] = []
     for restriction in restrictions:
@@ -111,7 +111,7 @@ def read_constraints(
 
 
 def foreign_words(ontology: Ontology, restrictions: tuple[Restriction, ...]) -> tuple[Filling, ...]:
-    """The words of the recipe vocabulary that a class or its constraints take from another namespace, each once."""
+    """Return the words of the recipe vocabulary that a class or its constraints take from another namespace, once."""
     words = ("subAction", "subEvents", "orderingConstraints", "stateTransition", "taskStartState", "taskEndState",
              "inputOutputConstraints")  # fmt: skip
     ends = ("occursBeforeInOrdering", "occursAfterInOrdering", "fromState", "toState", "causedBy", "createsOutput",

@@ -68,7 +68,7 @@ _DEFINES, _DEFINED_BY = ("definesTask", "isPlanFor"), ("isTaskDefinedIn", "isDef
 
 
 def tasks(ontology: Ontology) -> Iterator[str]:
-    """The tasks of the workflows of the main document; a workflow that defines none is its own task."""
+    """Yield the tasks of the workflows of the main document; a workflow that defines none is its own task."""
     for triple in ontology.using(*_STEPS, *_STEP_OF):
         workflow = triple.subject if is_word(triple.predicate, *_STEPS) else triple.object
         if isinstance(workflow, str) and ontology.main(workflow):
@@ -105,7 +105,7 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
 
 
 def relations(ontology: Ontology, names: list[str]) -> Iterator[tuple[str, str, str, Filling]]:
-    """The relations that tasks state: (task, local name of the relation, other task, the fact)."""
+    """Yield the relations that tasks state: (task, local name of the relation, other task, the fact)."""
     for name in dict.fromkeys(names):
         for triple in ontology.triples(s=name):
             if isinstance(triple.object, str) and _relation(triple.predicate) is not None:
@@ -114,12 +114,12 @@ def relations(ontology: Ontology, names: list[str]) -> Iterator[tuple[str, str, 
 
 
 def is_interval_relation(property_name: str) -> bool:
-    """True for a property that says how two intervals relate."""
+    """Return True for a property that states how two intervals relate."""
     return _relation(property_name) is not None
 
 
 def workflows_of(ontology: Ontology, iri: str) -> list[str]:
-    """The workflows that perform a task, sorted; of a workflow itself that one."""
+    """Return the workflows that perform a task, sorted; for a workflow itself that one."""
     if _linked(ontology, iri, _STEPS, _STEP_OF):
         return [iri]
     found = [str(filling.term) for filling in _linked(ontology, iri, _DEFINED_BY, _DEFINES)]
@@ -127,13 +127,13 @@ def workflows_of(ontology: Ontology, iri: str) -> list[str]:
 
 
 def task_of(ontology: Ontology, iri: str) -> str:
-    """The task that a workflow defines, if it is exactly one; anything else is its own."""
+    """Return the task that a workflow defines, if it is exactly one; anything else is its own task."""
     defined = dict.fromkeys(str(filling.term) for filling in _linked(ontology, iri, _DEFINES, _DEFINED_BY))
     return next(iter(defined)) if len(defined) == 1 else iri
 
 
 def _linked(ontology: Ontology, subject: str, words: tuple[str, ...], inverses: tuple[str, ...]) -> list[Filling]:
-    """What is linked to an individual by properties, said from either side; each once, in document order."""
+    """Return what is linked to an individual by properties, stated from either side; each once, in document order."""
     found = {
         filling.term: filling
         for filling in facts(ontology, subject, *words)
@@ -154,7 +154,7 @@ def _relation(predicate: str) -> tuple[Allen | str, bool] | None:
 def _related(
     ontology: Ontology, names: list[str], same: dict[str, str]
 ) -> tuple[tuple[Ordering, ...], tuple[Overlap, ...]]:
-    """The orderings and overlaps that relations state, each once; a workflow stands for its task."""
+    """Return the orderings and overlaps that relations state, each once; a workflow stands for its task."""
     orderings: dict[tuple[str, str], Ordering] = {}
     overlaps: dict[tuple[str, Allen, str], Overlap] = {}
     for name, _, other, filling in relations(ontology, names):
@@ -177,7 +177,7 @@ def _related(
 
 
 def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
-    """What fills the roles of a task: what they classify, else what the task's class says about roles of that class."""
+    """Yield the fillers of a task's roles: what they classify, else what the task's class states about such roles."""
     kinds: dict[str, list[str]] = {}
     for fact in _linked(ontology, task, ("isTaskOf",), ("hasTask",)):
         role = str(fact.term)
@@ -193,7 +193,7 @@ def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
 
 
 def _role_of_class(ontology: Ontology, restriction: Restriction, known: dict[str, list[str]]) -> Iterator[Filling]:
-    """The class of what fills a role, of which no individual is known."""
+    """Yield the class of a role's filler, if no individual is known."""
     kind = next((member for member in ontology.members(restriction.filler) if isinstance(member, str)), None)
     assert isinstance(restriction.filler, BNode)
     for inner in ontology.restrictions(restriction.filler):
@@ -209,7 +209,7 @@ def _property(role: str) -> str:
 
 
 def _bindings(ontology: Ontology, steps: list[str]) -> Iterator[Flow]:
-    """Data flow between tasks whose roles are bound to each other, from the one that creates what fills them."""
+    """Yield the data flow between tasks with bound roles, from the one that creates the filler."""
     tasks_of_roles: dict[str, str] = {}
     for step in steps:
         for fact in _linked(ontology, step, ("isTaskOf",), ("hasTask",)):
@@ -238,7 +238,7 @@ def _bound(ontology: Ontology, roles: list[str], tasks_of_roles: dict[str, str],
 
 
 def _passed(ontology: Ontology, made: tuple[str, str], used: tuple[str, str]) -> str | None:
-    """What one role creates and the other uses: the individual that either classifies, else a class of both tasks."""
+    """Return what one role creates and the other uses: an individual that either classifies, else a class."""
     for role, _ in (made, used):
         for classified in _linked(ontology, role, ("classifies",), ("isClassifiedBy",)):
             return str(classified.term)
