@@ -22,7 +22,7 @@ class Sheet:
         self.pen = ImageDraw.Draw(self.image)
 
     def finished(self) -> Image.Image:
-        """The picture in its size."""
+        """Return the picture in its size."""
         width, height = self.image.size
         return self.image.resize((width // FINE, height // FINE), Image.Resampling.LANCZOS)
 
@@ -35,17 +35,17 @@ class Sheet:
         self.pen.text(at, text, fill=colour, font=font(size), anchor="mm", stroke_width=2 * FINE, stroke_fill=PAPER)
 
     def disc(self, at: Point, radius: float, *, fill: Colour | None = None, outline: Colour | None = None) -> None:
-        """A circle."""
+        """Draw a circle."""
         u, v = at
         self.pen.ellipse((u - radius, v - radius, u + radius, v + radius), fill=fill, outline=outline, width=FINE)
 
     def ring(self, at: Point, radius: float, colour: Colour, width: int = 1) -> None:
-        """The outline of a circle."""
+        """Draw the outline of a circle."""
         u, v = at
         self.pen.ellipse((u - radius, v - radius, u + radius, v + radius), outline=colour, width=width * FINE)
 
     def scale(self, at: Point, size: Point, stops: Sequence[Colour]) -> None:
-        """A strip of all colours of a scale, low ones on the left."""
+        """Draw a strip of all colours of a scale, low ones on the left."""
         (left, top), (width, height) = at, size
         for column in range(round(width)):
             colour = blended(stops, column / max(width - 1, 1))
@@ -53,7 +53,7 @@ class Sheet:
 
 
 def blended(stops: Sequence[Colour], share: float) -> Colour:
-    """The colour of a scale at a share in 0..1, between its stops."""
+    """Return the colour of a scale at a share in 0..1, between its stops."""
     place = min(max(share, 0.0), 1.0) * (len(stops) - 1)
     first = min(int(place), len(stops) - 2)
     red, green, blue = (
@@ -63,7 +63,7 @@ def blended(stops: Sequence[Colour], share: float) -> Colour:
 
 
 def font(size: int) -> ImageFont.FreeTypeFont:
-    """The font of so many pixels of the result."""
+    """Return the font of so many pixels of the result."""
     found = ImageFont.load_default(size * FINE)
     assert isinstance(found, ImageFont.FreeTypeFont)
     return found

@@ -52,7 +52,7 @@ class Outline:
     polygon: Array
     kind: str = "solid"
     facing: float | None = None
-    """Where a person faces [rad]."""
+    """The direction that a person faces [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +70,12 @@ class Scenery:
     bounds: Bounds
     bodies: Sequence[Outline]
     radius: float
-    """Of the outline of what places are for [m]."""
+    """The radius of the outline of what places are for [m]."""
     robot: BasePose
     robot_radius: float
     regions: Sequence[Region] = ()
     on_floor: bool = True
-    """Whether places are on the floor: what is placed on things is drawn over them."""
+    """True if places are on the floor: what is placed on things is drawn over them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,11 +132,11 @@ class FloorPlan:
         return self.sheet
 
     def _at(self, x: float, y: float) -> tuple[float, float]:
-        """The pixel of a point of the map: x to the right, y up."""
+        """Return the pixel of a point of the map: x to the right, y up."""
         return (x - self.view[0]) * self.scale, (self.view[3] - y) * self.scale
 
     def _pixels(self, points: Array) -> list[tuple[float, float]]:
-        """The pixels of points (n, 2 or 3) that are in view."""
+        """Return the pixels of points (n, 2 or 3) that are in view."""
         x_min, y_min, x_max, y_max = self.view
         x, y = points[:, 0], points[:, 1]
         seen = points[(x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)]
@@ -184,7 +184,7 @@ class FloorPlan:
                 self._arrow((x, y, body.facing), 0.3, outline)
 
     def _regions(self) -> None:
-        """The outlines of where conjuncts hold."""
+        """Draw the outlines of the regions in which conjuncts hold."""
         x_min, y_min, x_max, y_max = self.view
         step = STEP * FINE / self.scale
         xs, ys = np.arange(x_min, x_max, step), np.arange(y_min, y_max, step)
@@ -254,7 +254,7 @@ class FloorPlan:
             self.sheet.halo(((box[0] + box[2]) / 2, (box[1] + box[3]) / 2), body.name, 12, INK)
 
     def _corner(self, body: Outline, share: float) -> tuple[float, float]:
-        """A corner of the box around a body in the picture: 0 upper left, 1 lower right."""
+        """Return a corner of the box around a body in the picture: 0 upper left, 1 lower right."""
         low, high = body.polygon.min(axis=0), body.polygon.max(axis=0)
         return self._at(float(low[0] + share * (high[0] - low[0])), float(high[1] - share * (high[1] - low[1])))
 

@@ -124,7 +124,7 @@ class _Panel:
         sheet.pen.rectangle(box, fill=_GROUND)
 
     def at(self, across: float, up: float) -> tuple[float, float]:
-        """The pixel of a point [m]."""
+        """Return the pixel of a point [m]."""
         right = self.across[1] - across if self.flipped else across - self.across[0]
         return self.left + right * METRE * FINE, self.top + (self.up[1] - up) * METRE * FINE
 
@@ -160,16 +160,16 @@ class _Panel:
         pen.rectangle((u, v, *end), outline=_FRAME, width=FINE)
 
     def circle(self, across: float, up: float, radius: float) -> None:
-        """The outline of the base with its front."""
+        """Draw the outline of the base with its front."""
         self.sheet.ring(self.at(across, up), radius * METRE * FINE, _BASE, 2)
         self.line((across, up), (across, up + radius))
 
     def line(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        """A line of the robot."""
+        """Draw a line of the robot."""
         self.sheet.pen.line((*self.at(*start), *self.at(*end)), fill=_BASE, width=2 * FINE)
 
     def mark(self, across: float, up: float) -> None:
-        """The shoulder."""
+        """Draw the shoulder."""
         self.sheet.disc(self.at(across, up), 4 * FINE, fill=_BASE, outline=(255, 255, 255))
 
 

@@ -87,7 +87,7 @@ def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
 
 
 def _installed() -> Iterator[RobotFile]:
-    """The bundled robots, those left out whose URDF is in a package that is not installed."""
+    """Yield the bundled robots, without the ones whose URDF is in a package that is not installed."""
     for name in robots():
         try:
             yield read_robot_file(_bundled_file(name))
@@ -97,7 +97,7 @@ def _installed() -> Iterator[RobotFile]:
 
 
 def _mentions(urdf: Path, joints: Iterable[str]) -> bool:
-    """Whether a URDF's text has one of these names: spares reading those of quite other robots."""
+    """Return True if a URDF's text has one of these names: spares reading URDFs of quite other robots."""
     text = urdf.read_text(encoding="utf-8", errors="replace")
     return any(f'"{joint}"' in text for joint in joints)
 

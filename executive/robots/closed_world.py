@@ -30,11 +30,11 @@ class ClosedWorld:
         self._above: dict[str, frozenset[str]] = {}
 
     def is_known(self, cls: str) -> bool:
-        """Whether any of the ontologies defines a class."""
+        """Return True if any of the ontologies defines a class."""
         return cls.startswith((OWL, RDFS, XSD)) or any(one.defined(cls) for one in self.ontologies)
 
     def is_below(self, cls: str, upper: str) -> bool:
-        """Whether a class is another one or below it, by any of the ontologies."""
+        """Return True if a class is another one or below it, by any of the ontologies."""
         above = self._above.get(cls)
         if above is None:
             found = (one.taxonomy.ancestors(cls) for one in self.ontologies)

@@ -28,7 +28,7 @@ def is_gripper(model: SelfModel, composition: Composition) -> bool:
 
 
 def is_arm(model: SelfModel, composition: Composition) -> bool:
-    """Whether a composition is an arm."""
+    """Return True if a composition is an arm."""
     arm = _is_a(model, composition, ("ArmComponent", "Arm", "LeftArm", "RightArm"))
     return arm and not is_gripper(model, composition)
 
@@ -47,14 +47,14 @@ class Limbs:
     # From a robot file alone
 
     def from_numbers(self, numbers: RobotFile) -> tuple[Arm, ...]:
-        """The arms that a robot file describes, whose links have been checked."""
+        """Return the arms that a robot file describes, whose links have been checked."""
         torso = self.torso([arm.tip for arm in numbers.arms])
         return tuple(self._arm(n.name, None, n.side, n.tip, n.hand, n, n.gripper, None, torso) for n in numbers.arms)
 
     # From a self-model
 
     def from_model(self, model: SelfModel, naming: Naming) -> tuple[Arm, ...]:
-        """The arms that a self-model's compositions describe."""
+        """Return the arms that a self-model's compositions describe."""
         grippers = {}
         for composition in model.compositions:
             if is_gripper(model, composition) and composition.base is not None:
@@ -110,7 +110,7 @@ class Limbs:
         return tip, hand, grippers.get(gripper or "")
 
     def _continues(self, gripper: str, ends: Sequence[str]) -> bool:
-        """Whether a gripper that begins at a link is at the end of an arm with these ends."""
+        """Return True if a gripper that begins at a link is at the end of an arm with these ends."""
         above = self.mechanism.ancestors(gripper)
         return any(end in above or gripper in self.mechanism.ancestors(end) for end in ends)
 
@@ -123,7 +123,7 @@ class Limbs:
         return candidates[0] if candidates else hand
 
     def _numbers_for(self, hand: str) -> ArmNumbers | None:
-        """The part of the robot file that is about the arm with this hand."""
+        """Return the part of the robot file that is about the arm with this hand."""
         group = self.mechanism.rigid_with(hand)
         return next((arm for arm in self.numbers.arms if arm.tip in group), None) if self.numbers else None
 
@@ -143,7 +143,7 @@ class Limbs:
     # Both
 
     def torso(self, tips: Sequence[str]) -> str | None:
-        """The sliding joint that carries all arms: the last one before any of them turns."""
+        """Return the sliding joint that carries all arms: the last one before any of them turns."""
         leading = []
         for tip in tips:
             slides = []
@@ -239,7 +239,7 @@ def with_camera_neck(mechanism: Mechanism, link: str, arms: Sequence[Arm], torso
 
 
 def renamed(arms: Sequence[Arm]) -> tuple[Arm, ...]:
-    """The same arms with names that are their own."""
+    """Return the same arms with unique names."""
     names: list[str] = []
     for arm in arms:
         name, number = arm.name, 2

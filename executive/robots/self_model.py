@@ -161,7 +161,7 @@ class Part:
 
 
 def parts_of(model: SelfModel) -> tuple[Part, ...]:
-    """The parts that a self-model lists, software included."""
+    """Return the parts that a self-model lists, software included."""
     ontology = model.ontology
     return tuple(
         Part(local_name(iri), _upwards(ontology, ontology.types(iri)), iri, ontology.span(iri))

@@ -68,7 +68,7 @@ class _PlanLoader(SourceFileLoader):
 
 
 def line_in(problem: BaseException, path: Path) -> int | None:
-    """The line of a file that an exception passed last, or that it names itself."""
+    """Return the line of a file that an exception passed last, or that it names itself."""
     lines = [frame.lineno for frame in traceback.extract_tb(problem.__traceback__) if frame.filename == str(path)]
     return lines[-1] if lines else getattr(problem, "lineno", None)
 
@@ -92,7 +92,7 @@ def main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:
 
 
 def bindable_parameters(plan: Plan[Any, Any]) -> dict[str, Object]:
-    """The plan's parameters that things can be bound to, with their defaults."""
+    """Return the plan's parameters that things can be bound to, with their defaults."""
     return {
         name: parameter.default
         for name, parameter in inspect.signature(plan.function).parameters.items()
