@@ -346,7 +346,7 @@ def a_situation(type: str, **properties: Value) -> Situation:
 
 
 def holding(what: Object) -> Condition:
-    """True while the robot holds the object."""
+    """Return the condition that the robot holds the object."""
     _HOLDING.instance("what", what, Object, "an object")
     return Condition("holding", (what,))
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Severity(Enum):
-    """How bad it is. Only errors stop."""
+    """The severity of a diagnostic. Only errors stop."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -98,7 +98,7 @@ def error(
     help: str | None = None,
     suggestion: Rename | Order | None = None,
 ) -> Diagnostic:
-    """An error: the input cannot be used."""
+    """Return an error: the input cannot be used."""
     return Diagnostic(Severity.ERROR, code, message, span, help, suggestion)
 
 
@@ -109,17 +109,17 @@ def warning(
     help: str | None = None,
     suggestion: Rename | Order | None = None,
 ) -> Diagnostic:
-    """A warning: usable, but probably not what was meant."""
+    """Return a warning: usable, but probably not what was meant."""
     return Diagnostic(Severity.WARNING, code, message, span, help, suggestion)
 
 
 def note(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:
-    """A note: what was repaired or assumed."""
+    """Return a note: what was repaired or assumed."""
     return Diagnostic(Severity.NOTE, code, message, span, help)
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
-    """True if any of them is an error."""
+    """Return True if any of them is an error."""
     return any(d.severity is Severity.ERROR for d in diagnostics)
 
 

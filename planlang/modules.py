@@ -54,7 +54,7 @@ def process_module(cls: type[M]) -> type[M]:
 
 
 class Rank(IntEnum):
-    """Where a process module comes from; a higher rank wins."""
+    """The origin of a process module; a higher rank wins."""
 
     BUNDLED = 0
     INSTALLED = 1

@@ -49,7 +49,7 @@ class PlanHeader:
     """Digest of what follows the docstring as it was compiled; None if the header does not tell it."""
 
     def matches(self, content: bytes) -> bool:
-        """True if these are the bytes of the recipe from which the plan was compiled."""
+        """Return True if these are the bytes of the recipe from which the plan was compiled."""
         return hashlib.sha256(content).hexdigest().startswith(self.sha256)
 
     def is_edited(self, source: str) -> bool:
@@ -79,7 +79,7 @@ class PlanHeader:
 
 
 def digest(source: str) -> str:
-    """The sha256 of what follows the first docstring of a plan's source; of everything if there is none."""
+    """Return the sha256 of what follows the first docstring of a plan's source; of everything if there is none."""
     parts = source.split('"""', 2)
     text = "\n".join(parts[-1].splitlines())
     return hashlib.sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()

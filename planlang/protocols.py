@@ -17,7 +17,7 @@ from planlang.geometry import Array, Pose
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Where a robot is: base (x, y, yaw) in the map and its actuated joints by name."""
+    """The position of a robot: base (x, y, yaw) in the map and its actuated joints by name."""
 
     base: tuple[float, float, float]
     joints: Mapping[str, float]
@@ -44,7 +44,7 @@ class Trajectory:
 
 
 class MotionState(StrEnum):
-    """How a commanded motion stands."""
+    """The state of a commanded motion."""
 
     MOVING = "moving"
     DONE = "done"
@@ -64,7 +64,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """What the camera made of an object: its name, its pose and the visible share of its pixels (0..1)."""
+    """The camera's result for an object: its name, its pose and the visible share of its pixels (0..1)."""
 
     name: str
     pose: Pose

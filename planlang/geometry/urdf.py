@@ -75,7 +75,7 @@ class Joint:
 
     @property
     def moves(self) -> bool:
-        """Whether it moves along or about one axis, by itself or after another joint."""
+        """True if it moves along or about one axis, by itself or after another joint."""
         return self.kind in KINDS[:3]
 
 
@@ -92,7 +92,7 @@ class Urdf:
     root: str
     """The link that hangs from no joint."""
     joints: tuple[Joint, ...]
-    """In the order of the file."""
+    """The joints, in the order of the file."""
 
 
 class NoSuchChain(Exception):

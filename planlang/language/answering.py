@@ -114,7 +114,7 @@ class RecordingExecutive:
         return moving
 
     def is_at(self, solution: Solution) -> bool:
-        """True while the base is where the solution put it."""
+        """Return True while the base is where the solution put it."""
         return bool(self._recorded.answer(f"at {solution.base}", lambda: bool(self.executive.is_at(solution))))
 
     def holds(self, condition: Condition) -> bool:

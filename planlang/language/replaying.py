@@ -30,13 +30,13 @@ from planlang.runs.replay_check import Opaque, RecordedOrder, ReplayCheck, Repla
 
 @dataclass(frozen=True)
 class Replay:
-    """How a replay ended. ``lines``: how many records were repeated, of ``of``."""
+    """The result of a replay. ``lines``: how many records were repeated, of ``of``."""
 
     difference: Different | None
     lines: int
     of: int
     outcome: str | None
-    """How the recorded run ended; None if the record ends before."""
+    """The outcome of the recorded run; None if the record ends before."""
 
     @property
     def equal(self) -> bool:

@@ -167,7 +167,7 @@ class Ontology:
         return self.linked_from(s, *names)[0]
 
     def linked_from(self, s: str | BNode, *names: str) -> tuple[tuple[list[str], ...], Span | None]:
-        """What :meth:`linked` tells, and where the subject is defined (:meth:`span`): in one look."""
+        """Return the result of :meth:`linked` and the position of the subject's definition (:meth:`span`)."""
         kinds = self._kinds.get(names)
         if kinds is None:
             kinds = self._kinds[names] = {
@@ -377,7 +377,7 @@ class Ontology:
         return (expression,) if number is None else tuple(map(self.store.term, conjuncts(self.store, number)))
 
     def inherited_restrictions(self, cls: str, p: str | None = None) -> tuple[Restriction, ...]:
-        """The restrictions of a class and its ancestors, nearest first; of ``p`` and what is below it, if given."""
+        """Return the restrictions of a class and its ancestors, nearest first; only of ``p`` and below, if given."""
         wanted = frozenset(self.subproperties(p)) if p is not None else None
         return tuple(
             restriction

@@ -265,7 +265,7 @@ class _Handler:
             self._node(frame, name, tag, given)
 
     def _fill(self, parent: _Frame, frame: _Frame, name: str, tag: str, given: dict[str, str]) -> None:
-        """The node element that is the value of a property: the triple first, then what is said about the node."""
+        """Read the node element that is the value of a property: the triple first, then the node's statements."""
         if parent.filled:
             self.warn("O010", "a property has one value; a second element in it is skipped", self.here())
             frame.kind = _SKIPPED

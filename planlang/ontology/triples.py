@@ -310,7 +310,7 @@ class Triples(Sequence[Triple]):
 
     @cached_property
     def by_subject(self) -> tuple[array[int], array[int]]:
-        """For each term (number) the first row with it as subject, for each row the next with the same; -1: none.
+        """Return for each term (number) its first row as subject, for each row the next with the same; -1: none.
 
         :meth:`about` tells the same of one term; this is for loops over all.
         """

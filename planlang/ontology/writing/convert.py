@@ -38,7 +38,7 @@ class Converted:
 
 
 def write(triples: Iterable[Triple], target: Target, prefixes: Mapping[str, str]) -> tuple[str, list[Triple]]:
-    """The text of a graph, and the triples that the syntax cannot write. The same graph gives the same text."""
+    """Return the text of a graph, and the triples that the syntax cannot express; deterministic for equal graphs."""
     given = list(triples)
     own = next((t.subject for t in given if t.predicate == TYPE and t.object == ONTOLOGY), None)
     name = own if isinstance(own, str) else None

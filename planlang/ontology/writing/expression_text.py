@@ -134,7 +134,7 @@ class Expressions:
         self._graph = graph
 
     def of(self, triple: Triple) -> tuple[Expression, list[Triple]]:
-        """The expression that is a triple's object, and the triples that it is made of, the given one included."""
+        """Return the expression that is a triple's object, and the triples that it is made of, including this one."""
         used = [triple]
         return self._read(triple.object, triple, used, DEEPEST), used
 

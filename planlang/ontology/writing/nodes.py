@@ -49,14 +49,14 @@ class Graph:
         return found if predicate is None else [triple for triple in found if triple.predicate == predicate]
 
     def uses(self, node: BNode) -> list[Triple]:
-        """The triples that have a nameless node as their object, but for those that repeat one to annotate it."""
+        """Return the triples that have a nameless node as their object, except those repeated to annotate."""
         return self._with.get(node, [])
 
     def has(self, subject: str | BNode, predicate: str, value: Term) -> bool:
         return any(triple.object == value for triple in self.about(subject, predicate))
 
     def one(self, subject: str | BNode, predicate: str) -> Triple | None:
-        """The only triple of a subject with a property; None if there is none. Raises CannotSay if there are more."""
+        """Return the only triple of a subject with a property; None if there is none. Raises CannotSay if several."""
         found = self.about(subject, predicate)
         if len(found) > 1:
             raise CannotSay(f"two values of {predicate}")
@@ -138,7 +138,7 @@ class Order:
 
 
 def labelled(triples: Iterable[Triple]) -> list[Triple]:
-    """The triples sorted, each once, with labels b1, b2, ... for the nameless nodes in the order of their use."""
+    """Return the triples sorted, each once, with labels b1, b2, ... for the nameless nodes in order of use."""
     unique = {(t.subject, t.predicate, t.object): t for t in reversed(list(triples))}
     order = Order(unique.values())
     found = sorted(unique.values(), key=order.triple_key)
