@@ -287,7 +287,7 @@ def _same_file(*spans: Span) -> None:
 
 
 def removals(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Fix]:
-    """Yield removals of constraints without effect and of repeated sub-actions."""
+    """Yield removals of repeated sub-actions, of constraints without effect, and of all in a recipe of states."""
     restrictions = ontology.restrictions(statements.iri)
     stated = {str(one.filler): one for one in restrictions if is_word(one.property, "orderingConstraints")}
     pairs: dict[str, set[tuple[str, str]]] = {}

@@ -51,7 +51,7 @@ def single_steps(stated: Precedence[str]) -> Scoping:
 
 
 def scopes_of(actions: Actions, recipe: Recipe, recipes: RecipeSet, stated: Precedence[str]) -> Scoping:
-    """Return the units of a recipe. There are none if a step overlaps a base motion: it has to run beside it."""
+    """Return the units of a recipe: single steps, without scopes, if a step has to run beside a base motion."""
     movers = actions.movers(recipe, recipes)
     overlapping = {iri for overlap in recipe.overlaps for iri in (overlap.first, overlap.second)}
     return single_steps(stated) if overlapping & movers.opening else scoping(stated, movers, placed(recipe))
