@@ -141,12 +141,12 @@ def test_places_keep_what_conjunctions_with_reach_and_sight_say(seed: int) -> No
     room, robot = room_of("normal", seed), robot_of("amigo")
     stage, oracle = Stage(room, robot), Oracle(room, robot)
     try:
-        checked = list(check_reaches(stage, oracle, 4, seed))
+        checked = list(check_reaches(stage, oracle, 8, seed))
     finally:
         stage.close()
         oracle.close()
     assert [text for found, _ in checked for text in found] == []
-    assert sum(solved for _, solved in checked) > 1
+    assert sum(solved for _, solved in checked) > 3
 
 
 def test_a_thing_is_put_whole_on_what_is_asked_for() -> None:
