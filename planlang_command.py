@@ -66,12 +66,16 @@ def _open_closed_streams() -> None:
 
 
 def _check_packages() -> None:
-    """End with a message if another package is found under the name of one of ours."""
-    here = Path(__file__).resolve().parent
+    """End with a message if another package is found under the name of one of ours.
+
+    Ours lie beside this file. Where planlang is installed for editing, they lie in the checkout, beside its original.
+    """
     for name in ("planlang", "executive", "sim"):
         found = importlib.util.find_spec(name)
         where = "nothing" if found is None else found.origin or next(iter(found.submodule_search_locations or ()), "")
-        if where and here not in Path(where).resolve().parents:
+        place = Path(where).resolve()
+        beside = place.parents[1] if place.name == "__init__.py" else place.parent
+        if where and not (beside / Path(__file__).name).is_file():
             sys.stderr.write(
                 f"error: Python finds {where} instead of planlang's package {name}\n"
                 "    help: rename it, or take its folder off PYTHONPATH\n"
