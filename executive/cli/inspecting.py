@@ -9,11 +9,10 @@ from typing import Any
 
 from executive.cli.console import Answer, ExitCode, silent
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
-from executive.locations.reachability_building import keep_maps, reachability_maps
+from executive.locations.reachability_files import reachability_map
 from executive.robots import Arm, Robot, bind_robot
 from executive.robots.arms import arm_models
 from executive.robots.carrying import with_carrying
-from executive.runs.assembly import mapped
 from planlang.diagnostics import BadInput, error
 from planlang.outputs import replace
 from sim import PlanningWorld, Scene
@@ -54,12 +53,10 @@ def _inspected(
     for file in (picture, record):
         if file is not None and not models:
             raise BadInput([error("C004", f"{file}: {robot.name} has no arm whose reach could be drawn")])
-    built = keep_maps(models, robot.torso, lambda *done: mapped(progress, *done))
-    maps: dict[str, dict[GraspClass, ReachabilityMap]] = {}
-    for model in models:
-        kept = [grasp for grasp in GraspClass if (model.name, grasp) not in built]
-        found = {**reachability_maps(model, robot.torso, kept)}
-        maps[model.name] = {grasp: found.get(grasp) or built[model.name, grasp] for grasp in GraspClass}
+    maps = {
+        model.name: {grasp: reachability_map(model, grasp, robot.name, progress) for grasp in GraspClass}
+        for model in models
+    }
     if record is not None:
         from executive.pictures.reach_picture import save_reach_recording
         from executive.pictures.recording import drawn_in

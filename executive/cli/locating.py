@@ -18,7 +18,7 @@ from executive.locations.demands import base_demand, sides, thing_demand, withou
 from executive.modules.platform import Platform
 from executive.robots import bind_robot
 from executive.robots.carrying import with_carrying
-from executive.runs.assembly import build_maps, platform_of, world_at_start
+from executive.runs.assembly import platform_of, world_at_start
 from planlang.designators import Location, Object, Person, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable
@@ -65,10 +65,9 @@ def locate(options: LocateOptions) -> Answer:
         world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
         truth = PyBulletWorld(world.scene, robot.body())  # which is as believed: nothing moves
         stack.callback(truth.close)
-        platform = platform_of(robot, semantic_map, truth, world, 0)
+        platform = platform_of(robot, semantic_map, truth, world, 0, options.progress)
         meant = _meant([*references(location), *([] if what is None else [what])], lexicon, platform)
         found.extend(_choices(meant, lexicon, platform))
-        build_maps(platform, options.progress)  # last: for a new robot it takes minutes
         try:
             return _resolved(location, what, lexicon, platform, meant, found, options)
         except LocationMeaningless as problem:
