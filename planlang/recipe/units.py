@@ -10,7 +10,7 @@ from functools import cache
 
 from planlang.designators import local_name
 from planlang.ontology import Literal
-from planlang.ontology.terms import LANG_STRING, XSD
+from planlang.ontology.terms import RDF, XSD
 from planlang.resources import bundled
 
 Dimension = tuple[tuple[str, int], ...]
@@ -36,7 +36,7 @@ class Unit:
 def unit_of(literal: Literal) -> str | None:
     """Return the local name of the unit that types a literal; None for plain text and the datatypes of XML Schema."""
     datatype = literal.datatype
-    if datatype is None or datatype == LANG_STRING or datatype.startswith(XSD) or "22-rdf-syntax-ns#" in datatype:
+    if datatype is None or datatype == RDF.langString or datatype.startswith(XSD) or "22-rdf-syntax-ns#" in datatype:
         return None
     return local_name(datatype)
 

@@ -8,7 +8,7 @@ from itertools import chain
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import BNode, Literal, Ontology, Term, shorten
-from planlang.ontology.terms import OWL, TYPE, XSD, is_vocabulary
+from planlang.ontology.terms import OWL, RDF, XSD, is_vocabulary
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.misspellings import SURE, guess
 from planlang.recipe.checks.places import places_of, statements_without_use
@@ -37,7 +37,7 @@ from planlang.recipe.statements import Filling, is_word
 from planlang.recipe.units import dimension_of, si_unit, unit, unit_of
 from planlang.relations import RELATIONS
 
-DATA_PROPERTY = OWL + "DatatypeProperty"
+DATA_PROPERTY = OWL.DatatypeProperty
 AGENTS = frozenset({"performedBy", "doneBy"})
 """Properties whose filler is not looked up to perform the action: the robot is known without it."""
 
@@ -165,7 +165,7 @@ def _unused_facts(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]
 
 def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagnostic]:
     short, term, span = local_name(shorten(filling.property)), filling.term, filling.span
-    kinds = ontology.values(filling.property, TYPE)
+    kinds = ontology.values(filling.property, RDF.type)
     if isinstance(term, Literal):
         yield from _literal(ontology, owner, filling.property, term, span)
         if OBJECT_PROPERTY in kinds and DATA_PROPERTY not in kinds:
@@ -240,7 +240,7 @@ def _meant(ontology: Ontology, undefined: str) -> Rename | None:
     """Return a name of the main document that is similar to an undefined one."""
     names = {
         triple.subject: None
-        for triple in ontology.triples(p=TYPE)
+        for triple in ontology.triples(p=RDF.type)
         if isinstance(triple.subject, str) and not isinstance(triple.subject, BNode) and ontology.main(triple.subject)
     }
     return guess(undefined, names)

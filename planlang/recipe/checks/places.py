@@ -10,7 +10,7 @@ from functools import cache
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Severity, Span, error, warning
 from planlang.ontology import Ontology, expand
-from planlang.ontology.terms import COMMENT, LABEL, OWL, TYPE
+from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check
 from planlang.recipe.checks.misspellings import guess
@@ -20,7 +20,7 @@ from planlang.recipe.readers.data_flow import made
 from planlang.relations import owl_properties
 from planlang.resources import bundled
 
-ANNOTATION_PROPERTY = OWL + "AnnotationProperty"
+ANNOTATION_PROPERTY = OWL.AnnotationProperty
 
 _NO_NAME = re.compile(r"pose|posture|position|[\W_\d]+", re.IGNORECASE)
 """Parts of a posture's name that do not distinguish it."""
@@ -60,7 +60,7 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
     stated = [one for one in stated if one[0].partition("#")[0] not in _LANGUAGES]
     stated += [(one.property, one.span) for one in ontology.restrictions(place.iri)]
     for property_name, span in dict(reversed(stated)).items():
-        if is_relation(property_name) or ANNOTATION_PROPERTY in ontology.values(property_name, TYPE):
+        if is_relation(property_name) or ANNOTATION_PROPERTY in ontology.values(property_name, RDF.type):
             continue
         short = local_name(property_name)
         meant = guess(property_name, map(expand, owl_properties()), least=0.75)
@@ -69,7 +69,7 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
         yield warning("R038", message, span, advice, meant)
 
 
-_LANGUAGES = {iri.partition("#")[0] for iri in (TYPE, LABEL, COMMENT, OWL)}
+_LANGUAGES = {iri.partition("#")[0] for iri in (RDF.type, RDFS.label, RDFS.comment, OWL)}
 
 
 def places_of(place: Place) -> Iterator[Place]:

@@ -69,7 +69,7 @@ def proposed(
 def _kinds(ontology: Ontology) -> Iterator[Fix]:
     """Restrictions with the word for classes about an individual, and the other way round."""
     main = str(ontology.documents[0].path)
-    for predicate, kind, code in ((OWL + "someValuesFrom", "value", "O042"), (OWL + "hasValue", "some", "O043")):
+    for predicate, kind, code in ((OWL.someValuesFrom, "value", "O042"), (OWL.hasValue, "some", "O043")):
         triples = [
             triple
             for triple in ontology.triples(p=predicate)

@@ -11,7 +11,7 @@ from xml.sax.saxutils import escape
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology.repairs import meant_term
-from planlang.ontology.terms import INTERSECTION_OF, ON_PROPERTY, OWL, RDF, SUBCLASS_OF
+from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, Place, indentation, line_end
 
 _START = re.compile(r"<[^\s/>\"'<]+(?:[^\"'<>]|\"[^\"<]*\"|'[^'<]*')*>")
@@ -89,9 +89,9 @@ class XmlText:
     def without(self, filler: Span) -> list[Edit]:
         """Take a restriction, whose filler stands at the span, out of the class that states it."""
         restriction, around = self._restriction_of(filler)
-        if meant_term(around.name) == SUBCLASS_OF:
+        if meant_term(around.name) == RDFS.subClassOf:
             return [self._whole_lines(around)]
-        if around.name == INTERSECTION_OF and len(around.children) > 2:
+        if around.name == OWL.intersectionOf and len(around.children) > 2:
             return [self._whole_lines(restriction)]
         raise CannotEdit("the restriction is neither a superclass nor one of several in an intersection")
 
@@ -107,7 +107,7 @@ class XmlText:
         """Make a restriction one of another kind, "some" or "value"."""
         element = self._element(filler)
         wanted = _KINDS[kind]
-        if element.name not in (OWL + "someValuesFrom", OWL + "hasValue"):
+        if element.name not in (OWL.someValuesFrom, OWL.hasValue):
             raise CannotEdit("neither owl:someValuesFrom nor owl:hasValue is written there")
         return self._tagged(element, _prefix(element, OWL) + wanted)
 
@@ -171,9 +171,9 @@ class XmlText:
         owl, rdf = _prefix(around, OWL), _prefix(around, RDF)
         newline = line_end(self.text)
         inner = restriction.children[0] if restriction.children else restriction
-        if meant_term(around.name) == SUBCLASS_OF:
+        if meant_term(around.name) == RDFS.subClassOf:
             behind, outer = around, [f"<{around.tag}>", f"</{around.tag}>"]
-        elif around.name == INTERSECTION_OF:
+        elif around.name == OWL.intersectionOf:
             behind, outer = restriction, []
         else:
             raise CannotEdit("the restriction is neither a superclass nor in an intersection")
@@ -223,7 +223,7 @@ class XmlText:
         """Return the owl:onProperty beside a filler."""
         restriction = self._element(filler).parent
         for child in restriction.children if restriction is not None else ():
-            if child.name == ON_PROPERTY:
+            if child.name == OWL.onProperty:
                 return child
         raise CannotEdit("no owl:onProperty is beside it")
 
