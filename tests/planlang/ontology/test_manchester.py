@@ -278,8 +278,17 @@ SIMPLE = "Prefix: : <http://x/#>\nPrefix: x: <http://y/#>\nPrefix: owl: <http://
 
 
 def meant(text: str) -> object:
+    """Return the triples of a text, its nameless nodes numbered as they occur, or the codes and lines of its errors."""
+    nodes: dict[object, int] = {}
     try:
-        return list(read(text, SIMPLE))
+        return [
+            (
+                *(nodes.setdefault(t, len(nodes)) if isinstance(t, BNode) else t for t in (one.subject, one.object)),
+                one.predicate,
+                one.span,
+            )
+            for one in read(text, SIMPLE)
+        ]
     except BadInput as problem:
         return [(one.code, one.span and one.span.line) for one in problem.diagnostics]
 
