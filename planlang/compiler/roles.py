@@ -12,7 +12,7 @@ from planlang.compiler.terms import Terms, callees_first
 from planlang.designators import local_name
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order.graph import Precedence
+from planlang.recipe.order import Precedence
 
 ROLES = ("base", "torso", "arm", "gripper", "head")
 """The order in which a plan names roles; others follow by name."""

@@ -11,7 +11,7 @@ from planlang.designators import local_name
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Description, Filler, Flow, Kind, Name, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order.graph import Precedence, recipe_order
+from planlang.recipe.order import Precedence, recipe_order
 
 _T = Thing | PlaceUse | Name | str | int | float | bool
 

@@ -15,7 +15,7 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.checks import check
 from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
-from planlang.recipe.order.intervals import implied_by_overlaps
+from planlang.recipe.order import implied_by_overlaps
 from planlang.recipe.readers import loose_parts, tasks_of
 from planlang.recipe.readers.data_flow import made
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word

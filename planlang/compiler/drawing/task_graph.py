@@ -28,7 +28,7 @@ from planlang.recipe.model import (
     Thing,
     Transition,
 )
-from planlang.recipe.order.graph import recipe_order
+from planlang.recipe.order import recipe_order
 from planlang.relations import RELATIONS
 
 

@@ -24,7 +24,7 @@ from planlang.recipe import (
     top_tasks,
 )
 from planlang.recipe.model import Reason
-from planlang.recipe.order.intervals import Intervals, implied_by_overlaps
+from planlang.recipe.order import Intervals, implied_by_overlaps
 from planlang.recipe.statements import ending_of
 from planlang.recipe.units import si_unit, unit
 
