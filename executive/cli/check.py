@@ -21,7 +21,8 @@ from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES, PlanHeader, header
 from planlang.resources import SUFFIXES
 
 if TYPE_CHECKING:
-    from planlang.recipe.fixes import Fix, Fixed
+    from planlang.recipe.fixes import Fix
+    from planlang.recipe.fixes.fixing import Fixed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +94,8 @@ def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     Without ``--output``, a file of the copy's name is never overwritten by another text.
     """
     from planlang.compiler import compile_recipe
-    from planlang.recipe.fixes import ACCEPTABLE, fix_recipe
+    from planlang.recipe.fixes import ACCEPTABLE
+    from planlang.recipe.fixes.fixing import fix_recipe
 
     output, accepted = arguments.output, arguments.accept or ()
     target = output or fixed_path(recipe)

@@ -7,9 +7,8 @@ from collections.abc import Set as AbstractSet
 
 from planlang.compiler.names import snake_case
 from planlang.compiler.recoveries import Recoveries
-from planlang.compiler.roles import Roles
 from planlang.compiler.structure import Overlaps, machine, structured
-from planlang.compiler.terms import HandUse, Renaming, Terms, callees_first
+from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, callees_first
 from planlang.compiler.tree import (
     Achieve,
     Call,

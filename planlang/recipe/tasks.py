@@ -142,6 +142,13 @@ def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None
     return actions.performers[iri]
 
 
+def statements_for(actions: Actions, iri: str) -> Statements:
+    """Return what the file states about a task with a recipe, or about the class that it inherits the recipe from."""
+    statements = actions.statements(recipes_for(actions, iri)[0][0])
+    assert statements is not None
+    return statements
+
+
 def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
     for level in levels(actions.ontology, iri):
         found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
