@@ -15,8 +15,7 @@ from planlang.protocols import Configuration, Contact
 from sim.bodies import Bodies
 from sim.contact import Held, Ignored, Query
 from sim.kinematic import KinematicScene
-from sim.playback import BASE
-from sim.robot import Robot
+from sim.robot import BASE, Robot
 
 Size = tuple[float, float, float]
 

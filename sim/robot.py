@@ -19,6 +19,8 @@ from sim.description import Follower, loadable, read_description
 from sim.engine import bullet, quiet
 from sim.scene import RobotBody
 
+BASE = ("x", "y", "yaw")
+"""The coordinates of the base, where joints go by their names."""
 WITHIN = 0.001
 """Distance up to which links of one body are looked at [m]: asked for 0, PyBullet 3.2.7 misses pairs that overlap by
 centimetres."""

@@ -11,8 +11,7 @@ from executive.cli.console import Answer, ExitCode, silent
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.locations.reachability_building import keep_maps, reachability_maps
 from executive.robots import Arm, Robot, bind_robot
-from executive.robots.arms import arm_models
-from executive.robots.carrying import with_carrying
+from executive.robots.arms import arm_models, with_carrying
 from executive.runs.assembly import mapped
 from planlang.diagnostics import BadInput, error
 from planlang.outputs import replace

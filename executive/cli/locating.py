@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from executive.belief import SemanticMap, read_map, scene_of
-from executive.belief.free_floor import BasePose
+from executive.belief.scene_collisions import BasePose
 from executive.cli.console import Answer, ExitCode, silent
 from executive.locations import Rejections
 from executive.locations.consistency import LocationMeaningless
 from executive.locations.demands import base_demand, sides, thing_demand, without_unused
 from executive.modules.platform import Platform
 from executive.robots import bind_robot
-from executive.robots.carrying import with_carrying
+from executive.robots.arms import with_carrying
 from executive.runs.assembly import build_maps, platform_of, world_at_start
 from planlang.designators import Location, Object, Person, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
@@ -264,8 +264,7 @@ def _resolved(
     elif counts:
         lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in counts.items())}")
     if options.explain is not None:
-        from executive.pictures.explanation import save_picture
-        from executive.pictures.floor_plan import Resolution, scenery_of
+        from executive.pictures.floor_plan import Resolution, save_picture, scenery_of
 
         bases = [(place["x"], place["y"], place["yaw"]) for _, place in places]
         arms = [place.get("arm", "") for _, place in places]

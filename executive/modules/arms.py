@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from executive.belief.free_floor import BasePose
+from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind, Resolver
 from executive.locations.demands import asks_for
 from executive.modules.control import Control

@@ -30,8 +30,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from executive.robots.mechanism import Mount, NotInstalled, composed, packaged
 from executive.robots.robot import Axis, BaseDrive, JointLimits
-from executive.robots.urdf_source import Mount, NotInstalled, composed, packaged
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import open_regular, read_file
 from sim import CameraModel

@@ -9,9 +9,16 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from executive.robots.finding import NEEDED, Availability, Finding, FindingKind, together
 from executive.robots.matching import Judge, Missing, Possessions
-from executive.robots.requirements import Semantics, requirements_of
+from executive.robots.requirements import (
+    NEEDED,
+    Availability,
+    Finding,
+    FindingKind,
+    Semantics,
+    requirements_of,
+    together,
+)
 from planlang.designators import local_name
 from planlang.ontology import Ontology, expand
 from planlang.recipe import Recipe, RecipeSet, Step
