@@ -60,7 +60,7 @@ def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspe
         found = {**reachability_maps(model, robot.torso, kept)}
         maps[model.name] = {grasp: found.get(grasp) or built[model.name, grasp] for grasp in GraspClass}
     if record is not None:
-        drawn = drawn_in(world, robot.urdf)
+        drawn = drawn_in(world)
         replace(record, lambda path: save_reach_recording(path, drawn, models, maps))
     if picture is not None:
         radius = robot.base.radius

@@ -279,7 +279,7 @@ class Run:
         if options.record is not None:
             from executive.pictures.recording import Recording, drawn_in
 
-            drawn = drawn_in(truth, executive.platform.robot.urdf)
+            drawn = drawn_in(truth)
             recording = Recording(truth.rate, drawn, title=self.plan.name)
             listeners.append(lines_of(recording.event))
             world = _FilmedWorld(truth, recording)
