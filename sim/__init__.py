@@ -7,7 +7,7 @@ answer questions, ``falling.py`` and ``people.py`` move things, ``picture.py`` a
 behind. Only ``engine.py`` imports PyBullet.
 """
 
-from sim.people import Reach, reach_of
+from sim.people import Reach
 from sim.perturb import perturb
 from sim.planning_world import PlanningWorld, Solid
 from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
@@ -24,5 +24,4 @@ __all__ = [
     "Scene",
     "Solid",
     "perturb",
-    "reach_of",
 ]

@@ -170,7 +170,7 @@ def raster(
 
 
 def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
-    """Position, viewing direction and upward direction of the camera in the map."""
+    """Return the position, viewing direction and upward direction of the camera in the map."""
     turn = pose.rotation
     return np.asarray(pose.position), rotated(turn, np.asarray(model.forward)), rotated(turn, np.asarray(model.up))
 
@@ -233,9 +233,6 @@ def _surface(kind: SolidKind, size: tuple[float, float, float], per_side: int = 
     return np.vstack(points), np.vstack(normals), np.concatenate(areas)
 
 
-BATCH = 16_000
-"""Rays per call of PyBullet: beyond 16,383 it silently answers fewer."""
-
 _EVERYTHING, _NOT_ROBOT = -1, ~64
 _ROBOT_GROUP = 64
 
@@ -250,14 +247,9 @@ class Rays:
                 bullet.setCollisionFilterGroupMask(robot.uid, index, _ROBOT_GROUP, -1, physicsClientId=client)
 
     def _hits(self, starts: Array, ends: Array, mask: int) -> list[Any]:
-        hits: list[Any] = []
-        for first in range(0, len(starts), BATCH):
-            hits += bullet.rayTestBatch(
-                starts[first : first + BATCH].tolist(),
-                ends[first : first + BATCH].tolist(),
-                collisionFilterMask=mask,
-                physicsClientId=self.client,
-            )
+        hits: list[Any] = bullet.rayTestBatch(
+            starts.tolist(), ends.tolist(), collisionFilterMask=mask, physicsClientId=self.client
+        )
         return hits
 
     def _name(self, hit: Any) -> str | None:
@@ -266,12 +258,8 @@ class Rays:
         return self.bodies.name_of(hit[0])
 
     def cast(self, starts: Array, ends: Array) -> tuple[str | None, ...]:
-        """(n, 3) starts and ends -> names of bodies or links that are hit first."""
+        """Return the names of bodies or links that lines from starts (n, 3) to ends (n, 3) hit first, n < 16,384."""
         return tuple(self._name(hit) for hit in self._hits(starts, ends, _EVERYTHING))
-
-    def seeing_through_the_robot(self, starts: Array, ends: Array) -> tuple[str | None, ...]:
-        """Cast rays as :meth:`cast`, as if there were no robot."""
-        return tuple(self._name(hit) for hit in self._hits(starts, ends, _NOT_ROBOT))
 
     def down(self, starts: Array, ends: Array) -> tuple[tuple[str | None, ...], Array]:
         """Return the names of bodies below, the robot left out, and the heights of the hits (0 where there is none)."""

@@ -183,14 +183,6 @@ class KinematicScene:
         """Return shoulders, arm length and facing direction of a person, to check which points are comfortable."""
         return self._people.reach(name)
 
-    def shoulder(self, name: str) -> tuple[float, float, float]:
-        """Return the point between a person's shoulders, in the map."""
-        return self._people.reach(name).shoulder
-
-    def arm_length(self, name: str) -> float:
-        """Return the distance from a person's shoulder to the palm [m]."""
-        return self._people.reach(name).arm_length
-
     def contacts(self) -> tuple[Contact, ...]:
         """Return the penetrations of the robot and of what it holds, where they are; allowed ones are left out."""
         return () if self._robot is None else self._find(self._now, Query())

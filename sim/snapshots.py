@@ -85,7 +85,7 @@ def restore_falling(all_: Falling, state: Mapping[str, Any]) -> None:
 
 
 def people(all_: People) -> JSON:
-    """Hands of persons, what they have and what they reach for, and how long things have been offered."""
+    """Return the hands of persons, what they have and what they reach for, and how long things have been offered."""
     persons = {
         name: {
             "hands": [np.asarray(hand).tolist() for hand in person.hands],

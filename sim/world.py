@@ -196,7 +196,7 @@ class PyBulletWorld(KinematicScene):
         self._motions[group] = begun
 
     def motion(self, group: str) -> Motion:
-        """State of the group's last motion; a group that has never moved is done."""
+        """Return the state of the group's last motion; a group that has never moved is done."""
         return self._motions[group].state() if group in self._motions else Motion(MotionState.DONE)
 
     def halt(self, group: str) -> None:

@@ -117,7 +117,7 @@ class FloorPlan:
         self.pen = self.sheet.pen
 
     def drawn(self, *, numbered: int) -> Sheet:
-        """All of it, the back first; so many of the best places have their numbers, the others a dot."""
+        """Return the drawing, back to front; ``numbered`` of the best places have their numbers, the others a dot."""
         self._floor()
         if self.scenery.on_floor:
             self._candidates()
@@ -265,7 +265,7 @@ class FloorPlan:
 def scenery_of(
     scene: PlanningScene, location: Location, meant: Collection[str], placed_thing: str | None = None
 ) -> Scenery:
-    """The room as it is believed; places are as large as the base, or as a thing that is placed."""
+    """Return the room as it is believed; places are as large as the base, or as a thing that is placed."""
     world = scene.world
     bodies = []
     tops = {name: float(corners(world.pose(name), world.scene.body(name).size)[:, 2].max()) for name in world.names()}
@@ -297,7 +297,7 @@ def scenery_of(
 
 
 def _regions(scene: PlanningScene, location: Location, placed_thing: str | None) -> Iterator[Region]:
-    """Where each conjunct about the floor holds, for the base or for a thing."""
+    """Yield where each conjunct about the floor holds, for the base or for a thing."""
     x, y, _ = scene.base()
     try:
         if placed_thing is None:
@@ -376,7 +376,7 @@ def picture(scenery: Scenery, resolution: Resolution) -> Image.Image:
 
 
 def close_view(scenery: Scenery, places: Sequence[tuple[float, float, float]]) -> Bounds | None:
-    """The square around the places; None if there are none, or if they are all over the room."""
+    """Return the square around the places; None if there are none, or if they are all over the room."""
     if not places:
         return None
     xs, ys = [x for x, _, _ in places], [y for _, y, _ in places]
@@ -388,7 +388,7 @@ def close_view(scenery: Scenery, places: Sequence[tuple[float, float, float]]) -
 
 
 def colours(reasons: Sequence[str]) -> dict[str, Colour]:
-    """A colour for every reason, the same whatever else there is of the well-known ones."""
+    """Return a colour for every reason, the same whatever else there is of the well-known ones."""
     unknown = sorted(set(reasons) - REASONS.keys())
     return {
         reason: REASONS[reason] if reason in REASONS else OTHERS[unknown.index(reason) % len(OTHERS)]
@@ -397,7 +397,7 @@ def colours(reasons: Sequence[str]) -> dict[str, Colour]:
 
 
 def _legend(scenery: Scenery, resolution: Resolution, of: Mapping[str, Colour]) -> tuple[Image.Image, int]:
-    """The legend on a sheet that is tall enough, and how much of it is used [pixels of the sheet]."""
+    """Return the legend on a sheet that is tall enough, and how much of it is used [pixels of the sheet]."""
     sheet = Sheet(LEGEND, 2400)
     row = 0
 

@@ -198,7 +198,7 @@ def save_reach_recording(
 
 
 def _cloud(found: ReachabilityMap) -> rerun.Points3D:
-    """The cells of a map, coloured by their numbers of headings."""
+    """Return the cells of a map, coloured by their numbers of headings."""
     import rerun
 
     rows = found.rows

@@ -95,7 +95,7 @@ TIME_LINE = "plan time"
 
 
 def missing() -> list[Diagnostic]:
-    """An error if recordings cannot be written here, with the command that changes it."""
+    """Return an error if recordings cannot be written here, with the command that changes it."""
     if find_spec("rerun") is not None:
         return []
     advice = "pip install 'planlang[record]', or leave out --record"
@@ -166,7 +166,7 @@ class Recording:
 
 
 def stream_to(path: Path, title: str, blueprint: Any) -> rerun.RecordingStream:
-    """A recording into a file, of a world with z up."""
+    """Return a recording into a file, of a world with z up."""
     import rerun
 
     stream = rerun.RecordingStream("planlang", recording_id=title, send_properties=False)
@@ -217,7 +217,7 @@ def _drawings(entity: str, shapes: Sequence[Shape]) -> list[tuple[str, Any]]:
 
 
 def _blueprint() -> Any:
-    """The scene beside the plan's events."""
+    """Return the scene beside the plan's events."""
     from rerun import blueprint
 
     views = blueprint.Horizontal(

@@ -78,7 +78,7 @@ class Lift:
         return np.asarray(self.per_unit * (np.asarray(position, float) - self.lowest))
 
     def position(self, rise: ArrayLike) -> Array:
-        """Return joint positions for a rise [m]."""
+        """Return the joint positions for a rise [m]."""
         return np.asarray(self.lowest + np.asarray(rise, float) / self.per_unit)
 
 
@@ -136,7 +136,7 @@ def gaze_of(robot: Robot) -> Gaze | None:
 
 
 def _pose(joints: Sequence[Joint], positions: Mapping[str, float]) -> Array:
-    """Return pose (4, 4) of the last joint's child in the first joint's parent."""
+    """Return the pose (4, 4) of the last joint's child in the first joint's parent."""
     pose = np.eye(4)
     for joint in joints:
         pose = product(pose, joint.origin)
@@ -236,7 +236,7 @@ HERE = (0.0, 0.0, 0.0)
 
 
 def with_carrying(robot: Robot) -> Robot:
-    """The robot, with a carrying posture if it has none: no contact with itself, hands level, as narrow as possible."""
+    """Return the robot with a carrying posture: without contact, hands level, as narrow as possible."""
     if CARRYING in robot.postures or not robot.arms:
         return robot
     world = PlanningWorld(Scene(()), robot.body())
@@ -258,7 +258,7 @@ def with_carrying(robot: Robot) -> Robot:
 
 
 def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWorld) -> dict[str, float]:
-    """The joints of an arm, others fixed: least penetration first, then the narrowest, then of a good height."""
+    """Return the joints of an arm, others fixed: least penetration first, then the narrowest, then of a good height."""
     chain = Chain.from_urdf(robot.urdf, robot.base_link, arm.tip, locked=fixed)
     rng = np.random.default_rng(0)
     candidates = _level(arm, chain, world, fixed, rng)
@@ -282,7 +282,7 @@ def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWor
 
 
 def _level(arm: Arm, chain: Chain, world: PlanningWorld, fixed: Mapping[str, float], rng: np.random.Generator) -> Array:
-    """Joint values (n, d) with the hand level, so that what it holds stays upright."""
+    """Return the joint values (n, d) with the hand level, so that what it holds stays upright."""
     shoulder = world.link_pose(arm.base_link, Configuration(HERE, fixed)).position[2]
     side = {"left": 1.0, "right": -1.0}.get(arm.side or "", 1.0)
     targets = [
@@ -300,7 +300,7 @@ def _level(arm: Arm, chain: Chain, world: PlanningWorld, fixed: Mapping[str, flo
 
 
 def _target(arm: Arm, position: tuple[float, float, float], heading: float) -> Array:
-    """The pose (4, 4) of the tip at a place, pointing level into a direction, fingers closing level."""
+    """Return the pose (4, 4) of the tip at a place, pointing level into a direction, fingers closing level."""
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
     across = np.array([-np.sin(heading), np.cos(heading), 0.0])
     there = np.column_stack([ahead, across, np.cross(ahead, across)])

@@ -56,13 +56,13 @@ class ClosedWorld:
         return upper in above
 
     def types(self, thing: Term) -> tuple[str, ...]:
-        """The classes that an individual is said to be of."""
+        """Return the classes that an individual is said to be of."""
         if isinstance(thing, Literal):
             return ()
         return tuple(dict.fromkeys(cls for one in self.ontologies for cls in one.types(thing)))
 
     def values(self, thing: Term, prop: Expression) -> tuple[Term, ...]:
-        """What an individual has by a property or one below it, or by the inverse of one."""
+        """Return what an individual has by a property or one below it, or by the inverse of one."""
         if isinstance(thing, Literal):
             return ()
         if prop.kind == "inverse":
@@ -78,7 +78,7 @@ class ClosedWorld:
         return tuple(dict.fromkeys(v for o in self.ontologies for v in o.values(thing, str(name), subproperties=True)))
 
     def satisfies(self, thing: Term, expression: Expression, depth: int = DEEPEST) -> bool | None:
-        """Whether an individual or a value is in a class or a data range; None if nothing is known of that."""
+        """Return whether an individual or a value is in a class or a data range; None if nothing is known of that."""
         if depth == 0:
             return None
         kind, parts = expression.kind, expression.parts
@@ -136,7 +136,7 @@ class ClosedWorld:
 
 
 def compared(kind: str, number: int, answers: Iterable[bool | None]) -> bool | None:
-    """Whether as many answers are true as "min", "max" or "exactly" so many asks for; None if that depends."""
+    """Return whether as many answers are true as "min", "max" or "exactly" so many asks for; None if that depends."""
     answers = list(answers)
     surely = sum(answer is True for answer in answers)
     perhaps = surely + sum(answer is None for answer in answers)
@@ -238,7 +238,7 @@ class Possessions:
 
 
 def possessions_of(robot: Robot) -> Possessions:
-    """What a bound robot has. What binding found outweighs claims: no gripper in the URDF, no gripping."""
+    """Return what a bound robot has. What binding found outweighs claims: no gripper in the URDF, no gripping."""
     lacks: dict[str, str] = {}
     if not robot.arms:
         lacks |= dict.fromkeys(("ArmMotionCapability", "ManipulationCapability"), f"{robot.name} has no arm")
@@ -271,7 +271,7 @@ class Missing:
 
 
 def missing_capabilities(ontology: Ontology, actions: Iterable[str], robot: Robot) -> tuple[Missing, ...]:
-    """What action classes (a task with all its steps) require and the robot lacks or may lack, capabilities first."""
+    """Return what action classes require and the robot lacks or may lack, capabilities first."""
     judge = Judge(ontology, possessions_of(robot))
     found: dict[tuple[FindingKind, str], Missing] = {}
     for action in dict.fromkeys(actions):
@@ -296,14 +296,14 @@ class Judge:
         self._open: dict[str, None] = {}
 
     def action(self, cls: str, text: str | None = None, span: Span | None = None) -> Finding:
-        """What an action class requires itself, with everything that this takes, and whether all of it is there."""
+        """Return what an action class requires itself, with all that this takes, and whether all of it is there."""
         below = tuple(self.requirement(one) for one in requirements_of(self.ontology, cls, self.semantics))
         closed = (one for top in below for one, _ in top.walk())
         state = together(one.state for one in (below if self.semantics is Semantics.ORIGINAL else closed))
         return Finding(FindingKind.ACTION, text or local_name(cls), cls, state, "", span, below)
 
     def requirement(self, needed: Requirement) -> Finding:
-        """Whether one requirement is met."""
+        """Return whether one requirement is met."""
         if needed.kind is FindingKind.CAPABILITY and needed.name is not None:
             return replace(self.capability(self._class_of(needed.name)), required=needed.span)
         if needed.kind is FindingKind.CAPABILITY:
@@ -311,13 +311,13 @@ class Judge:
         return self.component(needed)
 
     def _class_of(self, name: str) -> str:
-        """The class of a capability given by an individual of it."""
+        """Return the class of a capability given by an individual of it."""
         if self.ontology.is_class(name):
             return name
         return next(iter(self.ontology.types(name)), name)
 
     def _expressed_capability(self, needed: Requirement) -> Finding:
-        """A combination of capabilities with and, or, not."""
+        """Return the finding about a combination of capabilities with and, or, not."""
         below: list[Finding] = []
 
         def judged(expression: Expression) -> Availability:
@@ -340,7 +340,7 @@ class Judge:
     # -- components
 
     def component(self, needed: Requirement) -> Finding:
-        """Whether parts of the robot are what is required, and as many."""
+        """Return whether parts of the robot are what is required, and as many."""
         text, name = needed.text, needed.name
         answers = [self._fits(part, needed) for part in self.robot.parts]
         kind = needed.quantifier if needed.quantifier in ("min", "max", "exactly") else "min"
@@ -370,7 +370,7 @@ class Judge:
         return self.world.satisfies(part.iri, needed.expression)
 
     def _by_classes(self, part: Part, expression: Expression) -> bool | None:
-        """Whether a part of which only classes are known satisfies an expression."""
+        """Return whether a part of which only classes are known satisfies an expression."""
         answers = [self._by_classes(part, one) for one in expression.parts]
         match expression.kind:
             case "name":
@@ -384,7 +384,7 @@ class Judge:
         return None
 
     def _shows(self, name: str | None) -> bool:
-        """Whether the shape of a robot shows if it has such a part."""
+        """Return whether the shape of a robot shows if it has such a part."""
         if name is None or name in _BY_CAMERA:
             return name is not None
         return any(self.world.is_below(expand(one), name) for one in _SHAPE)
@@ -392,7 +392,7 @@ class Judge:
     # -- capabilities
 
     def capability(self, cls: str) -> Finding:
-        """Whether the robot has a capability: claims it and has the components, or has all that it takes."""
+        """Return whether the robot has a capability: claims it and has the components, or has all that it takes."""
         if cls not in self._known:
             if cls in self._open:  # not remembered: it may be there by another way
                 return Finding(
@@ -407,7 +407,7 @@ class Judge:
         return self._known[cls]
 
     def _judged(self, cls: str) -> Finding:
-        """A capability with everything that it takes; what a claimed one takes is required all the same."""
+        """Return the finding about a capability with all that it takes, which a claimed one takes all the same."""
         needed = requirements_of(self.ontology, cls, self.semantics)
         components = [self.requirement(one) for one in needed if one.kind is FindingKind.COMPONENT]
         capabilities = [self.requirement(one) for one in needed if one.kind is FindingKind.CAPABILITY]

@@ -47,7 +47,7 @@ class Mount:
 
 
 def packaged(name: str, file: str) -> Path:
-    """A file of an installed distribution, by the end of its path; raises NotInstalled."""
+    """Return a file of an installed distribution, by the end of its path; raises NotInstalled."""
     try:
         entries = distribution(name).files or ()
     except (PackageNotFoundError, ValueError):
@@ -60,7 +60,7 @@ def packaged(name: str, file: str) -> Path:
 
 
 def composed(urdf: Path, mount: Mount | None) -> Path:
-    """A copy of a URDF whose meshes are named by full paths, on a base if one is asked for.
+    """Return a copy of a URDF whose meshes are named by full paths, on a base if one is asked for.
 
     A URDF that cannot be read is returned as it is, so that its reader tells what is wrong with it.
     """
@@ -79,7 +79,7 @@ def composed(urdf: Path, mount: Mount | None) -> Path:
 
 @cache
 def _own_folder() -> Path:
-    """A folder of this process alone: what PyBullet reads there is what was written there."""
+    """Return a folder of this process alone: what PyBullet reads there is what was written there."""
     folder = tempfile.mkdtemp(prefix="planlang-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
@@ -154,7 +154,7 @@ class Mechanism:
         return tuple(reversed(found))
 
     def movers(self, link: str) -> tuple[str, ...]:
-        """Names of the actuated joints from the root to a link."""
+        """Return the names of the actuated joints from the root to a link."""
         return tuple(joint.name for joint in self.chain(link) if self.actuated(joint.name))
 
     def ancestors(self, link: str) -> tuple[str, ...]:
@@ -177,12 +177,12 @@ class Mechanism:
         return tuple(name for name in self.links if name in group)
 
     def fingers(self, hand: str) -> tuple[Joint, ...]:
-        """Actuated joints, or those that mimic one, that hang from what is rigid with a link."""
+        """Return the actuated joints, or those that mimic one, that hang from what is rigid with a link."""
         group = self.rigid_with(hand)
         return tuple(j for j in self.joints.values() if j.parent in group and j.kind != "fixed")
 
     def frame(self, link: str, position: float = 0.0, *, of: str = "") -> Array:
-        """Pose (4, 4) of a link in the root frame with the joint ``of`` at a position and all others at zero."""
+        """Return a link's pose (4, 4) in the root frame, with the joint ``of`` at a position and all others at zero."""
         matrix = np.eye(4)
         for joint in self.chain(link):
             matrix = product(matrix, joint.origin)
@@ -200,7 +200,7 @@ class Naming:
         self._prefixes = self._find_prefixes()
 
     def _find_prefixes(self) -> tuple[str, ...]:
-        """What local names have in front of the URDF's names, longest first."""
+        """Return what local names have in front of the URDF's names, longest first."""
         prefixes: dict[str, None] = {}
         for iri, name in (*self.model.links.items(), *self.model.joints.items()):
             local = local_name(iri)
@@ -211,7 +211,7 @@ class Naming:
         return tuple(sorted(prefixes, key=lambda prefix: (-len(prefix), prefix)))
 
     def link(self, iri: str, span: Span | None = None) -> str | None:
-        """Name in the URDF of the link that an IRI means; a joint means its child link. None if there is none."""
+        """Return the URDF's name of the link that an IRI means, for a joint its child link; None without one."""
         links, joints = self.mechanism.links, self.mechanism.joints
         name = self.model.links.get(iri)
         if name in links:
@@ -243,6 +243,6 @@ class Naming:
             self.found.append(note("B003", message, span))
 
     def unknown(self) -> tuple[str, ...]:
-        """Names of links and joints that the URDF does not have, in the order of the self-model."""
+        """Return the names of links and joints that the URDF does not have, in the order of the self-model."""
         known = {*self.mechanism.links, *self.mechanism.joints}
         return tuple(name for name in (*self.model.links.values(), *self.model.joints.values()) if name not in known)

@@ -160,7 +160,7 @@ class Requirement:
 
 
 def requirements_of(ontology: Ontology, cls: str, semantics: Semantics = Semantics.CLOSURE) -> tuple[Requirement, ...]:
-    """What a class requires directly: restrictions of it and its ancestors, nearest first, each once.
+    """Return what a class requires directly: restrictions of it and its ancestors, nearest first, each once.
 
     ``only`` requires nothing: it says what else may not be needed. Expressions that cannot be read are left out, the
     checks of the ontology tell of them.
@@ -187,7 +187,7 @@ def requirements_of(ontology: Ontology, cls: str, semantics: Semantics = Semanti
 
 
 def requirements(ontology: Ontology, actions: Iterable[str]) -> tuple[Mapping[str, tuple[str, ...]], ...]:
-    """Capabilities and components that action classes require, closed: each -> the classes that lead to it.
+    """Return the capabilities and components that action classes require, closed: each -> the classes that lead to it.
 
     Keys are IRIs of classes; of other expressions their text.
     """

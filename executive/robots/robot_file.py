@@ -96,7 +96,7 @@ class RobotFile:
     """Dotted key -> line in the file."""
 
     def span(self, key: str) -> Span:
-        """Where a key, or the nearest table around it, is written."""
+        """Return where a key, or the nearest table around it, is written."""
         while key and key not in self.lines:
             key = key.rpartition(".")[0]
         return Span(str(self.path), self.lines.get(key, 1))

@@ -50,7 +50,7 @@ def compiled_plan(
 
 
 def import_plan(path: Path) -> ModuleType:
-    """The plan's file as a module; raises BadInput, with the line, when it cannot be imported."""
+    """Return the plan's file as a module; raises BadInput, with the line, when it cannot be imported."""
     loader = _PlanLoader(f"planlang_run_{path.stem}", str(path))
     spec = importlib.util.spec_from_loader(loader.name, loader)
     assert spec is not None
@@ -67,7 +67,7 @@ class _PlanLoader(SourceFileLoader):
     """Loads a plan from a file of any suffix and leaves no compiled copy beside it."""
 
     def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:
-        """Called with the compiled copy; it is not kept."""
+        """Keep no compiled copy."""
 
 
 def line_in(problem: BaseException, path: Path) -> int | None:
@@ -77,7 +77,7 @@ def line_in(problem: BaseException, path: Path) -> int | None:
 
 
 def main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:
-    """The plan of that name or IRI; without one the last plan in the file, which calls the others.
+    """Return the plan of that name or IRI; without one the last plan in the file, which calls the others.
 
     Raises BadInput, telling which plans there are, when there is none or not the one that was asked for.
     """
@@ -106,7 +106,7 @@ def bindable_parameters(plan: Plan[Any, Any]) -> dict[str, Object]:
 def bound_parameters(
     plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap, found: list[Diagnostic]
 ) -> dict[str, Object]:
-    """The plan's parameters: their defaults, or things of the map that the user named, by IRI or local name.
+    """Return the plan's parameters: their defaults, or things of the map that the user named, by IRI or local name.
 
     A thing has to be of the class of the default. Where the recipe names an individual, a thing of a class beside that
     of the individual, below the same one, will do, too, with a warning among ``found``. Raises BadInput, telling what
@@ -149,14 +149,14 @@ def _is(semantic_map: SemanticMap, thing: MapObject, cls: str) -> bool:
 
 
 def _is_alike(semantic_map: SemanticMap, thing: MapObject, default: Object) -> bool:
-    """True if a class directly above that of the recipe's individual is also above that of the thing."""
+    """Return True if a class directly above that of the recipe's individual is also above that of the thing."""
     if default.iri is None:
         return False
     return any(_is(semantic_map, thing, cls) for cls in semantic_map.ontology.parents(expand(default.type)))
 
 
 def _instead(wanted: str, name: str, default: Object, semantic_map: SemanticMap) -> str:
-    """What may have been meant by a thing that is not there, what would be valid, and where there is such a thing."""
+    """Return what may have been meant by an absent thing, what would be valid, and where there is such a thing."""
     fitting = _fitting_things(default, semantic_map)
     placed = [thing.name for thing in semantic_map.objects if thing.pose is not None]
     short = local_name(wanted)
@@ -183,7 +183,7 @@ def _fitting_things(default: Object, semantic_map: SemanticMap) -> list[str]:
 
 
 def _fitting(name: str, default: Object, semantic_map: SemanticMap) -> str:
-    """What would be valid: the things with a place that a parameter may be bound to."""
+    """Return what would be valid: the things with a place that a parameter may be bound to."""
     fitting = _fitting_things(default, semantic_map)
     if not fitting:
         placed = [thing.name for thing in semantic_map.objects if thing.pose is not None]
@@ -224,7 +224,7 @@ class Assessment:
     unknown: tuple[Missing, ...] = ()
 
     def also(self, lacking: Iterable[Missing]) -> Assessment:
-        """With what the recipe of the plan requires besides; each thing is told once."""
+        """Return the assessment with what the plan's recipe requires besides; each thing is listed once."""
         known = {(one.kind, one.name) for one in (*self.missing, *self.unknown)}
         others = [one for one in lacking if (one.kind, one.name) not in known]
         missing = tuple(one for one in others if one.state is Availability.MISSING)
@@ -232,7 +232,7 @@ class Assessment:
         return Assessment((*self.missing, *missing), self.infeasible, (*self.unknown, *unknown))
 
     def notes(self, file: Path | None) -> Iterator[Diagnostic]:
-        """A note for each alternative that the robot cannot do, a warning for what it may lack.
+        """Yield a note for each alternative that the robot cannot do, a warning for what it may lack.
 
         ``file`` is the plan's if it lasts.
         """
@@ -245,7 +245,7 @@ class Assessment:
 
 
 def assess(needs: Needs, lacking: Callable[[Iterable[str]], tuple[Missing, ...]]) -> Assessment:
-    """Whether a robot can do what is needed; ``lacking`` tells what it lacks for action classes.
+    """Return whether a robot can do what is needed; ``lacking`` tells what it lacks for action classes.
 
     When no alternative of a choice is feasible, what all of them lack is missing.
     """
@@ -268,7 +268,7 @@ def assess(needs: Needs, lacking: Callable[[Iterable[str]], tuple[Missing, ...]]
 
 
 def needs_of(module: ModuleType, plan: Plan[Any, Any]) -> Needs:
-    """What a plan of a module needs, with all that it calls in the module."""
+    """Return what a plan of a module needs, with all that it calls in the module."""
     return _Source(module).needs(plan.name)
 
 
@@ -292,7 +292,7 @@ class _Source:
         self._known: dict[int, Needs] = {}
 
     def needs(self, name: str) -> Needs:
-        """What a plan function of the module needs; everything in the module if it is defined elsewhere."""
+        """Return what a plan function of the module needs; everything in the module if it is defined elsewhere."""
         nodes = [self._top[name]] if name in self._top else self._top.values()
         return _together(self._definition(node, self._top) for node in nodes)
 
@@ -308,7 +308,7 @@ class _Source:
         return self._known[id(node)]
 
     def _within(self, node: ast.AST, scope: Scope) -> Needs:
-        """What a piece of source needs; local functions and values where they are named."""
+        """Return what a piece of source needs; local functions and values where they are named."""
         needs: list[Needs]
         match node:
             case ast.FunctionDef() | ast.AsyncFunctionDef() if scope.get(node.name) is node:
@@ -341,7 +341,7 @@ class _Source:
         )
 
     def _name(self, node: ast.AST) -> str | None:
-        """The name in planlang of what an expression names: ``act`` after ``from planlang import action as act``."""
+        """Return planlang's name of what an expression names, ``action`` after ``import action as act``."""
         match node:
             case ast.Name(id=name):
                 return self._original.get(name, name)
@@ -350,7 +350,7 @@ class _Source:
         return None
 
     def _text(self, node: ast.expr) -> str | None:
-        """The text that an expression stands for: a literal, a constant of the module, or a sum of these."""
+        """Return the text that an expression stands for: a literal, a constant of the module, or a sum of these."""
         match node:
             case ast.Constant(value=str(text)):
                 return text
@@ -370,7 +370,7 @@ def _title(branch: ast.expr) -> str:
 
 
 def _definitions(body: list[ast.stmt]) -> dict[str, ast.AST]:
-    """Functions, classes and values by the names that they have in a module or a function."""
+    """Return the functions, classes and values by the names that they have in a module or a function."""
     found: dict[str, ast.AST] = {}
     for node in body:
         match node:
@@ -384,7 +384,7 @@ def _definitions(body: list[ast.stmt]) -> dict[str, ast.AST]:
 
 
 def _together(needs: Iterable[Needs]) -> Needs:
-    """All of them, each action class and each choice once."""
+    """Return all needs, each action class and each choice once."""
     actions: dict[str, None] = {}
     choices: dict[tuple[Alternative, ...], None] = {}
     for one in needs:
