@@ -160,8 +160,8 @@ def test_figure_fits_its_box_and_faces_along_x(
     figure, reach = figure_of(body), reach_from(figure_of(body), body.pose)
     assert reach.facing == pytest.approx((0, 1, 0), abs=1e-9)
     low, high = height_of_shoulders
-    assert low < reach.shoulder[2] < high
     right, left = reach.shoulders
+    assert low < right[2] < high
     assert right[0] > left[0]
     for part in figure.trunk:
         assert abs(part.offset.position[2]) < size[2] / 2
