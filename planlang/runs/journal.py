@@ -17,6 +17,7 @@ from planlang.kernel.core import Scheduler, Task, here, park
 from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.fluent import Fluent, find
 from planlang.kernel.observer import Body
+from planlang.kernel.primitives import pause
 from planlang.kernel.schedule import CountedRandom
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import EVAPORATED, Node, Status
@@ -223,7 +224,8 @@ class Journal(RecordedInputs):
     async def _give(self, done: Done) -> Any:
         """Let the time pass that the step took, and give what it gave; in the order in which steps completed."""
         scheduler, task = here()
-        await self._until(done.step, done.path)
+        if done.step > scheduler.now:
+            await pause(done.step - scheduler.now, done.path)
         while self._due is not done:
             self._waiting[done.path] = task
             await park(f"the end of {self._due.path if self._due else 'the run'}, which was before its own")
@@ -243,15 +245,6 @@ class Journal(RecordedInputs):
         if done.failure is not None:
             raise done.failure
         return done.value
-
-    async def _until(self, step: int, what: str) -> None:
-        scheduler, task = here()
-        if step > scheduler.now:
-            timer = scheduler.alarm(task, step - scheduler.now, lambda: scheduler.wake(task))
-            try:
-                await park(what)
-            finally:
-                timer.drop()
 
     def _go_on(self) -> None:
         """From here on the plan runs."""

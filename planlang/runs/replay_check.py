@@ -16,6 +16,7 @@ from typing import Any
 from planlang.kernel.core import Scheduler, Task, here, park
 from planlang.kernel.hosts import VIRTUAL_HOST, checked
 from planlang.kernel.observer import Body
+from planlang.kernel.primitives import pause
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import SUCCEEDED, Node, Status
 from planlang.runs.codec import Exact, load, load_failure
@@ -108,11 +109,7 @@ class ReplayCheck(Trace):
         scheduler, task = here()
         step = self.lines[place].step if place < len(self.lines) else scheduler.now
         if step > scheduler.now:
-            timer = scheduler.alarm(task, step - scheduler.now, lambda: scheduler.wake(task))
-            try:
-                await park(f"step {step}")
-            finally:
-                timer.drop()
+            await pause(step - scheduler.now)
         while self.place < place + behind and not self.over:
             turn = (place + behind, task)
             self._turns.append(turn)
