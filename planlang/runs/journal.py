@@ -24,8 +24,7 @@ from planlang.kernel.tree import EVAPORATED, Node, Status
 from planlang.runs.codec import Exact, Lost, dump, dump_failure
 from planlang.runs.inputs import RecordedInputs
 from planlang.runs.recorded_run import Done, Past
-from planlang.runs.resumed_trace import ResumedTrace
-from planlang.runs.trace import Trace
+from planlang.runs.trace import ResumedTrace, Trace
 
 LOOKED_INTO = ("seq", "state_machine", "partial_order")
 """Constructs whose parts are steps."""
