@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.kernel import Host, PlanStructureError, Scheduler, run_plan
-from planlang.kernel.realtime import LiveHost
+from planlang.kernel.hosts import LiveHost
 from planlang.kernel.schedule import Schedule, described, source_of
 from planlang.kernel.tree import Node, name_of
 from planlang.language.budgets import charge
