@@ -79,7 +79,7 @@ MUTANTS = [
     ("timers of held tasks go on", "kernel/cancel.py", "timer.freeze()", "pass"),
     ("a wait is not looked at again after waking up", "kernel/cancel.py", "task.wait.recheck()", "pass"),
     ("suspension is no count", "kernel/cancel.py", "    task.count -= 1\n", "    task.count = 0\n"),
-    ("waking up forgets those woken meanwhile", "kernel/cancel.py", "        if not task.in_queue:\n            scheduler.enqueue(task)\n    elif", "        pass\n    elif"),
+    ("waking up forgets those woken meanwhile", "kernel/cancel.py", "        if not task.in_queue:\n            scheduler.enqueue(task)\n    # What it waits", "        pass\n    # What it waits"),
     ("evaporating a held task leaves it held", "kernel/cancel.py", "    task.holds = task.count = 0\n    if task.woken", "    if task.woken"),
     ("evaporation goes to parents only", "kernel/cancel.py", "stack.extend(reversed(scope.live))", "pass"),
     ("siblings are evaporated last first", "kernel/scope.py", "for task in tuple(self.live):", "for task in reversed(tuple(self.live)):"),
