@@ -17,7 +17,7 @@ from planlang.designators import Action
 from planlang.kernel import Scheduler, shield
 from planlang.kernel.core import here, park
 from planlang.kernel.errors import DeadlockError, Evaporated
-from planlang.language.budgets import spend
+from planlang.language.budgets import charge
 from planlang.language.executive import Executive, RecordedExecutive
 from planlang.language.resources import Arbiter, Lease, holding
 from planlang.language.running import inside_of
@@ -194,7 +194,7 @@ class _Work:
                     self._begun[line.path] = line.step
                 else:
                     name = str(line.record.get("name")).partition("#")[0]
-                    spend(name, line.step - self._begun.get(line.path, line.step))
+                    charge("spent", name, line.step - self._begun.get(line.path, line.step))
 
     async def _acquire(self, line: Line) -> None:
         scheduler, task = here()

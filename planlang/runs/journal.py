@@ -8,7 +8,7 @@ states and steps are steps too. Nothing deeper is: what has not completed runs a
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -60,15 +60,15 @@ class Journal(RecordedInputs):
         *,
         snapshot: Callable[[], Any] | None = None,
         past: Past | None = None,
-        account: Callable[[Mapping[str, int], Mapping[str, int]], None],
+        charge: Callable[[str, str, int], None],
     ) -> None:
-        """``snapshot`` gives the state of the world and the robot's belief as JSON. ``account`` charges the budgets
-        around the running task with what a step that is taken over has used.
+        """``snapshot`` gives the state of the world and the robot's belief as JSON. ``charge`` charges the budgets
+        around the running task with what a step that is taken over has spent and used.
         """
         super().__init__(scheduler, trace if past is None else ResumedTrace(trace, past), past)
         self._snapshot = snapshot
         self._left: Any = None
-        self._account = account
+        self._charge = charge
         self._spine: dict[Node, bool] = {}
         self._opened: dict[Node, _Open] = {}
         self._given: set[Node] = set()
@@ -238,7 +238,9 @@ class Journal(RecordedInputs):
             if fluent is None:
                 raise PlanStructureError(f"{done.path} has set the fluent {name}, which there is not")
             fluent.set(value)
-        self._account(done.spent, done.used)
+        for kind, counts in (("spent", done.spent), ("used", done.used)):
+            for part, number in counts.items():
+                self._charge(kind, part, number)
         if self._due is None:
             self._go_on()
         if done.failure is not None:
