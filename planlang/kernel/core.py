@@ -110,7 +110,7 @@ class Task(Node):
         self.base_name = name
         self.ordinal = 1
         self.number = 0
-        self.told = ""
+        self.written = ""
         if parent is not None:
             counts = parent._counts
             if counts is None:
