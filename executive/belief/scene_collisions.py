@@ -9,11 +9,10 @@ import numpy as np
 from executive.belief.belief import Belief
 from executive.belief.free_floor import BasePose, Floor
 from executive.motion import Boxes, QuickCheck
-from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room
+from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
+from executive.motion.bodies import Solids
 from executive.motion.clearance import Band
 from executive.motion.footprint import outlines
-from executive.motion.link_shapes import links_of
-from executive.motion.solids import Solids
 from executive.robots import Robot
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
