@@ -13,7 +13,7 @@ from functools import cache
 
 from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
-from planlang.ontology.terms import LANG_STRING, OWL, RANGE, RDF, RDFS, TYPE, XSD, is_vocabulary
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
 from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
 from planlang.relations import of_owl_property
@@ -42,7 +42,7 @@ class Unit:
 def unit_of(literal: Literal) -> str | None:
     """Return the local name of the unit that types a literal; None for plain text and the datatypes of XML Schema."""
     datatype = literal.datatype
-    if datatype is None or datatype == LANG_STRING or datatype.startswith(XSD) or "22-rdf-syntax-ns#" in datatype:
+    if datatype is None or datatype == RDF.langString or datatype.startswith(XSD) or "22-rdf-syntax-ns#" in datatype:
         return None
     return local_name(datatype)
 
@@ -105,7 +105,7 @@ def _table() -> tuple[dict[str, Unit], dict[str, Dimension]]:
     return units, {name: _read(text) for name, text in data["properties"].items()}
 
 
-OBJECT_PROPERTY = OWL + "ObjectProperty"
+OBJECT_PROPERTY = OWL.ObjectProperty
 
 PLACES = ("Point2D", "Point3D")
 """Classes of location designators: of the base, of the hand or an object."""
@@ -204,7 +204,7 @@ def is_vocabulary_class(cls: str) -> bool:
 
 def takes_things(ontology: Ontology, property_name: str) -> bool:
     """Return True for a property whose range is one of localised things."""
-    ranges = (range_ for range_ in ontology.values(property_name, RANGE) if isinstance(range_, str))
+    ranges = (range_ for range_ in ontology.values(property_name, RDFS.range) if isinstance(range_, str))
     return any(is_localised(ontology, cls) for cls in ranges)
 
 
@@ -217,7 +217,7 @@ def takes_numbers(ontology: Ontology, property_name: str) -> bool:
     key = ("takes numbers", property_name)
     if key not in ontology.kept:
         above = ontology.superproperties(property_name)
-        ranges = [range_ for one in above for range_ in ontology.values(one, RANGE) if isinstance(range_, str)]
+        ranges = [range_ for one in above for range_ in ontology.values(one, RDFS.range) if isinstance(range_, str)]
         is_ranged = any(range_.startswith(XSD) and range_.removeprefix(XSD) in NUMERIC for range_ in ranges)
         ontology.kept[key] = is_ranged or any(
             dimension_of(local_name(one)) is not None and not _is_declared_otherwise(ontology, one) for one in above
@@ -230,7 +230,8 @@ def _is_declared_otherwise(ontology: Ontology, property_name: str) -> bool:
     """Return True for a property outside of the vocabulary that is declared as an object property, or has a range."""
     if shorten(property_name) != property_name:
         return False
-    return OBJECT_PROPERTY in ontology.values(property_name, TYPE) or bool(ontology.values(property_name, RANGE))
+    kinds = ontology.values(property_name, RDF.type)
+    return OBJECT_PROPERTY in kinds or bool(ontology.values(property_name, RDFS.range))
 
 
 def _individual(ontology: Ontology, iri: str) -> str | None:
@@ -453,7 +454,7 @@ def _is_of_actions(ontology: Ontology, property_name: str) -> bool:
 
 
 def _is_annotation(ontology: Ontology, name: str) -> bool:
-    return name.startswith((OWL, RDF, RDFS)) or OWL + "AnnotationProperty" in ontology.values(name, TYPE)
+    return name.startswith((OWL, RDF, RDFS)) or OWL.AnnotationProperty in ontology.values(name, RDF.type)
 
 
 def _parameter(ontology: Ontology, filling: Filling, made: frozenset[str]) -> Parameter | None:
