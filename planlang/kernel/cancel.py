@@ -42,8 +42,7 @@ def evaporate(scheduler: Scheduler, root: Task, through_shields: bool = False) -
         if not task.cancelled:
             task.cancelled = changed = True
             unhold(scheduler, task)
-            if task.watched is not None:
-                task.watched.set(Status.EVAPORATING)
+            task.show(Status.EVAPORATING)
         if not task.begun:
             scheduler.finish(task, EVAPORATED)
             continue
@@ -96,7 +95,7 @@ def break_off(scheduler: Scheduler, task: Task, error: BaseException) -> None:
     scope = task.scope
     if scope is not None and not scope.complete:
         scope.close()
-    elif not task.woken and not _undisturbed(task):
+    elif not task.woken and not _undisturbed(task):  # else the error waits for the next checkpoint
         scheduler.throw(task, delivery(task, scheduler.draining))
 
 
@@ -109,7 +108,7 @@ def deliver(task: Task) -> Generator[object, Any, None]:
     task.deliveries += 1
     if task.deliveries > MAX_DELIVERIES:
         yield STUCK
-    if task.thrown and not scheduler.draining:
+    if task.thrown and not scheduler.draining:  # not the first time: code of a cleanup awaits without a shield
         _warn_cut_short(task)
     task.thrown = True
     raise Evaporated
@@ -122,7 +121,7 @@ async def checkpoint() -> None:
         await deliver(task)
     scheduler.wake(task)
     await park("its turn")
-    if task.doomed:
+    if task.doomed:  # since it was in the queue already, evaporation could not be raised where it waited
         await deliver(task)
 
 
@@ -192,16 +191,15 @@ def suspend(scheduler: Scheduler, task: Task) -> bool:
             raise PlanStructureError(f"a task cannot suspend itself or what waits for it: {task.path}")
         runner = runner.group.owner if runner.group is not None else None
     task.count += 1
-    if task.count > 1:
+    if task.count > 1:  # it is held already, with all below it
         return True
     held: list[Task] = []
     error: Exception | None = None
     for one in _subtree(task):
         one.holds += 1
-        if one.holds == 1:
+        if one.holds == 1:  # not held by a suspension of an ancestor before
             held.append(one)
-            if one.watched is not None:
-                one.watched.set(Status.SUSPENDED)
+            one.show(Status.SUSPENDED)
             for timer in one.timers or ():
                 timer.freeze()
     for one in reversed(held):  # children first
@@ -230,7 +228,7 @@ def wake_up(scheduler: Scheduler, task: Task) -> bool:
 
 
 def unhold(scheduler: Scheduler, task: Task) -> None:
-    """An evaporated task is never held: only its cleanup runs, with all that it has started inside a shield."""
+    """Let an evaporated task go on: what runs of it is its cleanup, with all that it has started inside a shield."""
     if task.shields:
         for one in _subtree(task, cancelled=True):
             if one.holds:
@@ -257,13 +255,14 @@ def _must_be_seen(task: Task) -> bool:
 def _let_go(scheduler: Scheduler, task: Task) -> None:
     """Let a task go on that nothing holds any more."""
     for timer in task.timers or ():
-        if not timer.passed and timer.due is None:
+        if not timer.passed and timer.due is None:  # it has not fired, and stands still
             timer.thaw()
-    if task.watched is not None and not task.cancelled:
-        task.watched.set(task.status)
+    if not task.cancelled:
+        task.show(task.status)
     if task.woken:
         if not task.in_queue:
             scheduler.enqueue(task)
+    # What it waits for may have come true, and false again, while it was held: only what is true now counts.
     elif isinstance(task.wait, Wait):
         task.wait.recheck()
 

@@ -23,9 +23,8 @@ from typing import Any, Protocol, TypeVar
 
 from planlang.failures import PlanFailure
 from planlang.kernel.errors import PlanStructureError
-from planlang.kernel.hosts import Host
+from planlang.kernel.hosts import Host, Inbox, LiveHost
 from planlang.kernel.observer import Observer, Recorded
-from planlang.kernel.realtime import Inbox, LiveHost
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.timers import Timer, TimerQueue
 from planlang.kernel.tree import SUCCEEDED, Node, Status
@@ -96,8 +95,8 @@ class Task(Node):
     generators: list[Any] | None
     """Async generators that it has iterated, to be closed before it counts as dead."""
     stream: Random | None
-    watched: BaseFluent[Status] | None
-    """The status as a fluent, once someone asked for it."""
+    watched: list[BaseFluent[Status]] | None
+    """Fluents that show the status, once someone has asked for one."""
 
     # Slots that are all filled: in Python 3.11 a default on the class is read ten times slower than a slot.
     __slots__ = tuple(__annotations__)
@@ -111,7 +110,7 @@ class Task(Node):
         self.base_name = name
         self.ordinal = 1
         self.number = 0
-        self.told = ""
+        self.written = ""
         if parent is not None:
             counts = parent._counts
             if counts is None:
@@ -145,6 +144,11 @@ class Task(Node):
         if self.holds:
             return Status.SUSPENDED
         return Status.RUNNING if self.begun else Status.CREATED
+
+    def show(self, status: Status) -> None:
+        """Set the fluents that show the status."""
+        for fluent in self.watched or ():
+            fluent.set(status)
 
 
 class BaseScope(Node):
@@ -184,16 +188,6 @@ class BaseScope(Node):
         raise NotImplementedError
 
 
-class Sampled(Protocol):
-    """The part of a world fluent that the event loop needs."""
-
-    def sample(self, step: int) -> bool:
-        """Read the world; True if those who wait should look."""
-
-    def notify(self) -> None:
-        """Let all waits look at their condition."""
-
-
 class ChoiceSource(Protocol):
     """Picks among tasks that can run; its text is what the trace's header says of it."""
 
@@ -230,8 +224,7 @@ class Scheduler:
         self.choice = choice
         """Picks among tasks that can run; None is first come, first served."""
         self.queue: deque[Task] = deque()
-        self.pool: list[Task] = []
-        """The queue when a choice is made from it, in order of coming."""
+        """Tasks that can run, in order of coming."""
         self.dirty: list[tuple[int, int, BaseScope]] = []
         """Constructs with newly dead branches, as a heap: the most deeply nested first, then in order of creation."""
         self.births = 0
@@ -239,7 +232,7 @@ class Scheduler:
         self.resumptions = 0
         """Turns and decisions in this world step."""
         self.timers = TimerQueue()
-        self.world_waits: dict[Sampled, int] = {}
+        self.world_waits: dict[BaseFluent[Any], int] = {}
         """World fluents that someone waits for, with the number of waits."""
         self.vital_waits = 0
         """How many of these waits keep the run going; the others are only looked at when it goes on anyway."""
@@ -294,10 +287,7 @@ class Scheduler:
         task.woken = True
         if not task.holds:
             task.in_queue = True
-            if self.choice is None:
-                self.queue.append(task)
-            else:
-                self.pool.append(task)
+            self.queue.append(task)
 
     def wake(self, task: Task, value: Any = None) -> None:
         """Let a task's wait return ``value``; ignored when it has been woken already."""
@@ -312,7 +302,7 @@ class Scheduler:
         self.enqueue(task)
 
     def finish(self, task: Task, outcome: Status) -> None:
-        """The task is dead; its construct will decide."""
+        """Take note that the task is dead; its construct will decide."""
         task.outcome = outcome
         task.dead = True
         task.coroutine = None
@@ -324,13 +314,13 @@ class Scheduler:
                 error = task.cleanup_failures[0]
             self.observer.ended(self.timers.now, task, outcome, task.result, error)
         if group is not None:
-            task.node = group  # no longer itself: what refers to itself only the collector frees
+            task.node = group  # no longer itself: only the collector frees what refers to itself
             del group.live[task]
             group.fresh.append(task)
             if not group.dirty:
                 group.stir()
         if task.watched is not None:
-            task.watched.set(outcome)
+            task.show(outcome)
 
     def service(self, kind: type[S]) -> S:
         """Return the one object of a class that belongs to this run."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterator
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.failures import BudgetExceeded, PlanFailure, Timeout
-from planlang.kernel import All, Task, checkpoint
+from planlang.kernel import Task, checkpoint
 from planlang.kernel.core import here, park
 from planlang.kernel.primitives import charge as note_charge
+from planlang.kernel.scope import Single
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.misuse import Usage
@@ -22,20 +23,18 @@ V = TypeVar("V")
 _TIMEOUT = Usage("await timeout", {"seconds": "2", "body": "reach"})
 
 
-class Limited(All):
+class Limited(Single):
     """One branch with a deadline, which stands still while the owner is held."""
 
     expired = False
     timer: Timer | None = None
 
     def __init__(self, kind: str, steps: int | None, body: Branch) -> None:
-        super().__init__(kind)
+        super().__init__(kind, body)
         self.steps = steps
-        self.body = body
-        self.result: Any = None
 
     def begin(self) -> None:
-        self.start(self.body, name_of(self.body), 0)
+        super().begin()
         if self.steps is not None:
             self.timer = self.scheduler.deadline(self.owner, self.steps, self.expire)
 
@@ -44,10 +43,6 @@ class Limited(All):
         if not self.over:
             self.expired = True
             self.close()
-
-    def decide(self, dead: list[Task]) -> None:
-        super().decide(dead)
-        self.result = dead[0].result
 
     async def execute(self) -> Any:
         try:
@@ -63,8 +58,7 @@ class Limited(All):
     def finish(self) -> Any:
         if self.expired:
             raise self.attach(self.failure())
-        self.raise_failure()
-        return self.result
+        return super().finish()
 
 
 class _Timeout(Limited):
@@ -139,13 +133,6 @@ async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None,
     return result
 
 
-def spend(part: str, steps: int) -> None:
-    """Note in the budgets around the running task where time went."""
-    note_charge("spent", part, steps)
-    for around in _around():
-        around.spent[part] = around.spent.get(part, 0) + steps
-
-
 async def take_attempt(construct: str) -> None:
     """Take an attempt from the budgets around the running task; evaporates the task when none is left.
 
@@ -156,7 +143,7 @@ async def take_attempt(construct: str) -> None:
     while empty := [around for around in _around() if around.left == 0 and around not in passed]:
         await _pass(empty)
         passed += empty
-    _charge({construct: 1})
+    charge("used", construct, 1)
 
 
 async def _pass(empty: list[_Budget]) -> None:
@@ -185,19 +172,14 @@ def _around() -> Iterator[_Budget]:
         around = around.outer
 
 
-def charge(spent: Mapping[str, int], used: Mapping[str, int]) -> None:
-    """Take from the budgets around the running task what a step of a resumed run used before."""
-    for part, steps in spent.items():
-        spend(part, steps)
-    _charge(used)
+def charge(kind: str, part: str, number: int) -> None:
+    """Charge the budgets around the running task: world steps "spent" by an action, or attempts "used" by a construct.
 
-
-def _charge(used: Mapping[str, int]) -> None:
-    """Take attempts, by construct, from the budgets around the running task; one that is used up has none to give."""
-    for construct, number in used.items():
-        note_charge("used", construct, number)
+    A budget that is used up has no attempts to give: what goes on under a shield takes none from it.
+    """
+    note_charge(kind, part, number)
     for around in _around():
-        for construct, number in used.items():
-            around.used[construct] = around.used.get(construct, 0) + number
-        if around.left is not None:
-            around.left = max(0, around.left - sum(used.values()))
+        counts = around.spent if kind == "spent" else around.used
+        counts[part] = counts.get(part, 0) + number
+        if kind == "used" and around.left is not None:
+            around.left = max(0, around.left - number)

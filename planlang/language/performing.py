@@ -15,10 +15,10 @@ from planlang.kernel.primitives import called, node, record
 from planlang.kernel.signals import Expression
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
-from planlang.language.budgets import spend
+from planlang.language.budgets import charge
 from planlang.language.executive import current, executive_for
+from planlang.language.plans import Handle, Restarting, join
 from planlang.language.resources import using
-from planlang.language.tags import Handle, Restarting, join
 from planlang.misuse import Usage, WrongType, contrast, written
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ async def perform_or(action: Action, branch: Callable[[], Awaitable[Any]]) -> An
 
 class _Perform(Restarting):
     def __init__(self, name: str, action: Action, module: ProcessModule, resources: tuple[str, ...]) -> None:
-        super().__init__("perform", name, partial(_request, module, action, resources), module.name)
+        super().__init__("perform", partial(_request, module, action, resources), name, module.name)
         self.action = action
 
     async def execute(self) -> Any:
@@ -149,7 +149,7 @@ class _Perform(Restarting):
         try:
             return await super().execute()
         finally:
-            spend(self.base_name, self.scheduler.now - began)
+            charge("spent", self.base_name, self.scheduler.now - began)
 
     def details(self) -> dict[str, object]:
         return {"action": self.action}

@@ -8,13 +8,12 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.kernel import Host, PlanStructureError, Scheduler, run_plan
-from planlang.kernel.realtime import LiveHost
+from planlang.kernel.hosts import LiveHost
 from planlang.kernel.schedule import Schedule, described, source_of
 from planlang.kernel.tree import Node, name_of
-from planlang.language.answering import RecordingExecutive
 from planlang.language.budgets import charge
-from planlang.language.executive import current
-from planlang.language.tags import Frame, frame
+from planlang.language.executive import RecordedExecutive, current
+from planlang.language.plans import Frame, frame
 from planlang.misuse import Usage, WrongValue, whole_number
 from planlang.runs import Past, Trace, refuse_other
 from planlang.runs.journal import Journal
@@ -92,10 +91,13 @@ def run(
     if not resumable and resume is None:
         return _inside(scheduler, plan, executive)  # type: ignore[no-any-return]
     journal = Journal(
-        scheduler, trace or Trace([]), snapshot=getattr(executive, "snapshot", None), past=resume, account=charge
+        scheduler, trace or Trace([]), snapshot=getattr(executive, "snapshot", None), past=resume, charge=charge
     )
     scheduler.observer = scheduler.recorded = journal
-    recording = None if executive is None else RecordingExecutive(executive, journal)
+    recording = None
+    if executive is not None:
+        recording = RecordedExecutive(executive, journal)
+        recording.modules  # noqa: B018 - the first answer of a run: by it a replay tells that there was an executive
     try:
         result: V = _inside(scheduler, plan, recording)
     except PlanStructureError:

@@ -1,6 +1,6 @@
 """A trace that is compared, record by record, with one that was written before; and the host and order of a replay.
 
-The records of a run are in one order, and a replay follows it: what is told from outside comes when the records say
+The records of a run are in one order, and a replay follows it: what comes from outside comes when the records say
 so, and of the tasks that can run the one whose record is next runs first, where the order is not the plan's own.
 """
 
@@ -16,14 +16,13 @@ from typing import Any
 from planlang.kernel.core import Scheduler, Task, here, park
 from planlang.kernel.hosts import VIRTUAL_HOST, checked
 from planlang.kernel.observer import Body
+from planlang.kernel.primitives import pause
 from planlang.kernel.signals import BaseFluent
-from planlang.kernel.tree import SUCCEEDED, Node, Status
-from planlang.runs.codec import Exact, load, load_failure
-from planlang.runs.encoding import encode
+from planlang.kernel.tree import Node
+from planlang.runs.codec import Exact, encode
 from planlang.runs.inputs import FluentKeys
-from planlang.runs.recorded_run import BOOKKEEPING, Line, RecordedRun, details
-from planlang.runs.resumed_trace import Different, shown
-from planlang.runs.trace import Trace
+from planlang.runs.recorded_run import BOOKKEEPING, DamagedTrace, Line, RecordedRun, details, value_in
+from planlang.runs.trace import Different, Trace, shown
 
 
 class ReplayOver(BaseException):
@@ -31,7 +30,7 @@ class ReplayOver(BaseException):
 
 
 class Opaque(Exact):
-    """A result that did not survive JSON: it can be handed on, and tells as what it told before."""
+    """A result that did not survive JSON: it can be handed on, and is shown as before."""
 
     __slots__ = ()
 
@@ -39,11 +38,12 @@ class Opaque(Exact):
 class ReplayCheck(Trace):
     """Compares what a replay writes with the records of a run.
 
-    ``place`` is where the next record is that the plan has to write; what was told from outside before it has been
-    told. ``difference`` is the first one.
+    ``place`` is where the next record is that the plan has to write; what came from outside before it has been
+    given. ``difference`` is the first one.
     """
 
     scheduler: Scheduler
+    is_compared = True
 
     def __init__(self, recorded: RecordedRun) -> None:
         super().__init__([])
@@ -75,7 +75,7 @@ class ReplayCheck(Trace):
         return self.lines[place].step if place < len(self.lines) else None
 
     def take(self) -> None:
-        """The next record has been written."""
+        """Go on to the record after the next, which has been written."""
         self.place += 1
         self._pass()
         due = [turn for turn in self._turns if turn[0] <= self.place]
@@ -108,11 +108,7 @@ class ReplayCheck(Trace):
         scheduler, task = here()
         step = self.lines[place].step if place < len(self.lines) else scheduler.now
         if step > scheduler.now:
-            timer = scheduler.alarm(task, step - scheduler.now, lambda: scheduler.wake(task))
-            try:
-                await park(f"step {step}")
-            finally:
-                timer.drop()
+            await pause(step - scheduler.now)
         while self.place < place + behind and not self.over:
             turn = (place + behind, task)
             self._turns.append(turn)
@@ -142,30 +138,15 @@ class ReplayCheck(Trace):
             self.differ({"step": step, "event": event, "path": path, **inside})
 
     def differ(self, found: Mapping[str, Any] | str) -> None:
-        """This is what was found in place of the next record."""
+        """Note the first difference: what was found in place of the next record."""
         line = self.next()
         assert line is not None
         if self.difference is None and not self.over:
             recorded = {"step": line.step, "event": line.event, "path": line.path} | details(line.record)
-            told = found if isinstance(found, str) else shown(found)
-            message = f"line {line.number} is not repeated\n  recorded  {shown(recorded)}\n  found     {told}"
+            what = found if isinstance(found, str) else shown(found)
+            message = f"line {line.number} is not repeated\n  recorded  {shown(recorded)}\n  found     {what}"
             self.difference = Different(message, line.number, recorded, found)
         self.over = True
-
-    def started(self, step: int, node: Node, /, **more: object) -> None:
-        """A node of the tree begins."""
-        self.write(step, "started", node, **more)
-
-    def ended(
-        self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
-    ) -> None:
-        """A node of the tree ends."""
-        if failure is not None:
-            self.write(step, "ended", node, status=outcome.value, failure=failure)
-        elif result is not None and outcome is SUCCEEDED:
-            self.write(step, "ended", node, status=outcome.value, result=result)
-        else:
-            self.write(step, "ended", node, status=outcome.value)
 
     # -- planlang.kernel.observer.Recorded
 
@@ -173,7 +154,7 @@ class ReplayCheck(Trace):
         """Return what was answered last."""
         if not self.knows(question):
             self._unknown(question)
-        return self._value(self._answers[question])
+        return self.value(self._answers[question])
 
     def knows(self, question: str) -> bool:
         """Return whether a question was asked by now."""
@@ -190,7 +171,7 @@ class ReplayCheck(Trace):
         lines = self._series.get(question, [])
         if not lines:
             self._unknown(question)
-        return self._value(lines.pop(0))
+        return self.value(lines.pop(0))
 
     def sample(self, fluent: BaseFluent[Any], read: Callable[[], Any]) -> Any:
         """Return the value that was recorded for this step."""
@@ -199,7 +180,7 @@ class ReplayCheck(Trace):
         place = bisect_right(lines, self.scheduler.now, key=lambda line: line.step)
         if not place:
             self._unknown(f"the value of {fluent}")
-        return self._value(lines[place - 1])
+        return self.value(lines[place - 1])
 
     def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
         """Return the recorded number, and a function that gives what the call gave."""
@@ -218,7 +199,7 @@ class ReplayCheck(Trace):
         return await body()
 
     def step_ends(self, step: int) -> bool:
-        """The host of the replay lets time pass."""
+        """Return False: the host of the replay lets time pass."""
         return False
 
     def attach(self, scheduler: Scheduler) -> None:
@@ -236,20 +217,16 @@ class ReplayCheck(Trace):
         self.over = True
         raise ReplayOver
 
-    def _value(self, line: Line) -> Any:
-        record = line.record
+    def value(self, line: Line, shown: Callable[[Line], Any] = lambda line: line.record["lost"]) -> Any:
+        """Return the value that a record tells, or raise its failure; ``shown`` tells of one that did not survive."""
+        if "lost" in line.record:
+            return Opaque(shown(line))
         try:
-            if "failure" in record:
-                failure = load_failure(record["failure"])
-            elif "lost" in record:
-                return Opaque(record["lost"])
-            else:
-                return load(record.get("value"))
-        except (ValueError, TypeError, RecursionError) as problem:
-            self.difference = Different(f"line {line.number} is damaged: {problem}", line.number, dict(record))
+            return value_in(line)
+        except DamagedTrace as damage:
+            self.difference = Different(f"line {line.number} is damaged: {damage}", line.number, dict(line.record))
             self.over = True
             raise ReplayOver from None
-        raise failure
 
 
 ENDINGS = frozenset({"interrupted", "drained"})

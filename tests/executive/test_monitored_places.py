@@ -9,7 +9,7 @@ import pytest
 from planlang import now, perform, pursue, sleep, wait_for
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, action, an_object, located
 from planlang.geometry import Pose
-from planlang.language.goals import holds
+from planlang.language.conditions import holds
 from planlang.protocols import Detection, Solution
 from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage, stand
 from tests.executive.modules.test_navigation import to

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.runs.plan_files import import_plan, main_plan
-from executive.runs.plan_requirements import required_of_plan
+from executive.runs.plan_files import import_plan, main_plan, required_of_plan
 from executive.runs.plan_run import Outcome, RunOptions, run_plan_file
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import Diagnostic, Severity

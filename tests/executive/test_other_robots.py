@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.robots import bind_robot
-from executive.robots.carrying import with_carrying
+from executive.robots.arms import with_carrying
 from planlang.protocols import Configuration
 from planlang.resources import bundled
 from sim import PlanningWorld, Scene

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from executive.robots import Availability, FindingKind, Missing
-from executive.runs.plan_files import import_plan, main_plan
-from executive.runs.plan_requirements import Needs, assess, needs_of
+from executive.runs.plan_files import Needs, assess, import_plan, main_plan, needs_of
 
 HEAD = """
 from functools import partial

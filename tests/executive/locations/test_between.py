@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from executive.belief.free_floor import CELL, Floor
+from executive.belief.scene_collisions import CELL, Floor
 from executive.locations.base_candidates import FINER, BaseCandidates, moved_to_room
 from executive.locations.reachability import YAWS
 from executive.motion.clearance import Boxes

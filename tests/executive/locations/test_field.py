@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from executive.belief.free_floor import DOUBTFUL, Floor
+from executive.belief.scene_collisions import DOUBTFUL, Floor
 from executive.locations.base_candidates import BaseCandidates
 from executive.motion.clearance import Boxes
 from executive.motion.footprint import outlines

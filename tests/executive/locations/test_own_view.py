@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from executive.belief.visibility import Unseen
+from executive.belief.planning_scene import Unseen
 from tests.support.locations.rooms import BOUNDS, asked, room_of
 from tests.support.locations.stage import Stage, robot_of
 

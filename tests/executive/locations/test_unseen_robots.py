@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from executive.robots import Robot, bind_robot
-from executive.robots.arms import arm_models, gaze_of
-from executive.robots.carrying import with_carrying
+from executive.robots.arms import arm_models, gaze_of, with_carrying
 from planlang.designators import a_device, a_location
 from planlang.geometry import Pose
 from planlang.ontology import Ontology

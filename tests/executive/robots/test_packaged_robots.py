@@ -9,7 +9,7 @@ import pytest
 
 from executive.motion import Chain
 from executive.robots import Robot, bind_robot
-from executive.robots.urdf_source import Mount, composed
+from executive.robots.mechanism import Mount, composed
 from planlang.diagnostics import BadInput
 from sim import PlanningWorld, Scene
 

@@ -25,7 +25,7 @@ from planlang.designators import local_name
 from planlang.ontology import Ontology, load
 from planlang.protocols import Solution
 from planlang.recipe import Actions, Ordering, Recipe, RecipeSet, Source, Step
-from planlang.recipe.order.graph import order_graph
+from planlang.recipe.order import order_graph
 
 BASE = "http://planlang.org/test#"
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"

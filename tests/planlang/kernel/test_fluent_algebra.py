@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from virtual_time import go
 
-from planlang import Fluent, VirtualHost, achieve, now, par, run, sleep, wait_for
+from planlang import Fluent, achieve, now, par, sleep, wait_for
 
 BINARY: list[Callable[[Any, Any], Any]] = [
     operator.add,
@@ -29,10 +30,6 @@ BINARY: list[Callable[[Any, Any], Any]] = [
     operator.gt,
     operator.ge,
 ]
-
-
-def go(body: Any, **options: Any) -> Any:
-    return run(body, host=VirtualHost(), **options)
 
 
 def outcome(compute: Callable[[], Any]) -> Any:

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     DeadlockError,
@@ -27,10 +28,6 @@ from planlang import (
     wait_for,
     whenever,
 )
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 async def set_later(fluent: Fluent[Any], value: Any, after: float = 1.0) -> None:

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     DeadlockError,
@@ -39,10 +40,6 @@ from planlang import (
     wake_up,
 )
 from planlang.failures import BranchEvaporated, GraspMissed
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 class World:

@@ -35,7 +35,7 @@ from planlang import (
     wake_up,
 )
 from planlang.failures import BranchEvaporated
-from planlang.kernel.realtime import Inbox
+from planlang.kernel.hosts import Inbox
 from planlang.runs import Past, RecordedRun
 from planlang.testing import replay
 

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     DeadlockError,
@@ -21,7 +22,6 @@ from planlang import (
     StepLimit,
     StuckTask,
     Trace,
-    VirtualHost,
     checkpoint,
     par,
     pursue,
@@ -31,10 +31,6 @@ from planlang import (
     unwind_protect,
     wait_for,
 )
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 class World:

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import SimulationHost, VirtualHost, checkpoint, now, par, rng, run, sleep
 
@@ -20,10 +21,6 @@ class CountingWorld:
 
     def step(self) -> None:
         self.steps += 1
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 def test_sleep_takes_the_exact_number_of_steps() -> None:

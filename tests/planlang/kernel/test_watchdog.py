@@ -27,7 +27,7 @@ from planlang import (
     run,
     sleep,
 )
-from planlang.kernel import watchdog as dog
+from planlang.kernel import environment as dog
 from planlang.kernel.errors import Overdue
 from planlang.kernel.hosts import WATCHDOG
 from planlang.runs import with_paths

@@ -33,7 +33,7 @@ from planlang import (
     unwind_protect,
 )
 from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, NavigationFailure, Timeout
-from planlang.language.parallel import concurrent_branches
+from planlang.language.branches import concurrent_branches
 from planlang.runs import with_paths
 
 

@@ -9,14 +9,11 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
-from planlang import PlanStructureError, VirtualHost, in_thread, par, plan, pursue, run, sleep
+from planlang import PlanStructureError, in_thread, par, plan, pursue, sleep
 from planlang.failures import GraspMissed
 from planlang.kernel import CutShort
-
-
-def go(body: Any, **options: Any) -> Any:
-    return run(body, host=VirtualHost(), **options)
 
 
 async def reach() -> None:

@@ -13,7 +13,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Term, Triple, load
 from planlang.recipe import Actions, read_recipe, stated_tasks
-from planlang.recipe.order.graph import recipe_order
+from planlang.recipe.order import recipe_order
 from planlang.recipe.tasks import read_recipe_of
 
 TASK = "http://knowrob.org/kb/knowrob.owl#PuttingSomethingSomewhere"

@@ -13,7 +13,7 @@ from planlang import DeadlockError, Fluent, PlanFailure, checkpoint, par, pursue
 from planlang.failures import ObjectLost
 from planlang.kernel import Task
 from planlang.testing import PlanRun, ScheduleDependence, compiled, explore, run_plan
-from planlang.testing.schedules import Priorities, Recorder, Shrinker, continued, trimmed
+from planlang.testing.exploring import Priorities, Recorder, Shrinker, continued, trimmed
 
 
 async def check_then_act() -> list[str]:

@@ -7,15 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planlang.recipe.order.decomposition import Parallel, Part, Prime, Serial, decomposed
-from planlang.recipe.order.graph import Precedence, order_graph
+from planlang.compiler.structure import ParallelPart, Part, PrimePart, SerialPart, decomposed
+from planlang.recipe.order import Precedence, order_graph
 
 Order = tuple[list[int], set[tuple[int, int]]]
 
 
-def reduced(graph: nx.DiGraph) -> nx.DiGraph:
-    order: Precedence[int] = Precedence(graph)
-    return order_graph(graph.nodes, order.reduction())
+def ordered(graph: nx.DiGraph) -> Precedence[int]:
+    return Precedence(graph.nodes, graph.edges)
 
 
 def order_of(part: Part) -> Order:
@@ -24,9 +23,9 @@ def order_of(part: Part) -> Order:
         return [part], set()
     found = [order_of(inner) for inner in part.parts]
     numbers = range(len(found))
-    if isinstance(part, Serial):
+    if isinstance(part, SerialPart):
         between = [(a, b) for a in numbers for b in numbers if a < b]
-    elif isinstance(part, Prime):
+    elif isinstance(part, PrimePart):
         between = list(nx.transitive_closure_dag(order_graph(numbers, part.orderings)).edges)
     else:
         between = []
@@ -36,7 +35,7 @@ def order_of(part: Part) -> Order:
 
 
 def has_prime(part: Part) -> bool:
-    return not isinstance(part, int) and (isinstance(part, Prime) or any(map(has_prime, part.parts)))
+    return not isinstance(part, int) and (isinstance(part, PrimePart) or any(map(has_prime, part.parts)))
 
 
 def series_parallel(rng: random.Random, leaves: list[int]) -> Order:
@@ -59,7 +58,7 @@ def any_orders(draw: st.DrawFn) -> nx.DiGraph:
 
 @given(any_orders())
 def test_decomposition_says_exactly_the_order(graph: nx.DiGraph) -> None:
-    part = decomposed(reduced(graph))
+    part = decomposed(ordered(graph), 20)
     assert part is not None
     leaves, pairs = order_of(part)
     assert sorted(leaves) == list(graph.nodes)
@@ -72,39 +71,39 @@ def test_series_parallel_orders_have_no_prime_part(seed: int, size: int) -> None
     leaves = list(range(size))
     rng.shuffle(leaves)
     _, pairs = series_parallel(rng, leaves)
-    part = decomposed(reduced(order_graph(range(size), pairs)))
+    part = decomposed(Precedence(range(size), pairs), 40)
     assert part is not None
     assert not has_prime(part)
     assert order_of(part)[1] == pairs
 
 
 def test_an_n_is_prime() -> None:
-    part = decomposed(order_graph(range(4), [(0, 2), (1, 2), (1, 3)]))
-    assert part == Prime((0, 1, 2, 3), ((0, 2), (1, 2), (1, 3)))
+    part = decomposed(Precedence(range(4), [(0, 2), (1, 2), (1, 3)]))
+    assert part == PrimePart((0, 1, 2, 3), ((0, 2), (1, 2), (1, 3)))
 
 
 def test_a_prime_part_stands_inside_of_series_and_parallel() -> None:
     n = [(1, 3), (2, 3), (2, 4)]
     graph = order_graph(range(7), [*n, (3, 5), (4, 5), (0, 1), (0, 2)])
-    part = decomposed(reduced(graph))
-    assert part == Parallel((Serial((0, Prime((1, 2, 3, 4), ((0, 2), (1, 2), (1, 3))), 5)), 6))
+    part = decomposed(ordered(graph), 20)
+    assert part == ParallelPart((SerialPart((0, PrimePart((1, 2, 3, 4), ((0, 2), (1, 2), (1, 3))), 5)), 6))
 
 
 @pytest.mark.parametrize("size", [1, 2, 3000])
 def test_chains_and_antichains_are_one_part(size: int) -> None:
-    chain = decomposed(order_graph(range(size), [(node, node + 1) for node in range(size - 1)]))
-    free = decomposed(order_graph(range(size), []))
-    assert chain == (0 if size == 1 else Serial(tuple(range(size))))
-    assert free == (0 if size == 1 else Parallel(tuple(range(size))))
+    chain = decomposed(Precedence(range(size), [(node, node + 1) for node in range(size - 1)]))
+    free = decomposed(Precedence(range(size), []))
+    assert chain == (0 if size == 1 else SerialPart(tuple(range(size))))
+    assert free == (0 if size == 1 else ParallelPart(tuple(range(size))))
 
 
 def test_nothing_has_no_decomposition() -> None:
-    assert decomposed(nx.DiGraph()) is None
+    assert decomposed(Precedence((), ())) is None
 
 
 @given(any_orders(), st.integers(0, 3))
 def test_splitting_no_deeper_says_the_same_order(graph: nx.DiGraph, deepest: int) -> None:
-    part = decomposed(reduced(graph), deepest)
+    part = decomposed(ordered(graph), deepest)
     assert part is not None
     leaves, pairs = order_of(part)
     assert sorted(leaves) == list(graph.nodes)
