@@ -9,7 +9,7 @@ import pytest
 
 from executive.locations import Resolver
 from executive.locations.resolver import APART
-from executive.locations.search_budget import BUDGETS
+from executive.locations.search import BUDGETS
 from planlang import at_location
 from planlang.designators import a_location
 from planlang.failures import LocationUnresolvable, ManipulationPoseUnreachable, ObjectUnreachable

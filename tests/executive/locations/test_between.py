@@ -10,8 +10,7 @@ import pytest
 from executive.belief.scene_collisions import CELL, Floor
 from executive.locations.base_candidates import FINER, BaseCandidates, moved_to_room
 from executive.locations.reachability import YAWS
-from executive.motion.clearance import Boxes
-from executive.motion.footprint import outlines
+from executive.motion.clearance import Boxes, outlines
 from planlang.geometry import Array, Pose
 from tests.support.locations.oracle import Oracle
 from tests.support.locations.reach import judged

@@ -7,8 +7,7 @@ import pytest
 
 from executive.belief.scene_collisions import DOUBTFUL, Floor
 from executive.locations.base_candidates import BaseCandidates
-from executive.motion.clearance import Boxes
-from executive.motion.footprint import outlines
+from executive.motion.clearance import Boxes, outlines
 from planlang.geometry import Array, Pose
 
 HALF = 0.3

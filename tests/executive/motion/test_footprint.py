@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from executive.motion.clearance import Boxes, clearance_at
-from executive.motion.footprint import TOUCHING, Outline, cores, outlines, stands_in_none
+from executive.motion.clearance import TOUCHING, Boxes, Outline, clearance_at, cores, outlines, stands_in_none
 from planlang.geometry import Array, Pose
 
 SQUARE = np.array([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]])
