@@ -64,8 +64,8 @@ class Journal:
         past: Past | None = None,
         charge: Callable[[str, str, int], None],
     ) -> None:
-        """``past`` is what a resumed run takes over. ``snapshot`` gives the state of the world and the robot's belief as
-        JSON. ``charge`` charges the budgets around the running task with what a step that is taken over has used.
+        """``past`` is what a resumed run takes over. ``snapshot`` gives the state of the world and the robot's belief
+        as JSON. ``charge`` charges the budgets around the running task with what a step that is taken over has used.
         """
         self._scheduler = scheduler
         self._trace = trace if past is None else ResumedTrace(trace, past)
