@@ -13,7 +13,6 @@ from PIL import Image
 from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
-from executive.runs.assembly import mapped
 
 CART = """<robot name="cart"><link name="base"><collision><geometry><box size="0.5 0.5 0.5"/></geometry></collision>
 </link></robot>"""
@@ -92,9 +91,3 @@ def test_without_the_package_a_recording_is_refused_with_how_to_get_it(
     result = inspected("amigo", "--record", tmp_path / "reach.rrd")
     assert result.exit_code == 2
     assert "pip install 'planlang[record]'" in result.output
-
-
-def test_maps_are_built_with_a_line_each_also_where_stderr_is_no_terminal() -> None:
-    said: list[str] = []
-    mapped(said.append, 2, 6, "left, side")
-    assert said == ["building reachability maps, once for this robot: 2 of 6 done, left, side"]

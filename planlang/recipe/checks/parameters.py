@@ -11,7 +11,7 @@ from itertools import chain
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
-from planlang.ontology.terms import COMMENT, LABEL, OWL, TYPE, XSD, is_vocabulary
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check
 from planlang.recipe.checks.misspellings import SURE, guess
@@ -47,7 +47,7 @@ from planlang.recipe.statements import Filling, is_word
 from planlang.relations import RELATIONS, owl_properties
 from planlang.resources import bundled
 
-DATA_PROPERTY = OWL + "DatatypeProperty"
+DATA_PROPERTY = OWL.DatatypeProperty
 AGENTS = frozenset({"performedBy", "doneBy"})
 """Properties whose filler is not looked up to perform the action: the robot is known without it."""
 
@@ -117,7 +117,7 @@ def _owners(checked: CheckedRecipe) -> Iterator[tuple[str, tuple[Filling, ...]]]
 
 
 def _stated(ontology: Ontology, owner: str, more: tuple[Filling, ...]) -> Iterator[Filling]:
-    """All that is stated to fill a property of an action (IRI), nearest first."""
+    """Return all that is stated to fill a property of an action (IRI), nearest first."""
     return chain.from_iterable(fillings(ontology, owner, more))
 
 
@@ -153,7 +153,7 @@ def _references(ontology: Ontology, filling: Filling, reported: set[Term]) -> It
 
 
 def _unused_facts(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
-    """Facts of individuals that no property of actions says, one message for each property."""
+    """Report facts of individuals with properties that actions do not have, one message for each property."""
     found: dict[str, dict[str, Span]] = {}
     for owner in owners:
         if not ontology.is_class(owner):
@@ -175,7 +175,7 @@ def _unused_facts(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]
 
 def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagnostic]:
     short, term, span = local_name(shorten(filling.property)), filling.term, filling.span
-    kinds = ontology.values(filling.property, TYPE)
+    kinds = ontology.values(filling.property, RDF.type)
     if isinstance(term, Literal):
         yield from _literal(ontology, owner, filling.property, term, span)
         if OBJECT_PROPERTY in kinds and DATA_PROPERTY not in kinds:
@@ -222,7 +222,7 @@ def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Di
 
 
 def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
-    """Judge a value: a number where its type or the property says so, in a unit that fits the property."""
+    """Judge a value: a number where its type or the property wants one, in a unit that fits the property."""
     name, short = unit_of(literal), local_name(shorten(property_name))
     datatype = local_name(literal.datatype or "")
     is_number = takes_numbers(ontology, property_name)
@@ -250,7 +250,7 @@ def _meant(ontology: Ontology, undefined: str) -> Rename | None:
     """Return a name of the main document that is similar to an undefined one."""
     names = {
         triple.subject: None
-        for triple in ontology.triples(p=TYPE)
+        for triple in ontology.triples(p=RDF.type)
         if isinstance(triple.subject, str) and not isinstance(triple.subject, BNode) and ontology.main(triple.subject)
     }
     return guess(undefined, names)
@@ -260,7 +260,7 @@ def _asked(meant: Rename | None) -> str:
     return f"did you mean {meant}?" if meant else UNDEFINED
 
 
-ANNOTATION_PROPERTY = OWL + "AnnotationProperty"
+ANNOTATION_PROPERTY = OWL.AnnotationProperty
 
 _NO_NAME = re.compile(r"pose|posture|position|[\W_\d]+", re.IGNORECASE)
 """Parts of a posture's name that do not distinguish it."""
@@ -300,7 +300,7 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
     stated = [one for one in stated if one[0].partition("#")[0] not in _LANGUAGES]
     stated += [(one.property, one.span) for one in ontology.restrictions(place.iri)]
     for property_name, span in dict(reversed(stated)).items():
-        if is_relation(property_name) or ANNOTATION_PROPERTY in ontology.values(property_name, TYPE):
+        if is_relation(property_name) or ANNOTATION_PROPERTY in ontology.values(property_name, RDF.type):
             continue
         short = local_name(property_name)
         meant = guess(property_name, map(expand, owl_properties()), least=0.75)
@@ -309,7 +309,7 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
         yield warning("R038", message, span, advice, meant)
 
 
-_LANGUAGES = {iri.partition("#")[0] for iri in (TYPE, LABEL, COMMENT, OWL)}
+_LANGUAGES = {iri.partition("#")[0] for iri in (RDF.type, RDFS.label, RDFS.comment, OWL)}
 
 
 def places_of(place: Place) -> Iterator[Place]:

@@ -64,7 +64,7 @@ def proposed(
 def _kinds(ontology: Ontology) -> Iterator[Fix]:
     """Replace the word for classes in restrictions to an individual, and the other way round."""
     main = str(ontology.documents[0].path)
-    for predicate, kind, code in ((OWL + "someValuesFrom", "value", "O042"), (OWL + "hasValue", "some", "O043")):
+    for predicate, kind, code in ((OWL.someValuesFrom, "value", "O042"), (OWL.hasValue, "some", "O043")):
         triples = [
             triple
             for triple in ontology.triples(p=predicate)

@@ -11,7 +11,7 @@ from xml.sax.saxutils import escape
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology.repairs import meant_term
-from planlang.ontology.terms import INTERSECTION_OF, ON_PROPERTY, OWL, RDF, SUBCLASS_OF
+from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
 
 _START = re.compile(r"<[^\s/>\"'<]+(?:[^\"'<>]|\"[^\"<]*\"|'[^'<]*')*>")
@@ -85,9 +85,9 @@ class XmlText(Editable):
 
     def without(self, filler: Span) -> list[Edit]:
         restriction, around = self._restriction_of(filler)
-        if meant_term(around.name) == SUBCLASS_OF:
+        if meant_term(around.name) == RDFS.subClassOf:
             return [self._whole_lines(around)]
-        if around.name == INTERSECTION_OF and len(around.children) > 2:
+        if around.name == OWL.intersectionOf and len(around.children) > 2:
             return [self._whole_lines(restriction)]
         raise CannotEdit("the restriction is neither a superclass nor one of several in an intersection")
 
@@ -99,7 +99,7 @@ class XmlText(Editable):
     def with_kind(self, filler: Span, kind: str) -> list[Edit]:
         element = self._element(filler)
         wanted = _KINDS[kind]
-        if element.name not in (OWL + "someValuesFrom", OWL + "hasValue"):
+        if element.name not in (OWL.someValuesFrom, OWL.hasValue):
             raise CannotEdit("neither owl:someValuesFrom nor owl:hasValue is written there")
         return self._tagged(element, _prefix(element, OWL) + wanted)
 
@@ -159,8 +159,8 @@ class XmlText(Editable):
         """Write a restriction behind another one, in the same way."""
         owl, rdf = _prefix(around, OWL), _prefix(around, RDF)
         inner = restriction.children[0] if restriction.children else restriction
-        is_superclass = meant_term(around.name) == SUBCLASS_OF
-        if not is_superclass and around.name != INTERSECTION_OF:
+        is_superclass = meant_term(around.name) == RDFS.subClassOf
+        if not is_superclass and around.name != OWL.intersectionOf:
             raise CannotEdit("the restriction is neither a superclass nor in an intersection")
         behind = around if is_superclass else restriction
         first = self.indentation(behind.start)
@@ -208,7 +208,7 @@ class XmlText(Editable):
         """Return the owl:onProperty beside a filler."""
         restriction = self._element(filler).parent
         for child in restriction.children if restriction is not None else ():
-            if child.name == ON_PROPERTY:
+            if child.name == OWL.onProperty:
                 return child
         raise CannotEdit("no owl:onProperty is beside it")
 
@@ -278,15 +278,15 @@ def _outermost(element: Element) -> Element:
 
 
 def _names(element: Element) -> dict[str, str]:
-    """Full name -> written name of the attributes with a prefix."""
+    """Return the written names of the attributes with a prefix, by their full names."""
     return {_resolved(key, element.prefixes): key for key in element.attributes if ":" in key}
 
 
 def _names_it(element: Element, name: str) -> bool:
     """Return True if an element describes the thing with this local name."""
     names = _names(element)
-    said = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
-    return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in said)
+    stated = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
+    return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in stated)
 
 
 def _resolved(tag: str, prefixes: Mapping[str, str]) -> str:

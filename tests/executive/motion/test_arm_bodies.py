@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from executive.motion import Chain
-from executive.motion.arm_bodies import ArmShapes, Room
-from executive.motion.collision import TOUCHING, QuickCheck
-from executive.motion.link_shapes import links_of
-from executive.motion.solids import Solids
+from executive.motion.arm_bodies import ArmShapes, Room, links_of
+from executive.motion.bodies import Solids
+from executive.motion.collision import TOUCHING, QuickCheck, are_apart
 from executive.robots import bind_robot
 from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration
@@ -182,3 +181,14 @@ def test_keeping_apart_never_closes_the_ends(reacher: Reacher) -> None:
     quick = reacher.quick()
     quick.keep(0.2, ends)
     assert quick.free(np.array(ends)).all()
+
+
+@pytest.mark.parametrize("gap", [0.01, 0.003, -0.003])
+def test_hulls_are_apart_as_far_as_they_are(gap: float) -> None:
+    rng = np.random.default_rng(0)
+    box = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (-0.3, 0.3)])
+    turns = np.array([Pose.planar(0.0, 0.0, yaw).rotation for yaw in rng.uniform(-3.0, 3.0, 50)])
+    corners = np.einsum("nij,kj->nki", turns, box)
+    shifts = np.column_stack([0.1 + gap - corners[..., 0].min(axis=1), np.zeros(50), rng.uniform(-0.3, 0.3, 50)])
+    assert are_apart(box, box, turns, shifts, 0.002).all() == (gap > 0.002)
+    assert not are_apart(box, box, turns, shifts, max(gap, 0.0) + 1e-9).any()

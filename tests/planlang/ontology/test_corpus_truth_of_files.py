@@ -9,7 +9,7 @@ import pytest
 
 from planlang.ontology import Literal, Ontology, Term, load
 from planlang.ontology.repairs import canonical
-from planlang.ontology.terms import IMPORTS, LABEL
+from planlang.ontology.terms import OWL, RDFS
 
 MISTAKES = {"malformed XML comment removed x1": "O006", "duplicate XML attribute xmlns:acat removed x1": "O007"}
 """How the truth names a mistake -> the code that tells of it here."""
@@ -63,7 +63,7 @@ def test_every_repair_is_reported_and_no_other(read: Read) -> None:
 def test_every_import_is_found(read: Read) -> None:
     for name, (truth, ontology) in read.items():
         if "imports" in truth:
-            found = sorted({str(t.object) for t in main_triples(ontology) if t.predicate == IMPORTS})
+            found = sorted({str(t.object) for t in main_triples(ontology) if t.predicate == OWL.imports})
             expected = sorted(canonical(address) for address in truth["imports"])
             assert filled(found) == filled(expected), name
 
@@ -85,7 +85,7 @@ def test_every_action_has_the_superclasses_labels_and_parameters_that_the_truth_
                     continue
                 above = {canonical(cls) for cls in action["superclasses"] if cls.startswith("http")}
                 assert above <= set(ontology.parents(canonical(iri))), (name, iri)
-                labels = {v.value for v in ontology.values(canonical(iri), LABEL) if isinstance(v, Literal)}
+                labels = {v.value for v in ontology.values(canonical(iri), RDFS.label) if isinstance(v, Literal)}
                 assert set(action["label"]) <= labels, (name, iri)
                 found = {
                     (restriction.property, KINDS.get(restriction.kind), said(restriction.filler))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from planlang.ontology import Literal, Triple
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.rdfxml import read_rdfxml
-from planlang.ontology.terms import STRING
+from planlang.ontology.terms import XSD
 from planlang.ontology.writing import Target, write
 from planlang.ontology.writing.nodes import differences, statements
 from planlang.resources import bundled
@@ -46,7 +46,7 @@ def by_horned_owl(text: str) -> list[Triple]:
 def typed(triples: list[Triple]) -> list[Triple]:
     """Plain texts as xsd:string, which RDF 1.1 says that they are."""
     return [
-        Triple(t.subject, t.predicate, Literal(t.object.value, STRING), t.span)
+        Triple(t.subject, t.predicate, Literal(t.object.value, XSD.string), t.span)
         if isinstance(t.object, Literal) and t.object.datatype is None and t.object.language is None
         else t
         for t in triples
