@@ -5,17 +5,23 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from executive.motion import Chain
 from executive.motion.arm_bodies import ArmShapes, Room
 from executive.motion.collision import TOUCHING, QuickCheck
+from executive.motion.hulls import Hull
 from executive.motion.link_shapes import links_of
 from executive.motion.solids import Solids
+from executive.motion.spheres import MOST, kept_spheres, spheres_in
 from executive.robots import bind_robot
 from planlang.geometry import Array, Pose
+from planlang.geometry.solid import convex_solid
 from planlang.protocols import Configuration
 from sim import Body, PlanningWorld, Scene
 
@@ -182,3 +188,103 @@ def test_keeping_apart_never_closes_the_ends(reacher: Reacher) -> None:
     quick = reacher.quick()
     quick.keep(0.2, ends)
     assert quick.free(np.array(ends)).all()
+
+
+HERE = Pose((0.0, 0.0, 0.0))
+
+
+def hull(kind: str, size: tuple[float, float, float]) -> Hull:
+    """A primitive."""
+    shape = convex_solid(kind, size, HERE)
+    return Hull(shape.points, shape.radius, shape.beyond)
+
+
+def scattered(count: int, seed: int) -> Hull:
+    """The hull of random points within about 10 cm."""
+    return Hull(0.05 * np.random.default_rng(seed).normal(size=(count, 3)))
+
+
+def on_the_surface(shape: Hull, count: int) -> Array:
+    """Random points (count, 3) on the surface."""
+    assert shape.faces is not None
+    rng = np.random.default_rng(0)
+    faces = rng.integers(len(shape.faces.triangles), size=count)
+    shares = rng.dirichlet([1.0, 1.0, 1.0], count)
+    return np.einsum("nk,nkx->nx", shares, shape.faces.triangles[faces])
+
+
+SHAPES = {
+    "finger": hull("box", (0.02, 0.016, 0.11)),
+    "trunk": hull("box", (0.16, 0.24, 0.5)),
+    "plate": hull("box", (0.3, 0.2, 0.0)),
+    "arm": hull("cylinder", (0.09, 0.09, 0.22)),
+    "disc": hull("cylinder", (0.2, 0.2, 0.01)),
+    "capsule": hull("capsule", (0.08, 0.08, 0.2)),
+    "stone": scattered(60, 0),
+    "pin": hull("box", (0.004, 0.004, 0.006)),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_spheres_are_inside_of_the_shape_and_the_shape_within_their_slack(name: str) -> None:
+    shape = SHAPES[name]
+    spheres = spheres_in(shape)
+    assert 0 < len(spheres.radii) <= MOST
+    assert (shape.depths(spheres.centres) >= spheres.radii - 1e-9).all()
+    points = np.concatenate([on_the_surface(shape, 3000), shape.points])
+    away = np.linalg.norm(points[:, None] - spheres.centres, axis=2) - spheres.radii
+    assert away.min(axis=1).max() <= spheres.slack
+    inside = np.random.default_rng(1).uniform(shape.points.min(axis=0), shape.points.max(axis=0), (3000, 3))
+    inside = inside[shape.depths(inside) > 0]
+    if len(inside):
+        away = np.linalg.norm(inside[:, None] - spheres.centres, axis=2) - spheres.radii
+        assert away.min(axis=1).max() <= spheres.slack
+
+
+def test_slack_of_a_hand_is_small() -> None:
+    assert spheres_in(hull("box", (0.07, 0.085, 0.038))).slack < 0.015
+
+
+def test_a_ball_is_its_own_sphere() -> None:
+    spheres = spheres_in(hull("sphere", (0.1, 0.1, 0.1)))
+    assert spheres.centres.tolist() == [[0.0, 0.0, 0.0]]
+    assert (spheres.radii.tolist(), spheres.slack) == ([0.05], 0.0)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.integers(4, 60))
+def test_faces_have_all_points_on_their_inner_side_and_form_a_closed_surface(seed: int, count: int) -> None:
+    shape = scattered(count, seed)
+    faces = shape.faces
+    assert faces is not None
+    assert (shape.points @ faces.normals.T <= faces.offsets + 1e-6).all()
+    edges = [frozenset((tuple(t[k]), tuple(t[(k + 1) % 3]))) for t in faces.triangles.tolist() for k in range(3)]
+    assert all(edges.count(edge) == 2 for edge in set(edges))
+
+
+def test_depth_in_a_box_is_the_distance_from_its_nearest_side() -> None:
+    box = hull("box", (2.0, 4.0, 6.0))
+    np.testing.assert_allclose(
+        box.depths(np.array([[0.0, 0.0, 0.0], [0.5, 1.9, 0.0], [0.0, 0.0, 3.5]])), [1, 0.1, -0.5]
+    )
+
+
+def test_capsule_reaches_half_a_ball_beyond_its_height() -> None:
+    points = convex_solid("capsule", (0.08, 0.08, 0.2), HERE).points
+    assert points[:, 2].max() == pytest.approx(0.1 + 0.04)
+    assert np.hypot(points[:, 0], points[:, 1]).max() == pytest.approx(0.04)
+
+
+def test_kept_spheres_are_the_same_and_a_damaged_entry_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    shape = scattered(20, 42)
+    made = kept_spheres(shape)
+    (entry,) = (tmp_path / "planlang" / "spheres").iterdir()
+    for content in (entry.read_bytes(), b"", b"torn", entry.read_bytes()[:-9]):
+        entry.write_bytes(content)
+        kept_spheres.__globals__["_kept"].cache_clear()
+        again = kept_spheres(shape)
+        np.testing.assert_array_equal(again.centres, made.centres)
+        assert again.slack == made.slack

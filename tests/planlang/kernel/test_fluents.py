@@ -8,25 +8,7 @@ from typing import Any
 
 import pytest
 
-from planlang import (
-    DeadlockError,
-    Fluent,
-    PlanStructureError,
-    Return,
-    SimulationHost,
-    VirtualHost,
-    checkpoint,
-    in_thread,
-    now,
-    par,
-    run,
-    sleep,
-    tag,
-    task,
-    task_suspended,
-    wait_for,
-    whenever,
-)
+from planlang import *
 
 
 def go(plan: Any, **options: Any) -> Any:

@@ -10,27 +10,7 @@ from typing import Any
 
 import pytest
 
-from planlang import (
-    DeadlockError,
-    Evaporated,
-    Fluent,
-    NoProgress,
-    PlanFailure,
-    PlanStructureError,
-    SimulationHost,
-    StepLimit,
-    StuckTask,
-    Trace,
-    VirtualHost,
-    checkpoint,
-    par,
-    pursue,
-    run,
-    shield,
-    sleep,
-    unwind_protect,
-    wait_for,
-)
+from planlang import *
 
 
 def go(plan: Any, **options: Any) -> Any:

@@ -6,19 +6,19 @@ from functools import partial
 from random import Random
 from typing import Any
 
+import hypothesis
 import networkx as nx
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 from virtual_time import go
 
-from planlang import PlanFailure, now, partial_order, sleep
+from planlang import *
 
 
 async def nothing() -> None: ...
 
 
-@given(
+@hypothesis.given(
     st.integers(1, 8).flatmap(
         lambda n: st.tuples(
             st.just(n),

@@ -20,13 +20,14 @@ from functools import partial
 from itertools import product
 from typing import Any
 
+import hypothesis
 import pytest
-from hypothesis import given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 from random_trees import FLUENTS, SLOT, TAGS, Grower, outcome_of, tags_of
 from reference_model import Tree, World
 
-from planlang import Fluent, evaporate, now, sleep, suspend, task, wait_for, wake_up
+from planlang import *
 
 # a cleanup that fails makes try_in_order go on in a task that is being evaporated, which is warned of, rightly
 pytestmark = pytest.mark.filterwarnings("ignore::planlang.kernel.errors.CutShort")
@@ -126,7 +127,7 @@ class DisturbedPlan:
             assert outcome_of(self.tree, self.values, beside=beside, schedule=schedule) == expected
 
 
-@given(st.binary(min_size=24, max_size=80), st.sampled_from(VALUES), DISTURBING)
+@hypothesis.given(st.binary(min_size=24, max_size=80), st.sampled_from(VALUES), DISTURBING)
 @settings(max_examples=max(10, int(os.environ.get("PLANLANG_EXAMPLES", "5000"))))
 def test_a_disturbed_plan_goes_through_the_states_of_the_model(
     source: bytes, values: tuple[bool, ...], disturbing: bytes

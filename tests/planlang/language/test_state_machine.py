@@ -6,12 +6,13 @@ from enum import Enum
 from functools import partial
 from typing import Any
 
+import hypothesis
 import pytest
-from hypothesis import given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 from virtual_time import go
 
-from planlang import NoProgress, Trace, now, pursue, sleep, state_machine
+from planlang import *
 from planlang.failures import (
     BudgetExceeded,
     CompositeFailure,
@@ -190,7 +191,9 @@ def test_each_visit_is_a_node_and_each_transition_an_event_of_the_trace() -> Non
 
 
 @settings(max_examples=60, deadline=None)
-@given(table=st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=5, max_size=5), flips=st.data())
+@hypothesis.given(
+    table=st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=5, max_size=5), flips=st.data()
+)
 def test_a_machine_visits_what_its_table_says(table: list[tuple[int, int]], flips: st.DataObject) -> None:
     """Random tables of five states with two outcomes each, against a loop over the table."""
     bits = flips.draw(st.lists(st.integers(0, 1), min_size=40, max_size=40))

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from planlang import PlanStructureError, VirtualHost, in_thread, par, plan, pursue, run, sleep
+from planlang import *
 from planlang.failures import GraspMissed
 from planlang.kernel import CutShort
 

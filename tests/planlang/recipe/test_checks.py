@@ -1,4 +1,4 @@
-"""Checks are declared with their codes and with what suppresses them, and run in an order that makes this true."""
+"""Checks are declared with their codes and run in an order that makes suppressing true; R046: what nothing defines."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import importlib
 import pkgutil
 from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 import planlang.compiler
 import planlang.recipe
-from planlang.diagnostics import CODES
+from planlang.compiler import compile_recipe
+from planlang.designators import local_name
+from planlang.diagnostics import CODES, Diagnostic, Rename, Severity
 from planlang.recipe import reading
 from planlang.recipe.checks import Check
 
@@ -58,3 +61,59 @@ def test_every_check_of_a_recipe_runs() -> None:
     called = {"R001", "R030", "R041", "R043", "R058"}
     """First codes of those that are called where they make or choose something, not only judge."""
     assert {one.codes[0] for one in declared() if id(one) not in listed} == called
+
+
+RECIPE = """
+Prefix: : <http://example.org/fly.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Prefix: srdl2-cap: <http://knowrob.org/kb/srdl2-cap.owl#>
+Prefix: srdl2-comp: <http://knowrob.org/kb/srdl2-comp.owl#>
+Ontology: <http://example.org/fly.owl>
+    Import: <http://knowrob.org/kb/knowrob.owl>
+Class: Watch
+    SubClassOf: knowrob:Action, knowrob:subAction some Look, {required}
+Class: Look
+    SubClassOf: knowrob:LookingForSomething
+"""
+
+
+@pytest.fixture
+def said(tmp_path: Path, request: pytest.FixtureRequest) -> Diagnostic:
+    """What is said of one requirement that nothing defines."""
+    kind = "cap:dependsOnCapability" if "Capab" in request.param else "comp:dependsOnComponent"
+    space = kind.partition(":")[0]
+    path = tmp_path / "watch.omn"
+    path.write_text(RECIPE.format(required=f"srdl2-{kind} some srdl2-{space}:{request.param}"), encoding="utf-8")
+    (found,) = (one for one in compile_recipe(path).diagnostics if one.code == "R046")
+    return found
+
+
+@pytest.mark.parametrize(
+    "said", ["FlyingCapability", "FlyingCapabilty", "PushingCapability", "FlyingComponent"], indirect=True
+)
+def test_names_that_are_alike_only_in_what_all_of_them_end_with_are_not_taken_for_each_other(said: Diagnostic) -> None:
+    assert said.suggestion is None
+    assert said.help == "import the file that defines it, or correct the name"
+
+
+@pytest.mark.parametrize(
+    ("said", "meant", "is_sure"),
+    [
+        ("ArmMotnCapability", "ArmMotionCapability", True),
+        ("GraspCapability", "GraspingCapability", False),
+        ("NavigatingComponnt", "NavigationComponent", True),
+        ("Tilting2DLaserScan", "Tilting2DLaserScanner", True),
+    ],
+    indirect=["said"],
+)
+def test_a_name_that_is_like_another_in_what_tells_it_apart_is_a_guess(
+    said: Diagnostic, meant: str, is_sure: bool
+) -> None:
+    assert isinstance(said.suggestion, Rename)
+    assert (local_name(said.suggestion.meant), said.suggestion.is_sure) == (meant, is_sure)
+
+
+@pytest.mark.parametrize("said", ["FlyingCapability"], indirect=True)
+def test_whether_a_robot_has_what_nothing_defines_is_not_known(said: Diagnostic) -> None:
+    assert (said.severity, "no robot" in said.message) == (Severity.WARNING, False)
+    assert said.message == "`Watch` depends on `FlyingCapability`, which is not defined"

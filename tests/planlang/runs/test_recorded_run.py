@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from planlang import Trace, VirtualHost, par, plan, run, seq, sleep
+from planlang import *
 from planlang.runs import DamagedTrace, Past, RecordedRun, with_paths
 
 
