@@ -250,7 +250,7 @@ class Arm:
     async def __call__(self) -> str:
         return "called"
 
-    async def take(self, cup: str = "a") -> str:
+    async def reach(self, cup: str = "a") -> str:
         return cup
 
     @plan
