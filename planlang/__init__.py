@@ -47,14 +47,23 @@ from planlang.kernel import (
     sleep,
     wait_for,
 )
-from planlang.language.branches import seq, try_each_in_order, try_in_order, unwind_protect
+from planlang.language.branches import (
+    par,
+    par_each,
+    pursue,
+    race,
+    seq,
+    try_all,
+    try_each_in_order,
+    try_in_order,
+    unwind_protect,
+)
 from planlang.language.budgets import budget, timeout
 from planlang.language.executive import Executive, ProcessModule
 from planlang.language.goals import achieve, holds, whenever
 from planlang.language.location import at_location
 from planlang.language.machine import state_machine
 from planlang.language.ordering import given, partial_order
-from planlang.language.parallel import par, par_each, pursue, race, try_all
 from planlang.language.performing import Request, monitor, perform, perform_async, perform_or, with_requests
 from planlang.language.plans import Plan, plan
 from planlang.language.policies import Policy, with_policies

@@ -20,7 +20,7 @@ from planlang.designators import Location, Object
 from planlang.failures import ActionUnresolvable
 from planlang.geometry import Array, Pose, matrices
 from planlang.kernel import Task
-from planlang.language.parallel import concurrent_branches
+from planlang.language.branches import concurrent_branches
 from planlang.protocols import Trajectory
 from planlang.relations import Sense
 

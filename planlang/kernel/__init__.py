@@ -1,11 +1,11 @@
 """The kernel: tasks, a deterministic event loop, integer clock, fluents, hosts. It knows no construct by name.
 
 General layout, each file importing only those above it: ``errors``, ``tree`` (nodes and their names), ``timers``,
-``signals`` (what can be waited for), ``observer`` (the two interfaces through which a run is recorded), ``hosts`` and
-``realtime`` (what lets time pass). ``core`` is what the rest shares: tasks, the state of a run, how a task waits. On it
-stand ``listing`` (where tasks are), ``cancel`` (evaporation and suspension), ``schedule``, ``primitives``, ``fluent``,
-``threads`` and ``scope``, which constructs are made of. ``event_loop`` drives all that; ``watchdog``, ``environment``
-and ``runner`` are around it.
+``signals`` (what can be waited for), ``observer`` (the two interfaces through which a run is recorded) and ``hosts``
+(what lets time pass). ``core`` is what the rest shares: tasks, the state of a run, how a task waits. On it stand
+``listing`` (where tasks are), ``cancel`` (evaporation and suspension), ``schedule``, ``primitives``, ``fluent``,
+``threads`` and ``scope``, which constructs are made of. ``event_loop`` drives all that; ``environment`` is the process
+around a run, and ``runner`` begins and ends it.
 """
 
 from planlang.kernel.cancel import checkpoint, shield
@@ -22,10 +22,9 @@ from planlang.kernel.errors import (
     StuckTask,
 )
 from planlang.kernel.fluent import Fluent, WorldFluent, wait_for
-from planlang.kernel.hosts import Host, SimulationHost, VirtualHost
+from planlang.kernel.hosts import Host, LiveHost, RealTimeHost, SimulationHost, Source, VirtualHost
 from planlang.kernel.observer import Observer, Recorded
 from planlang.kernel.primitives import node, now, record, rng, sleep
-from planlang.kernel.realtime import LiveHost, RealTimeHost, Source
 from planlang.kernel.runner import run_plan
 from planlang.kernel.scope import All, Scope, failure_of
 from planlang.kernel.signals import Signal

@@ -23,9 +23,8 @@ from typing import Any, Protocol, TypeVar
 
 from planlang.failures import PlanFailure
 from planlang.kernel.errors import PlanStructureError
-from planlang.kernel.hosts import Host
+from planlang.kernel.hosts import Host, Inbox, LiveHost
 from planlang.kernel.observer import Observer, Recorded
-from planlang.kernel.realtime import Inbox, LiveHost
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.timers import Timer, TimerQueue
 from planlang.kernel.tree import SUCCEEDED, Node, Status

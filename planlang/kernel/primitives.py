@@ -26,9 +26,21 @@ async def sleep(seconds: float) -> None:
         return
     if task.doomed:
         await deliver(task)
-    timer = scheduler.alarm(task, steps, lambda: scheduler.wake(task))
+    timer = scheduler.alarm(task, steps, lambda: scheduler.wake(task))  # as pause(), without another coroutine
     try:
         await park(timer)
+    finally:
+        timer.drop()
+
+
+async def pause(steps: int, reason: object = None) -> None:
+    """Wait ``steps`` world steps, at least one; listings show the reason, or else the step."""
+    scheduler, task = here()
+    if task.doomed:
+        await deliver(task)
+    timer = scheduler.alarm(task, steps, lambda: scheduler.wake(task))
+    try:
+        await park(reason or timer)
     finally:
         timer.drop()
 

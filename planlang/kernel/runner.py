@@ -10,12 +10,11 @@ from typing import Any
 
 from planlang.kernel.cancel import evaporate
 from planlang.kernel.core import Scheduler, Task, running
-from planlang.kernel.environment import quiet_collector, signals, unawaited_are_errors
+from planlang.kernel.environment import Watch, quiet_collector, signals, unawaited_are_errors, watchdog, where
 from planlang.kernel.errors import NoProgress, Overdue, PlanStructureError
 from planlang.kernel.event_loop import adopt, keep, loop, rest
 from planlang.kernel.hosts import WATCHDOG
 from planlang.kernel.tree import name_of
-from planlang.kernel.watchdog import Watch, watchdog, where
 
 
 def run_plan(scheduler: Scheduler, branch: Callable[[], Any]) -> Any:

@@ -12,7 +12,7 @@ from planlang.kernel.core import BaseScope, Task, here, park
 from planlang.kernel.errors import Evaporated, PlanStructureError
 from planlang.kernel.listing import place_of
 from planlang.kernel.primitives import in_node
-from planlang.kernel.tree import SUCCEEDED, Node
+from planlang.kernel.tree import SUCCEEDED, Node, name_of
 
 MAX_DEPTH = 10_000
 """Constructs inside of each other: more than any plan that was written, and less than what fills the memory."""
@@ -205,6 +205,27 @@ class All(Scope):
             failure = failure_of(self.failed)
             failure.siblings += tuple((name, other) for name, other in self.siblings if other is not failure)
             raise self.attach(failure)
+
+
+class Single(All):
+    """A construct around one branch, whose result or failure is its own."""
+
+    def __init__(self, kind: str, body: Callable[[], Any], name: str | None = None, body_name: str = "") -> None:
+        super().__init__(kind, name)
+        self.body = body
+        self.body_name = body_name or name_of(body)
+        self.result: Any = None
+
+    def begin(self) -> None:
+        self.start(self.body, self.body_name, 0)
+
+    def decide(self, dead: list[Task]) -> None:
+        super().decide(dead)
+        self.result = dead[0].result
+
+    def finish(self) -> Any:
+        self.raise_failure()
+        return self.result
 
 
 def failure_of(task: Task) -> PlanFailure:

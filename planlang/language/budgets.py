@@ -7,9 +7,10 @@ from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.failures import BudgetExceeded, PlanFailure, Timeout
-from planlang.kernel import All, Task, checkpoint
+from planlang.kernel import Task, checkpoint
 from planlang.kernel.core import here, park
 from planlang.kernel.primitives import charge as note_charge
+from planlang.kernel.scope import Single
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.misuse import Usage
@@ -22,20 +23,18 @@ V = TypeVar("V")
 _TIMEOUT = Usage("await timeout", {"seconds": "2", "body": "reach"})
 
 
-class Limited(All):
+class Limited(Single):
     """One branch with a deadline, which stands still while the owner is held."""
 
     expired = False
     timer: Timer | None = None
 
     def __init__(self, kind: str, steps: int | None, body: Branch) -> None:
-        super().__init__(kind)
+        super().__init__(kind, body)
         self.steps = steps
-        self.body = body
-        self.result: Any = None
 
     def begin(self) -> None:
-        self.start(self.body, name_of(self.body), 0)
+        super().begin()
         if self.steps is not None:
             self.timer = self.scheduler.deadline(self.owner, self.steps, self.expire)
 
@@ -44,10 +43,6 @@ class Limited(All):
         if not self.over:
             self.expired = True
             self.close()
-
-    def decide(self, dead: list[Task]) -> None:
-        super().decide(dead)
-        self.result = dead[0].result
 
     async def execute(self) -> Any:
         try:
@@ -63,8 +58,7 @@ class Limited(All):
     def finish(self) -> Any:
         if self.expired:
             raise self.attach(self.failure())
-        self.raise_failure()
-        return self.result
+        return super().finish()
 
 
 class _Timeout(Limited):

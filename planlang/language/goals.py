@@ -9,10 +9,9 @@ from typing import Any, TypeVar
 from planlang.designators import Condition, Location, Object, located
 from planlang.failures import GoalNotAchieved
 from planlang.kernel import Fluent, Signal, checkpoint, wait_for
-from planlang.kernel.cancel import deliver
-from planlang.kernel.core import here, park
+from planlang.kernel.core import here
 from planlang.kernel.fluent import SIGNAL
-from planlang.kernel.primitives import called, node, record
+from planlang.kernel.primitives import called, node, pause, record
 from planlang.kernel.tree import name_of
 from planlang.language.executive import executive_for
 from planlang.language.recovery import Return
@@ -97,15 +96,4 @@ async def _whenever(signal: Signal[Any], body: Callable[[], Awaitable[Any]]) -> 
         result = await called(body)
         if isinstance(result, Return):
             return result.value
-        await _next_step()
-
-
-async def _next_step() -> None:
-    scheduler, task = here()
-    if task.doomed:
-        await deliver(task)
-    timer = scheduler.alarm(task, 1, lambda: scheduler.wake(task))
-    try:
-        await park(timer)
-    finally:
-        timer.drop()
+        await pause(1)

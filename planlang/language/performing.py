@@ -141,7 +141,7 @@ async def perform_or(action: Action, branch: Callable[[], Awaitable[Any]]) -> An
 
 class _Perform(Restarting):
     def __init__(self, name: str, action: Action, module: ProcessModule, resources: tuple[str, ...]) -> None:
-        super().__init__("perform", name, partial(_request, module, action, resources), module.name)
+        super().__init__("perform", partial(_request, module, action, resources), name, module.name)
         self.action = action
 
     async def execute(self) -> Any:

@@ -8,24 +8,24 @@ again is where it would now do something else.
 from __future__ import annotations
 
 import contextvars
-from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
-from planlang.designators import Action, Condition, Location
+from planlang.designators import Action
 from planlang.kernel import Scheduler, shield
 from planlang.kernel.core import here, park
 from planlang.kernel.errors import DeadlockError, Evaporated
 from planlang.language.budgets import spend
+from planlang.language.executive import Executive, RecordedExecutive
 from planlang.language.resources import Arbiter, Lease, holding
 from planlang.language.running import inside_of
 from planlang.misuse import Usage
-from planlang.protocols import Solution
 from planlang.runs import Different, RecordedRun
-from planlang.runs.codec import failure_class, load, load_failure
+from planlang.runs.codec import failure_class
 from planlang.runs.recorded_run import Line
-from planlang.runs.replay_check import Opaque, RecordedOrder, ReplayCheck, ReplayHost, ReplayOver
+from planlang.runs.replay_check import RecordedOrder, ReplayCheck, ReplayHost, ReplayOver
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     scheduler = Scheduler(ReplayHost(rate, trace), seed=seed, choice=order, observer=trace)
     trace.attach(scheduler)
     scheduler.recorded = trace
-    executive = _RecordedExecutive(trace, order) if trace.was_asked("modules") else None
+    executive = _ReplayedExecutive(trace, order) if trace.was_asked("modules") else None
     try:
         contextvars.copy_context().run(inside_of, scheduler, plan, executive)
     except DeadlockError as error:
@@ -89,76 +89,42 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     return Replay(trace.difference, of if last is None else last - 1, of, recorded.outcome)
 
 
-class _RecordedExecutive:
-    """Implements :class:`planlang.language.executive.Executive` by what was recorded."""
+class _ReplayedExecutive(RecordedExecutive):
+    """Answers what was recorded; there is no executive behind it that could be asked."""
 
     def __init__(self, trace: ReplayCheck, order: RecordedOrder) -> None:
+        super().__init__(cast(Executive, None), trace)
         self._trace = trace
         self._order = order
 
-    def _ask(self, question: str) -> Any:
-        return self._trace.answer(question, _nothing)
-
-    def _ask_about(self, question: str, otherwise: Any) -> Any:
-        """Return the answer; if that was not asked, something else is performed, and that it begins will differ."""
-        return self._ask(question) if self._trace.knows(question) else otherwise
-
     @property
-    def modules(self) -> Sequence[_RecordedModule]:
+    def modules(self) -> Sequence[_ReplayedModule]:
         """Process modules of the names that were there."""
         return [
-            _RecordedModule(str(name), tuple(actions), tuple(map(failure_class, failures)), self._trace, self._order)
-            for name, actions, failures in self._ask("modules")
+            _ReplayedModule(str(name), tuple(actions), tuple(map(failure_class, failures)), self._trace, self._order)
+            for name, actions, failures in self._trace.answer("modules", _nothing)
         ]
 
+    # Of an action that was not performed then, two questions have no recorded answer. That it begins is the difference
+    # to be reported, so they are answered somehow.
+
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """Return what was recorded."""
-        return tuple(self._ask_about(f"ancestors of {action_type}", (action_type,)))
-
-    def revision(self) -> int:
-        """Return what was recorded."""
-        return int(self._ask("revision"))
-
-    def solutions(self, location: Location) -> Iterator[Solution]:
-        """Return what was recorded."""
-        while (solution := self._trace.next_answer(f"solutions of {location}", _nothing)) is not None:
-            yield solution
-
-    def move_to(self, solution: Solution) -> Action:
-        """Return what was recorded."""
-        moving: Action = self._ask(f"motion to {solution.base}")
-        return moving
-
-    def is_at(self, solution: Solution) -> bool:
-        """Return what was recorded."""
-        return bool(self._ask(f"at {solution.base}"))
-
-    def holds(self, condition: Condition) -> bool:
-        """Return what was recorded."""
-        return bool(self._ask(f"{condition} holds"))
-
-    def before_retry(self) -> Iterable[Action]:
-        """Return what was recorded."""
-        while (action := self._trace.next_answer("before retrying", _nothing)) is not None:
-            yield action
-
-    def held(self) -> Sequence[str]:
-        """Return what was recorded."""
-        return tuple(self._ask("held"))
+        """Return what was recorded, or else the class itself."""
+        return super().ancestors(action_type) if self._trace.knows(f"ancestors of {action_type}") else (action_type,)
 
     def releases(self, action: Action) -> bool:
-        """Return what was recorded."""
-        return bool(self._ask_about(f"{action} releases", False))
+        """Return what was recorded, or else False."""
+        return self._trace.knows(f"{action} releases") and super().releases(action)
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
-        """Nothing is written by it."""
+        """Write nothing: events of the executive are not compared."""
 
 
 def _nothing() -> NoReturn:
     raise NotImplementedError  # a replay asks nobody
 
 
-class _RecordedModule:
+class _ReplayedModule:
     """A process module that does again what is recorded of a request: takes its time, its resources, and ends so."""
 
     def __init__(
@@ -199,7 +165,7 @@ class _RecordedModule:
             raise
         finally:
             work.release()
-        return _outcome(trace, trace.lines[end])
+        return trace.value(trace.lines[end], lambda line: _shown_result(trace, line))
 
 
 class _Work:
@@ -296,19 +262,6 @@ def _after(trace: ReplayCheck, path: str) -> int:
         if line.path == path and line.event in ("released", "ended"):
             return place
     return len(trace.lines)
-
-
-def _outcome(trace: ReplayCheck, line: Line) -> Any:
-    record = line.record
-    try:
-        if "failure" not in record:
-            return Opaque(_shown_result(trace, line)) if "lost" in record else load(record.get("value"))
-        failure = load_failure(record["failure"])
-    except (ValueError, TypeError, RecursionError) as problem:
-        trace.difference = Different(f"line {line.number} is damaged: {problem}", line.number, dict(record))
-        trace.over = True
-        raise ReplayOver from None
-    raise failure
 
 
 def _shown_result(trace: ReplayCheck, line: Line) -> Any:

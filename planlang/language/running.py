@@ -8,12 +8,11 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.kernel import Host, PlanStructureError, Scheduler, run_plan
-from planlang.kernel.realtime import LiveHost
+from planlang.kernel.hosts import LiveHost
 from planlang.kernel.schedule import Schedule, described, source_of
 from planlang.kernel.tree import Node, name_of
-from planlang.language.answering import RecordingExecutive
 from planlang.language.budgets import charge
-from planlang.language.executive import current
+from planlang.language.executive import RecordedExecutive, current
 from planlang.language.tags import Frame, frame
 from planlang.misuse import Usage, WrongValue, whole_number
 from planlang.runs import Past, Trace, refuse_other
@@ -95,7 +94,10 @@ def run(
         scheduler, trace or Trace([]), snapshot=getattr(executive, "snapshot", None), past=resume, account=charge
     )
     scheduler.observer = scheduler.recorded = journal
-    recording = None if executive is None else RecordingExecutive(executive, journal)
+    recording = None
+    if executive is not None:
+        recording = RecordedExecutive(executive, journal)
+        recording.modules  # noqa: B018 - the first answer of a run: by it a replay tells that there was an executive
     try:
         result: V = _inside(scheduler, plan, recording)
     except PlanStructureError:

@@ -8,10 +8,10 @@ from contextvars import ContextVar
 from typing import Any, TypeVar
 
 from planlang.failures import BranchEvaporated, PlanFailure
-from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, Task, cancel, wait_for
+from planlang.kernel import Fluent, PlanStructureError, Scheduler, Status, Task, cancel, wait_for
 from planlang.kernel.core import here, serving
+from planlang.kernel.scope import Single
 from planlang.kernel.signals import Expression, Signal, Wait
-from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.misuse import Usage
 
@@ -114,28 +114,6 @@ class Handle:
         """True from start to end of the task."""
         return self._task is not None and not self._task.dead
 
-    def _suspend(self) -> bool:
-        if self._task is not None:
-            return cancel.suspend(serving(), self._task)
-        if self._evaporated:
-            return False
-        self._suspensions += 1
-        return True
-
-    def _wake_up(self) -> bool:
-        if self._task is not None:
-            return cancel.wake_up(serving(), self._task)
-        if not self._suspensions:
-            return False
-        self._suspensions -= 1
-        return True
-
-    def _evaporate(self) -> bool:
-        if self._task is not None:
-            return cancel.evaporate(serving(), self._task)
-        changed, self._evaporated, self._suspensions = not self._evaporated, True, 0
-        return changed
-
     def __repr__(self) -> str:
         return f"<task {self.path or self.name}, {self._status.value.value}>"
 
@@ -154,15 +132,13 @@ class _Mirror(Wait):
             self.handle._status.set(self.task.status)
 
 
-class _Tag(All):
+class _Tag(Single):
     transparent = True
 
     def __init__(self, body: Branch, handle: Handle, home: Frame) -> None:
-        super().__init__("tag")
-        self.body = body
+        super().__init__("tag", body, body_name=handle.name)
         self.handle = handle
         self.home = home
-        self.result: Any = None
 
     def begin(self) -> None:
         handle = self.handle
@@ -178,14 +154,6 @@ class _Tag(All):
             if one is handle or not one.live:
                 one.home = self.home
                 one.bind(task)
-
-    def decide(self, dead: list[Task]) -> None:
-        super().decide(dead)
-        self.result = dead[0].result
-
-    def finish(self) -> Any:
-        self.raise_failure()
-        return self.result
 
 
 async def tag(name: str, body: Callable[[], Awaitable[V]]) -> V:
@@ -241,19 +209,32 @@ async def join(handle: Handle) -> Any:
 def suspend(handle: Handle) -> bool:
     """Hold the task and all below it, at once; True if this changed something."""
     _check_handle("suspend", handle)
-    return handle._suspend()
+    if handle._task is not None:
+        return cancel.suspend(serving(), handle._task)
+    if handle._evaporated:
+        return False
+    handle._suspensions += 1
+    return True
 
 
 def wake_up(handle: Handle) -> bool:
     """Undo one suspension of the task; True if this changed something."""
     _check_handle("wake_up", handle)
-    return handle._wake_up()
+    if handle._task is not None:
+        return cancel.wake_up(serving(), handle._task)
+    if not handle._suspensions:
+        return False
+    handle._suspensions -= 1
+    return True
 
 
 def evaporate(handle: Handle) -> bool:
     """Evaporate the task and all below it; True if this changed something."""
     _check_handle("evaporate", handle)
-    return handle._evaporate()
+    if handle._task is not None:
+        return cancel.evaporate(serving(), handle._task)
+    changed, handle._evaporated, handle._suspensions = not handle._evaporated, True, 0
+    return changed
 
 
 @asynccontextmanager
@@ -299,23 +280,17 @@ def _frame() -> Frame:
 _RETRY_AFTER_SUSPENSION = Usage("await retry_after_suspension", {"body": "reach"})
 
 
-class Restarting(All):
+class Restarting(Single):
     """One branch, evaporated with its cleanup when the owner is held, and started anew when it is woken up."""
 
     interrupted = False
-
-    def __init__(self, kind: str, name: str, body: Branch, body_name: str) -> None:
-        super().__init__(kind, name)
-        self.body = body
-        self.body_name = body_name
-        self.result: Any = None
 
     def begin(self) -> None:
         hooks = self.owner.hooks
         if hooks is None:
             hooks = self.owner.hooks = []
         hooks.append(self._held)
-        self.start(self.body, self.body_name, 0)
+        super().begin()
 
     def _held(self) -> None:
         for task in tuple(self.live):
@@ -327,11 +302,6 @@ class Restarting(All):
             self.start(self.body, self.body_name, 0)  # held as long as the owner is
             return
         super().decide(dead)
-        self.result = dead[0].result
-
-    def finish(self) -> Any:
-        self.raise_failure()
-        return self.result
 
     async def execute(self) -> Any:
         try:
@@ -344,5 +314,5 @@ class Restarting(All):
 async def retry_after_suspension(body: Callable[[], Awaitable[V]]) -> V:
     """Run a body; when it is suspended it is evaporated with its cleanup, and runs from the start when woken up."""
     _RETRY_AFTER_SUSPENSION.branch("body", body)
-    result: V = await Restarting("retry_after_suspension", "retry_after_suspension", body, name_of(body)).execute()
+    result: V = await Restarting("retry_after_suspension", body).execute()
     return result

@@ -1,14 +1,12 @@
 """Runs that are recorded: their traces, what a resumed run takes over, and the check of a replay.
 
-General layout, each file importing only those above it: ``codec`` (values that survive JSON as they are), ``encoding``
-(values as text for readers of a trace), ``recorded_run`` (a trace read back, and the part that can be taken over),
-``trace`` (written as a run goes on), ``resumed_trace``, ``inputs`` and ``journal`` (a run that can be resumed),
-``replay_check``. They implement :class:`planlang.kernel.Observer` and :class:`planlang.kernel.Recorded`.
+General layout, each file importing only those above it: ``codec`` (values as JSON), ``recorded_run`` (a trace that is
+read back, and the part that can be taken over), ``trace`` (written as a run goes on), ``inputs`` and ``journal`` (a run
+that can be resumed), ``replay_check``. They implement the Observer and the Recorded of :mod:`planlang.kernel`.
 """
 
 from planlang.runs.recorded_run import DamagedTrace, Past, RecordedRun, differences, refuse_other, restore
-from planlang.runs.resumed_trace import Different
-from planlang.runs.trace import Trace, with_paths
+from planlang.runs.trace import Different, Trace, with_paths
 
 __all__ = [
     "DamagedTrace",

@@ -16,8 +16,7 @@ from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import Node
 from planlang.runs.codec import Exact, Lost, dump, dump_failure
 from planlang.runs.recorded_run import Past, outcome_of, value_in
-from planlang.runs.resumed_trace import ResumedTrace
-from planlang.runs.trace import Trace
+from planlang.runs.trace import ResumedTrace, Trace
 
 
 class RecordedInputs:

@@ -17,14 +17,14 @@ from planlang.kernel.core import Scheduler, Task, here, park
 from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.fluent import Fluent, find
 from planlang.kernel.observer import Body
+from planlang.kernel.primitives import pause
 from planlang.kernel.schedule import CountedRandom
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import EVAPORATED, Node, Status
 from planlang.runs.codec import Exact, Lost, dump, dump_failure
 from planlang.runs.inputs import RecordedInputs
 from planlang.runs.recorded_run import Done, Past
-from planlang.runs.resumed_trace import ResumedTrace
-from planlang.runs.trace import Trace
+from planlang.runs.trace import ResumedTrace, Trace
 
 LOOKED_INTO = ("seq", "state_machine", "partial_order")
 """Constructs whose parts are steps."""
@@ -223,7 +223,8 @@ class Journal(RecordedInputs):
     async def _give(self, done: Done) -> Any:
         """Let the time pass that the step took, and give what it gave; in the order in which steps completed."""
         scheduler, task = here()
-        await self._until(done.step, done.path)
+        if done.step > scheduler.now:
+            await pause(done.step - scheduler.now, done.path)
         while self._due is not done:
             self._waiting[done.path] = task
             await park(f"the end of {self._due.path if self._due else 'the run'}, which was before its own")
@@ -243,15 +244,6 @@ class Journal(RecordedInputs):
         if done.failure is not None:
             raise done.failure
         return done.value
-
-    async def _until(self, step: int, what: str) -> None:
-        scheduler, task = here()
-        if step > scheduler.now:
-            timer = scheduler.alarm(task, step - scheduler.now, lambda: scheduler.wake(task))
-            try:
-                await park(what)
-            finally:
-                timer.drop()
 
     def _go_on(self) -> None:
         """From here on the plan runs."""

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from planlang.kernel.schedule import checked_draws
-from planlang.runs.codec import Exact, load, load_failure
-from planlang.runs.encoding import SCHEMA
+from planlang.runs.codec import SCHEMA, Exact, load, load_failure
 
 LONGEST_LINE = 20_000_000
 """Bytes of one line of a trace that are read at most."""
@@ -338,7 +337,7 @@ def value_in(line: Line) -> Any:
             return load(record.get("value"))
         failure = load_failure(record["failure"])
     except (ValueError, TypeError, RecursionError) as problem:
-        raise DamagedTrace(f"what was told cannot be read: {problem}", line.number) from None
+        raise DamagedTrace(f"its value cannot be read: {problem}", line.number) from None
     raise failure
 
 

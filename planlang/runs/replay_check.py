@@ -16,14 +16,13 @@ from typing import Any
 from planlang.kernel.core import Scheduler, Task, here, park
 from planlang.kernel.hosts import VIRTUAL_HOST, checked
 from planlang.kernel.observer import Body
+from planlang.kernel.primitives import pause
 from planlang.kernel.signals import BaseFluent
-from planlang.kernel.tree import SUCCEEDED, Node, Status
-from planlang.runs.codec import Exact, load, load_failure
-from planlang.runs.encoding import encode
+from planlang.kernel.tree import Node
+from planlang.runs.codec import Exact, encode
 from planlang.runs.inputs import FluentKeys
-from planlang.runs.recorded_run import BOOKKEEPING, Line, RecordedRun, details
-from planlang.runs.resumed_trace import Different, shown
-from planlang.runs.trace import Trace
+from planlang.runs.recorded_run import BOOKKEEPING, DamagedTrace, Line, RecordedRun, details, value_in
+from planlang.runs.trace import Different, Trace, shown
 
 
 class ReplayOver(BaseException):
@@ -44,6 +43,7 @@ class ReplayCheck(Trace):
     """
 
     scheduler: Scheduler
+    is_compared = True
 
     def __init__(self, recorded: RecordedRun) -> None:
         super().__init__([])
@@ -108,11 +108,7 @@ class ReplayCheck(Trace):
         scheduler, task = here()
         step = self.lines[place].step if place < len(self.lines) else scheduler.now
         if step > scheduler.now:
-            timer = scheduler.alarm(task, step - scheduler.now, lambda: scheduler.wake(task))
-            try:
-                await park(f"step {step}")
-            finally:
-                timer.drop()
+            await pause(step - scheduler.now)
         while self.place < place + behind and not self.over:
             turn = (place + behind, task)
             self._turns.append(turn)
@@ -152,28 +148,13 @@ class ReplayCheck(Trace):
             self.difference = Different(message, line.number, recorded, found)
         self.over = True
 
-    def started(self, step: int, node: Node, /, **more: object) -> None:
-        """A node of the tree begins."""
-        self.write(step, "started", node, **more)
-
-    def ended(
-        self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
-    ) -> None:
-        """A node of the tree ends."""
-        if failure is not None:
-            self.write(step, "ended", node, status=outcome.value, failure=failure)
-        elif result is not None and outcome is SUCCEEDED:
-            self.write(step, "ended", node, status=outcome.value, result=result)
-        else:
-            self.write(step, "ended", node, status=outcome.value)
-
     # -- planlang.kernel.observer.Recorded
 
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
         """Return what was answered last."""
         if not self.knows(question):
             self._unknown(question)
-        return self._value(self._answers[question])
+        return self.value(self._answers[question])
 
     def knows(self, question: str) -> bool:
         """Return whether a question was asked by now."""
@@ -190,7 +171,7 @@ class ReplayCheck(Trace):
         lines = self._series.get(question, [])
         if not lines:
             self._unknown(question)
-        return self._value(lines.pop(0))
+        return self.value(lines.pop(0))
 
     def sample(self, fluent: BaseFluent[Any], read: Callable[[], Any]) -> Any:
         """Return the value that was recorded for this step."""
@@ -199,7 +180,7 @@ class ReplayCheck(Trace):
         place = bisect_right(lines, self.scheduler.now, key=lambda line: line.step)
         if not place:
             self._unknown(f"the value of {fluent}")
-        return self._value(lines[place - 1])
+        return self.value(lines[place - 1])
 
     def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
         """Return the recorded number, and a function that gives what the call gave."""
@@ -236,20 +217,16 @@ class ReplayCheck(Trace):
         self.over = True
         raise ReplayOver
 
-    def _value(self, line: Line) -> Any:
-        record = line.record
+    def value(self, line: Line, shown: Callable[[Line], Any] = lambda line: line.record["lost"]) -> Any:
+        """Return the value that a record tells, or raise its failure; ``shown`` tells of one that did not survive."""
+        if "lost" in line.record:
+            return Opaque(shown(line))
         try:
-            if "failure" in record:
-                failure = load_failure(record["failure"])
-            elif "lost" in record:
-                return Opaque(record["lost"])
-            else:
-                return load(record.get("value"))
-        except (ValueError, TypeError, RecursionError) as problem:
-            self.difference = Different(f"line {line.number} is damaged: {problem}", line.number, dict(record))
+            return value_in(line)
+        except DamagedTrace as damage:
+            self.difference = Different(f"line {line.number} is damaged: {damage}", line.number, dict(line.record))
             self.over = True
             raise ReplayOver from None
-        raise failure
 
 
 ENDINGS = frozenset({"interrupted", "drained"})

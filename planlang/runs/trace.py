@@ -1,4 +1,7 @@
-"""The trace of a run: one JSON object per line, keys in a fixed order, nothing that differs from run to run."""
+"""The trace of a run: one JSON object per line, keys in a fixed order, nothing that differs from run to run.
+
+That of a resumed run begins with the records that it takes over; the plan repeats them, and goes on behind them.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +14,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TextIO
 
+from planlang.kernel.errors import RunError
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import SUCCEEDED, Node, Status
 from planlang.misuse import Usage, WrongType, contrast, written
-from planlang.runs.encoding import PLAIN, SCHEMA, encode
-from planlang.runs.recorded_run import Past
+from planlang.runs.codec import PLAIN, SCHEMA, Exact, encode
+from planlang.runs.recorded_run import BOOKKEEPING, SPANS, Line, Past, details
 
 _AT = Usage("Trace.at", {"path": '"run.jsonl"'}, {"header": '{"version": "1.0"}'})
 
@@ -35,6 +39,9 @@ class Trace:
 
     Without ``out`` the records are kept in :attr:`events`. ``header`` is what the caller knows: versions, hashes.
     """
+
+    is_compared = False
+    """Whether records are compared with recorded ones in :meth:`write`, so that all have to go through it."""
 
     def __init__(
         self, out: TextIO | list[dict[str, Any]] | None = None, header: Mapping[str, object] | None = None
@@ -116,7 +123,7 @@ class Trace:
             if new:
                 self._nodes = node.number = self._nodes + 1
             record["node"] = node.number
-            if new or event in _SPANS:
+            if new or event in SPANS:
                 record["parent"] = None if node.parent is None else node.parent.number
                 record["kind"] = node.kind
             record["name"] = node.name
@@ -160,21 +167,12 @@ class Trace:
     def started(self, step: int, node: Node, /, **details: object) -> None:
         """A node of the tree begins."""
         parent = node.parent
-        if details or parent is None:
+        if details or parent is None or self.is_compared:
             self.write(step, "started", node, **details)
             return
         self._nodes = number = node.number = self._nodes + 1
         if self._put is None:
-            self.events.append(
-                {
-                    "step": step,
-                    "event": "started",
-                    "node": number,
-                    "parent": parent.number,
-                    "kind": node.kind,
-                    "name": node.name,
-                }
-            )
+            self.events.append(_span(step, "started", node, parent))
             return
         # the same bytes as write() gives, in a fraction of the time: what is many times the same is put together once
         if step != self._step:
@@ -222,18 +220,8 @@ class Trace:
                 return
             if taken != len(data):
                 self._write_through(data[taken:])
-        elif node.number and node.parent is not None and self._put is None:
-            self.events.append(
-                {
-                    "step": step,
-                    "event": "ended",
-                    "node": node.number,
-                    "parent": node.parent.number,
-                    "kind": node.kind,
-                    "name": node.name,
-                    "status": word,
-                }
-            )
+        elif node.number and node.parent is not None and self._put is None and not self.is_compared:
+            self.events.append(_span(step, "ended", node, node.parent) | {"status": word})
         else:
             self.write(step, "ended", node, status=word)
 
@@ -276,6 +264,102 @@ class Trace:
         self.close()
 
 
+class Different(RunError):
+    """A run that repeats a recorded one does something else; ``line`` is that of the record, None at its end."""
+
+    def __init__(self, message: str, line: int | None, recorded: object = None, found: object = None) -> None:
+        super().__init__(message)
+        self.line, self.recorded, self.found = line, recorded, found
+
+
+class ResumedTrace(Trace):
+    """A trace that compares with what is recorded until :meth:`go_on`, and hands on to ``inner`` from then.
+
+    What the plan writes on its way is compared with the records of the same step: tasks that run side by side may
+    come to it in another order. The first difference is kept in :attr:`problem` for the scheduler to raise.
+    """
+
+    is_compared = True
+
+    def __init__(self, inner: Trace, past: Past) -> None:
+        super().__init__(inner.events)
+        self._inner = inner
+        self._ahead: dict[int, list[Line]] = {}
+        for line in past.expected():
+            self._ahead.setdefault(line.step, []).append(line)
+        self._going_on = False
+        self.problem: Different | None = None
+        if not inner.continues:
+            inner.take_over((line.record for line in past.kept), past.nodes)
+
+    def go_on(self, step: int, past: Past) -> None:
+        """The records end here."""
+        self._going_on = True
+        again = {"again": Exact(list(past.again))} if past.again else {}
+        self._inner.write(step, "resumed", **again)
+
+    def check(self, now: int) -> None:
+        """Called when a step is over: what was recorded of it has to have happened. Raises Different."""
+        if self.problem is None and self._ahead:
+            step = min(self._ahead)
+            if step <= now:
+                line = self._ahead[step][0]
+                self.problem = Different(
+                    f"the plan does not repeat what is recorded in line {line.number}: {shown(line.record)}",
+                    line.number,
+                    line.record,
+                )
+        if self.problem is not None:
+            raise self.problem
+
+    def write(self, step: int, event: str, node: Node | None = None, /, **more: object) -> None:
+        """Compare or write a record."""
+        if self._is_recorded(step, event, node, more) or (event in BOOKKEEPING and not self._going_on):
+            return
+        if self._going_on or event in FROM_OUTSIDE:
+            self._inner.write(step, event, node, **more)
+        elif self.problem is None:
+            found = {"step": step, "event": event, "path": None if node is None else node.path, **encode(more)}
+            ahead = self._ahead.get(min(self._ahead, default=step), [])
+            line = ahead[0].number if ahead else None
+            where = f" where line {line} says {shown(ahead[0].record)}" if ahead else ""
+            message = f"the plan does not repeat what is recorded: it does {shown(found)}{where}"
+            self.problem = Different(message, line, ahead[0].record if ahead else None, found)
+
+    def _is_recorded(self, step: int, event: str, node: Node | None, more: Mapping[str, object]) -> bool:
+        lines = self._ahead.get(step)
+        if not lines or node is None:
+            return False
+        inside = {key: encode(value) for key, value in more.items()}
+        for place, line in enumerate(lines):
+            if line.event == event and line.path == node.path and details(line.record) == inside:
+                node.number = int(line.record["node"])
+                del lines[place]
+                if not lines:
+                    del self._ahead[step]
+                return True
+        return False
+
+    def begin(self, root: Node, fail: Callable[[BaseException], object]) -> None:
+        """Hand what goes wrong with the file to ``fail``."""
+        self._inner.begin(root, fail)
+
+    def end(self) -> None:
+        """Write through."""
+        self._inner.end()
+
+    def sync(self) -> None:
+        """Have what was written so far survive a crash of the machine."""
+        self._inner.sync()
+
+
+def shown(record: Mapping[str, Any]) -> str:
+    """Return a record in one line: step, place in the tree, event, details."""
+    where = record.get("path") or record.get("name")
+    more = ", ".join(f"{key} {value}" for key, value in details(record).items() if key != "path")
+    return " ".join(str(part) for part in (f"step {record['step']}:", where, record["event"], more) if part)
+
+
 def with_paths(events: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
     """Return the records of a trace with the ``path`` of their nodes: names from the root, joined by ``/``."""
     paths: dict[int, str] = {}
@@ -290,13 +374,20 @@ def with_paths(events: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
         yield {**event, "path": paths[number]}
 
 
+FROM_OUTSIDE = frozenset({"interrupted", "drained"})
+"""Events that need not be the same when a run is repeated."""
 _UNWRITABLE = (OSError, ValueError)
 """What a file raises that is full, or closed."""
-_SPANS = frozenset({"started", "ended"})
 _UTF8 = ("utf-8", "backslashreplace")
 """What is no text stands as JSON writes it with an escape."""
 _json = json.JSONEncoder(ensure_ascii=False).encode
 _quoted = json.encoder.encode_basestring
+
+
+def _span(step: int, event: str, node: Node, parent: Node) -> dict[str, Any]:
+    """Return what :meth:`Trace.write` makes of a node that starts or ends, in a fraction of the time."""
+    number, above = node.number, parent.number
+    return {"step": step, "event": event, "node": number, "parent": above, "kind": node.kind, "name": node.name}
 
 
 def _free(target: Path) -> Path:

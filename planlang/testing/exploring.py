@@ -15,7 +15,7 @@ from planlang.kernel.core import ChoiceSource
 from planlang.kernel.schedule import ListedSchedule, RandomSchedule
 from planlang.misuse import Usage
 from planlang.runs import with_paths
-from planlang.runs.encoding import encode
+from planlang.runs.codec import encode
 from planlang.testing.faults import Fault
 from planlang.testing.history import History
 from planlang.testing.running import PlanRun, attempt, made

@@ -12,7 +12,7 @@ import pytest
 
 from planlang import *
 from planlang.failures import BranchEvaporated
-from planlang.kernel.realtime import Inbox
+from planlang.kernel.hosts import Inbox
 from planlang.runs import Past, RecordedRun
 from planlang.testing import replay
 

@@ -12,7 +12,7 @@ from virtual_time import go
 
 from planlang import *
 from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, NavigationFailure, Timeout
-from planlang.language.parallel import concurrent_branches
+from planlang.language.branches import concurrent_branches
 from planlang.runs import with_paths
 
 

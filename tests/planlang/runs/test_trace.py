@@ -20,7 +20,7 @@ from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, O
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from planlang.runs import Past, RecordedRun, with_paths
-from planlang.runs.encoding import encode
+from planlang.runs.codec import encode
 
 
 def test_every_line_is_a_json_object_that_begins_with_step_and_event() -> None:
