@@ -59,14 +59,26 @@ from planlang.language.branches import (
     unwind_protect,
 )
 from planlang.language.budgets import budget, timeout
+from planlang.language.conditions import Policy, achieve, holds, whenever, with_policies
 from planlang.language.executive import Executive, ProcessModule
-from planlang.language.goals import achieve, holds, whenever
 from planlang.language.location import at_location
 from planlang.language.machine import state_machine
 from planlang.language.ordering import given, partial_order
 from planlang.language.performing import Request, monitor, perform, perform_async, perform_or, with_requests
-from planlang.language.plans import Plan, plan
-from planlang.language.policies import Policy, with_policies
+from planlang.language.plans import (
+    Handle,
+    Plan,
+    evaporate,
+    join,
+    on_suspension,
+    plan,
+    retry_after_suspension,
+    suspend,
+    tag,
+    task,
+    task_suspended,
+    wake_up,
+)
 from planlang.language.recovery import (
     PROPAGATE,
     RETRY,
@@ -79,18 +91,6 @@ from planlang.language.recovery import (
 from planlang.language.resources import using
 from planlang.language.running import run
 from planlang.language.strategies import ignore, look_and_repeat, look_from_another_place, recovery_strategy
-from planlang.language.tags import (
-    Handle,
-    evaporate,
-    join,
-    on_suspension,
-    retry_after_suspension,
-    suspend,
-    tag,
-    task,
-    task_suspended,
-    wake_up,
-)
 from planlang.language.tasktree import TaskNode, TaskTree
 from planlang.runs import Trace
 

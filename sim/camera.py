@@ -1,9 +1,10 @@
-"""Looking: what a camera recognises, which share of a body is visible, and pictures by a software renderer."""
+"""Looking: rays, what a camera recognises, which share of a body is visible, pictures by a software renderer."""
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -18,6 +19,7 @@ from planlang.geometry.solid import SolidKind
 from planlang.protocols import Detection
 from sim.bodies import Bodies
 from sim.engine import bullet
+from sim.robot import Robot
 from sim.scene import BodyShape, CameraModel
 
 LEAST_PIXELS = 4
@@ -168,7 +170,7 @@ def raster(
 
 
 def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
-    """Position, viewing direction and upward direction of the camera in the map."""
+    """Return the position, viewing direction and upward direction of the camera in the map."""
     turn = pose.rotation
     return np.asarray(pose.position), rotated(turn, np.asarray(model.forward)), rotated(turn, np.asarray(model.up))
 
@@ -229,3 +231,47 @@ def _surface(kind: SolidKind, size: tuple[float, float, float], per_side: int = 
             normals.append(direction)
             areas.append(np.full(_SIDES, 4 * math.pi * radius**2 / 5 / _SIDES))
     return np.vstack(points), np.vstack(normals), np.concatenate(areas)
+
+
+_EVERYTHING, _NOT_ROBOT = -1, ~64
+_ROBOT_GROUP = 64
+
+
+class Rays:
+    """Casts rays; the robot's links are in a collision group of their own, so that rays can pass through them."""
+
+    def __init__(self, client: int, bodies: Bodies, robot: Robot | None) -> None:
+        self.client, self.bodies, self.robot = client, bodies, robot
+        if robot is not None:
+            for index in robot.links.values():
+                bullet.setCollisionFilterGroupMask(robot.uid, index, _ROBOT_GROUP, -1, physicsClientId=client)
+
+    def _hits(self, starts: Array, ends: Array, mask: int) -> list[Any]:
+        hits: list[Any] = bullet.rayTestBatch(
+            starts.tolist(), ends.tolist(), collisionFilterMask=mask, physicsClientId=self.client
+        )
+        return hits
+
+    def _name(self, hit: Any) -> str | None:
+        if self.robot is not None and hit[0] == self.robot.uid:
+            return self.robot.link_names[hit[1]]
+        return self.bodies.name_of(hit[0])
+
+    def cast(self, starts: Array, ends: Array) -> tuple[str | None, ...]:
+        """Return the names of bodies or links that lines from starts (n, 3) to ends (n, 3) hit first, n < 16,384."""
+        return tuple(self._name(hit) for hit in self._hits(starts, ends, _EVERYTHING))
+
+    def down(self, starts: Array, ends: Array) -> tuple[tuple[str | None, ...], Array]:
+        """Return the names of bodies below, the robot left out, and the heights of the hits (0 where there is none)."""
+        hits = self._hits(starts, ends, _NOT_ROBOT)
+        return tuple(self._name(hit) for hit in hits), np.array([float(hit[3][2]) for hit in hits])
+
+    @contextlib.contextmanager
+    def without(self, name: str) -> Iterator[None]:
+        """Cast as if a body were not there."""
+        pieces = self.bodies.of[name]
+        self.bodies.hide(pieces)
+        try:
+            yield
+        finally:
+            self.bodies.show(pieces)

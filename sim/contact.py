@@ -73,6 +73,10 @@ class Query:
     among: Collection[tuple[str, str]] | None = None
     """Pairs of a link, or a held body, and another link or a body, besides which nothing can touch."""
 
+    def ignores(self, part: str, body: str) -> bool:
+        """Return whether two things may touch."""
+        return bool(self.ignore) and not {part, body, (part, body), (body, part)}.isdisjoint(self.ignore)
+
 
 class Contacts:
     """Finds penetrations for the configuration that the robot shows; held objects must be where they belong."""
@@ -108,7 +112,7 @@ class Contacts:
 
     def _of_pair(self, part: str, body: str, query: Query, found: dict[tuple[str, str], float]) -> None:
         """Check one pair that is not allowed to touch, or only by as much as what something held stood on."""
-        if {part, body} & set(query.ignore) or {(part, body), (body, part)} & set(query.ignore):
+        if query.ignores(part, body):
             return
         if part not in self.held and body in self.held:
             part, body = body, part
@@ -137,7 +141,7 @@ class Contacts:
             part = self.robot.solid_names[number]
             if query.links is not None and number not in query.links:
                 continue
-            if piece.body in query.ignore or (part, piece.body) in query.ignore:
+            if query.ignores(part, piece.body):
                 continue
             if piece.yields and number in self._hands:
                 continue
@@ -156,11 +160,8 @@ class Contacts:
         near = near & overlaps(lower, upper, lower, upper)
         for a, b in zip(*(axis.tolist() for axis in np.nonzero(near)), strict=True):
             first, second = self.robot.solid_names[a], self.robot.solid_names[b]
-            if first in query.ignore or second in query.ignore:
-                continue
-            if (first, second) in query.ignore or (second, first) in query.ignore:
-                continue
-            _deepen(found, first, second, self.robot.depth_between(a, b))
+            if not query.ignores(first, second):
+                _deepen(found, first, second, self.robot.depth_between(a, b))
 
     def _of_held(self, name: str, query: Query, found: dict[tuple[str, str], float]) -> None:
         held = self.held[name]
@@ -168,9 +169,7 @@ class Contacts:
             near = self.bodies.near(self.bodies.lower[mine][None], self.bodies.upper[mine][None])[0]
             for index in np.nonzero(near)[0].tolist():
                 piece = self.bodies.pieces[index]
-                if piece.body == name or piece.yields:
-                    continue
-                if name in query.ignore or piece.body in query.ignore or (name, piece.body) in query.ignore:
+                if piece.body == name or piece.yields or query.ignores(name, piece.body):
                     continue
                 depth = -self.bodies.gap([mine], [index], 0.0)
                 if piece.body not in held.touched or depth > SUPPORT_DEPTH:
@@ -187,7 +186,7 @@ class Contacts:
                 link = self.robot.solid_names[number]
                 if number in held.hand or not (every or (query.links and number in query.links)):
                     continue
-                if {name, link} & set(query.ignore) or {(name, link), (link, name)} & set(query.ignore):
+                if query.ignores(name, link):
                     continue
                 _deepen(found, name, link, self.robot.depth_with(number, self.bodies.pieces[mine].uid))
 
@@ -305,7 +304,7 @@ def _kept(robot: Robot) -> Iterator[None]:
 
 
 def _adjacent(robot: Robot, a: int, b: int) -> bool:
-    """Rigidly connected, or joined by one joint or by several whose frames coincide (a shoulder, a wrist)."""
+    """Return True for links with no joint between them, or one, or several in one place (a shoulder, a wrist)."""
     up_a, up_b = robot.ancestors(a), robot.ancestors(b)
     between = [i for i in up_a if i not in up_b] + [i for i in up_b if i not in up_a]
     moving = [index for index in between if index not in robot.fixed]

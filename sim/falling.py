@@ -11,7 +11,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.box import half_extents
 from planlang.geometry.outline import footprint, inside, outline_of
 from sim.bodies import Bodies
-from sim.rays import Rays
+from sim.camera import Rays
 from sim.scene import BodyShape
 
 GRAVITY = 9.81

@@ -12,13 +12,12 @@ from planlang.geometry import Pose
 from planlang.protocols import Configuration, Contact
 from sim import snapshots
 from sim.bodies import Bodies, Part
-from sim.camera import Camera, Picture
+from sim.camera import Camera, Picture, Rays
 from sim.contact import PARTED, Contacts, Held, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
 from sim.people import People, Reach, parts_of
 from sim.picture import Painter, View
-from sim.rays import Rays
 from sim.robot import Robot
 from sim.scene import BodyShape, CameraModel, RobotBody, Scene
 
@@ -183,14 +182,6 @@ class KinematicScene:
     def person(self, name: str) -> Reach:
         """Return shoulders, arm length and facing direction of a person, to check which points are comfortable."""
         return self._people.reach(name)
-
-    def shoulder(self, name: str) -> tuple[float, float, float]:
-        """Return the point between a person's shoulders, in the map."""
-        return self._people.reach(name).shoulder
-
-    def arm_length(self, name: str) -> float:
-        """Return the distance from a person's shoulder to the palm [m]."""
-        return self._people.reach(name).arm_length
 
     def contacts(self) -> tuple[Contact, ...]:
         """Return the penetrations of the robot and of what it holds, where they are; allowed ones are left out."""

@@ -39,12 +39,6 @@ class Reach:
     arm_length: float
     facing: tuple[float, float, float]
 
-    @property
-    def shoulder(self) -> tuple[float, float, float]:
-        """The point between the shoulders."""
-        (a, b, c), (d, e, f) = self.shoulders
-        return ((a + d) / 2, (b + e) / 2, (c + f) / 2)
-
     def arm_for(self, point: Sequence[float]) -> int | None:
         """0 (right) or 1 (left): the arm that has the point in its comfort zone, the nearer one of two; else None.
 
@@ -150,13 +144,8 @@ def _triple(vector: Array) -> tuple[float, float, float]:
     return (float(vector[0]), float(vector[1]), float(vector[2]))
 
 
-def reach_of(body: Body, pose: Pose | None = None) -> Reach:
-    """Return what a person of the scene reaches, at the body's pose or another."""
-    return reach_from(figure_of(body), pose or body.pose)
-
-
 def reach_from(figure: Figure, pose: Pose) -> Reach:
-    """Return the reach of a figure, as :func:`reach_of`."""
+    """Return the reach of a figure whose body is at a pose."""
     matrix = pose.matrix()
     shoulders = [moved(matrix, shoulder) for shoulder in figure.shoulders]
     ahead = rotated(matrix[:3, :3], figure.turn.rotation[:, 0])
@@ -175,7 +164,7 @@ def parts_of(body: Body) -> tuple[Part, ...]:
 
 
 def arm_parts(figure: Figure, k: int, hand: Array) -> list[Part]:
-    """Arm ``k`` with its palm at a point of the body's frame, or as near to it as it reaches; elbow down and out."""
+    """Return arm ``k`` with its palm at a point of the body's frame, or as near as it reaches; elbow down and out."""
     scale, shoulder = figure.scale, figure.shoulders[k]
     upper, fore = _UPPER * scale, (_FORE + _HAND / 2) * scale
     offset = hand - shoulder
@@ -290,7 +279,7 @@ class People:
         return next((person for person, state in self.persons.items() if name in state.holds), None)
 
     def lose(self, name: str) -> None:
-        """Nobody holds the body any more."""
+        """Record that nobody holds the body any more."""
         for person in self.persons.values():
             person.holds.pop(name, None)
 
@@ -369,7 +358,7 @@ class People:
                 self.bodies.place_part(index, part.offset)
 
     def state(self) -> tuple[object, ...]:
-        """Hashable: where all hands are and what they hold."""
+        """Return where all hands are and what they hold, hashable."""
         return tuple(
             (name, *(tuple(np.asarray(hand).tolist()) for hand in person.hands), tuple(person.holds))
             for name, person in self.persons.items()

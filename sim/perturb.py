@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -21,10 +21,13 @@ START_DISTANCE = 0.3
 """Largest distance of the robot's start from the given one [m]; it turns by up to 0.5 rad."""
 
 _TRIES = 60
+"""Draws for each thing; in a crowded room most things stay after fewer."""
 _CLEARANCE = 0.01
+"""Distance kept between things [m]: more than contacts tolerate."""
 _RIM = 0.005
+"""Distance of a thing from the edge of its support [m]: it must not fall."""
 _SUPPORTED = 0.025
-_FLAT = 0.999
+"""Gap or penetration between a thing and its support in real maps [m]."""
 
 
 def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.6) -> Scene:
@@ -36,19 +39,84 @@ def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.
     """
     if seed == 0:
         return scene
-    generator = np.random.default_rng(seed)
-    supports = {body.name: _support(body, scene.bodies) for body in scene.bodies}
-    bodies = {body.name: body for body in scene.bodies}
-    poses = {body.name: body.pose for body in scene.bodies}
+    room = _Room(scene, np.random.default_rng(seed))
     for body in scene.bodies:
         if body.movable and not body.graspable and body.shape in (BodyShape.BOX, BodyShape.CYLINDER):
-            _move_furniture(body, bodies, poses, supports, scene.bounds, generator)
+            room.move_furniture(body)
     for body in scene.bodies:
-        if body.graspable and body.name not in supports.values():
-            _move_object(body, bodies, poses, supports[body.name], generator)
-    start = _move_start(scene.start, (radius, height), bodies, poses, scene.bounds, generator)
-    moved = scene.with_poses(poses)
-    return Scene(moved.bodies, moved.bounds, start)
+        if body.graspable and body.name not in room.supports.values():
+            room.move_object(body)
+    start = room.moved_start(radius, height)
+    return Scene(scene.with_poses(room.poses).bodies, scene.bounds, start)
+
+
+class _Room:
+    """The poses of all bodies while they are moved, one after another."""
+
+    def __init__(self, scene: Scene, generator: np.random.Generator) -> None:
+        self.scene, self.generator = scene, generator
+        self.supports = {body.name: _support(body, scene.bodies) for body in scene.bodies}
+        self.bodies = {body.name: body for body in scene.bodies}
+        self.poses = {body.name: body.pose for body in scene.bodies}
+
+    def move_furniture(self, body: Body) -> None:
+        """Move a body with what stands on it."""
+        group = [body.name]
+        for member in group:
+            group += [other for other, support in self.supports.items() if support == member and other not in group]
+        x_min, y_min, x_max, y_max = self.scene.bounds
+        for shift in self._shifts(FURNITURE_DISTANCE, 0.2):
+            moved = {name: _shifted(self.poses[name], shift, self.poses[body.name]) for name in group}
+            outline = footprint(moved[body.name], body.size)
+            within = (outline >= (x_min, y_min)).all() and (outline <= (x_max, y_max)).all()
+            if within and all(self._is_free(self.bodies[name], pose, group) for name, pose in moved.items()):
+                self.poses.update(moved)
+                return
+
+    def move_object(self, body: Body) -> None:
+        """Move a body on its support."""
+        support = self.supports[body.name]
+        if support is None:
+            return
+        surface = _outline(self.bodies[support], self.poses[support])
+        for shift in self._shifts(OBJECT_DISTANCE, math.pi):
+            pose = _shifted(self.poses[body.name], shift, self.poses[body.name])
+            stands = all(inside(surface, point, _RIM) for point in _outline(body, pose))
+            if stands and self._is_free(body, pose, (body.name, support)):
+                self.poses[body.name] = pose
+                return
+
+    def moved_start(self, radius: float, height: float) -> tuple[float, float, float]:
+        """Return where a standing cylinder of this radius and height is free."""
+        x_min, y_min, x_max, y_max = self.scene.bounds
+        start = self.scene.start
+        for dx, dy, turn in self._shifts(START_DISTANCE, 0.5):
+            x, y = start[0] + dx, start[1] + dy
+            pose = Pose((x, y, height / 2 + 0.02))
+            robot = Body("the robot", pose, (2 * radius, 2 * radius, height), BodyShape.CYLINDER)
+            within = x_min + radius <= x <= x_max - radius and y_min + radius <= y <= y_max - radius
+            if within and self._is_free(robot, pose, ()):
+                return (x, y, start[2] + turn)
+        return start
+
+    def _shifts(self, distance: float, turn: float) -> Iterator[tuple[float, float, float]]:
+        """Yield shifts uniform in a disc, with turns uniform in an interval."""
+        uniform = self.generator.uniform
+        for _ in range(_TRIES):
+            angle, radius = uniform(0, 2 * math.pi), distance * math.sqrt(uniform(0, 1))
+            yield radius * math.cos(angle), radius * math.sin(angle), float(uniform(-turn, turn))
+
+    def _is_free(self, body: Body, pose: Pose, group: Sequence[str]) -> bool:
+        """Return whether a body at a pose keeps clear of all bodies outside its group, supports below it apart."""
+        return not any(
+            _overlap(body, pose, other, self.poses[other.name])
+            for other in self.scene.bodies
+            if other.name not in group and other.name != body.name and other.shape is not BodyShape.MARKER
+        )
+
+
+def _outline(body: Body, pose: Pose) -> Array:
+    return footprint(pose, body.size, cylinder=body.shape is BodyShape.CYLINDER)
 
 
 def _support(body: Body, bodies: Sequence[Body]) -> str | None:
@@ -60,8 +128,7 @@ def _support(body: Body, bodies: Sequence[Body]) -> str | None:
         if other is body or other.shape in (BodyShape.ROOM, BodyShape.MARKER, BodyShape.PERSON):
             continue
         top = other.pose.position[2] + _half_height(other.pose, other)
-        outline = footprint(other.pose, other.size, cylinder=other.shape is BodyShape.CYLINDER)
-        if not inside(outline, body.pose.position):
+        if not inside(_outline(other, other.pose), body.pose.position):
             continue
         if abs(top - bottom) <= _SUPPORTED or abs(other.pose.position[2] - body.pose.position[2]) < top / 2 > bottom:
             return other.name
@@ -70,12 +137,6 @@ def _support(body: Body, bodies: Sequence[Body]) -> str | None:
 
 def _half_height(pose: Pose, body: Body) -> float:
     return float(half_extents(pose, body.size)[2])
-
-
-def _drawn(generator: np.random.Generator, distance: float, turn: float) -> tuple[float, float, float]:
-    """Return a shift uniform in a disc and a turn uniform in an interval."""
-    angle, radius = generator.uniform(0, 2 * math.pi), distance * math.sqrt(generator.uniform(0, 1))
-    return radius * math.cos(angle), radius * math.sin(angle), float(generator.uniform(-turn, turn))
 
 
 def _shifted(pose: Pose, shift: tuple[float, float, float], about: Pose) -> Pose:
@@ -87,85 +148,6 @@ def _shifted(pose: Pose, shift: tuple[float, float, float], about: Pose) -> Pose
     return Pose((x + dx, y + dy, z), turned.orientation)
 
 
-def _move_furniture(
-    body: Body,
-    bodies: Mapping[str, Body],
-    poses: dict[str, Pose],
-    supports: Mapping[str, str | None],
-    bounds: tuple[float, float, float, float],
-    generator: np.random.Generator,
-) -> None:
-    group = _contents(body.name, supports)
-    for _ in range(_TRIES):
-        shift = _drawn(generator, FURNITURE_DISTANCE, 0.2)
-        moved = {name: _shifted(poses[name], shift, poses[body.name]) for name in group}
-        outline = footprint(moved[body.name], body.size)
-        within = (outline >= bounds[:2]).all() and (outline <= bounds[2:]).all()
-        if within and all(_free(bodies[name], pose, bodies, poses, group) for name, pose in moved.items()):
-            poses.update(moved)
-            return
-
-
-def _contents(name: str, supports: Mapping[str, str | None]) -> tuple[str, ...]:
-    """Return the body and everything that stands on it, directly or not."""
-    group = [name]
-    for member in group:
-        group += [other for other, support in supports.items() if support == member and other not in group]
-    return tuple(group)
-
-
-def _move_object(
-    body: Body,
-    bodies: Mapping[str, Body],
-    poses: dict[str, Pose],
-    support: str | None,
-    generator: np.random.Generator,
-) -> None:
-    if support is None:
-        return
-    surface = footprint(poses[support], bodies[support].size, cylinder=bodies[support].shape is BodyShape.CYLINDER)
-    for _ in range(_TRIES):
-        pose = _shifted(poses[body.name], _drawn(generator, OBJECT_DISTANCE, math.pi), poses[body.name])
-        outline = footprint(pose, body.size, cylinder=body.shape is BodyShape.CYLINDER)
-        if all(inside(surface, point, _RIM) for point in outline) and _free(
-            body, pose, bodies, poses, (body.name, support)
-        ):
-            poses[body.name] = pose
-            return
-
-
-def _move_start(
-    start: tuple[float, float, float],
-    outline: tuple[float, float],
-    bodies: Mapping[str, Body],
-    poses: Mapping[str, Pose],
-    bounds: tuple[float, float, float, float],
-    generator: np.random.Generator,
-) -> tuple[float, float, float]:
-    """Return where a standing cylinder of this radius and height is free."""
-    radius, height = outline
-    size = (2 * radius, 2 * radius, height)
-    for _ in range(_TRIES):
-        dx, dy, turn = _drawn(generator, START_DISTANCE, 0.5)
-        x, y = start[0] + dx, start[1] + dy
-        pose = Pose((x, y, height / 2 + 0.02))
-        body = Body("the robot", pose, size, BodyShape.CYLINDER)
-        within = bounds[0] + radius <= x <= bounds[2] - radius
-        within = within and bounds[1] + radius <= y <= bounds[3] - radius
-        if within and _free(body, pose, bodies, poses, ()):
-            return (x, y, start[2] + turn)
-    return start
-
-
-def _free(body: Body, pose: Pose, bodies: Mapping[str, Body], poses: Mapping[str, Pose], group: Sequence[str]) -> bool:
-    """Return whether a body at a pose keeps clear of all bodies outside its group, supports below it apart."""
-    return not any(
-        _overlap(body, pose, other, poses[other.name])
-        for other in bodies.values()
-        if other.name not in group and other.name != body.name and other.shape not in (BodyShape.MARKER,)
-    )
-
-
 def _overlap(a: Body, a_pose: Pose, b: Body, b_pose: Pose) -> bool:
     if b.shape is BodyShape.ROOM:
         local = rotated(b_pose.rotation[:2, :2].T, footprint(a_pose, a.size) - np.asarray(b_pose.position[:2]))
@@ -173,8 +155,7 @@ def _overlap(a: Body, a_pose: Pose, b: Body, b_pose: Pose) -> bool:
     heights = _half_height(a_pose, a) + _half_height(b_pose, b)
     if abs(a_pose.position[2] - b_pose.position[2]) >= heights - 0.02:  # standing on each other, or far apart
         return False
-    first = footprint(a_pose, a.size, cylinder=a.shape is BodyShape.CYLINDER)
-    second = footprint(b_pose, b.size, cylinder=b.shape is BodyShape.CYLINDER)
+    first, second = _outline(a, a_pose), _outline(b, b_pose)
     return not _separated(first, second) and not _separated(second, first)
 
 

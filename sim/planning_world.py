@@ -15,8 +15,7 @@ from planlang.protocols import Configuration, Contact
 from sim.bodies import Bodies
 from sim.contact import Held, Ignored, Query
 from sim.kinematic import KinematicScene
-from sim.playback import BASE
-from sim.robot import Robot
+from sim.robot import BASE, Robot
 
 Size = tuple[float, float, float]
 
@@ -130,7 +129,7 @@ class PlanningWorld(KinematicScene):
         ignore: Ignored = (),
         among: Collection[tuple[str, str]] | None = None,
     ) -> tuple[Contact, ...]:
-        """Penetrations of the robot and of what it holds, now or at another configuration; joints not named stay.
+        """Return the penetrations of the robot and of what it holds, here or elsewhere; joints not named stay.
 
         ``moving``: joint names, "x", "y", "yaw" or "base": look only at links that these move, and in self-collision
         only at pairs that they move against each other. ``ignore``: names of
@@ -206,28 +205,8 @@ class PlanningWorld(KinematicScene):
         """Return bodies that a held one has touched ever since it was grasped: it may go on touching them a little."""
         return frozenset(self._held[name].touched)
 
-    def clearance(self, first: str, second: str, within: float = 1.0) -> float:
-        """Distance of two bodies' surfaces [m], negative in penetration, ``inf`` beyond ``within``."""
-        self._here()
-        pieces = [self._bodies.of[self.scene.body(name).name] for name in (first, second)]
-        return self._bodies.gap(pieces[0], pieces[1], within)
-
-    def visible(self, name: str, camera: Pose | str | None = None, configuration: Configuration | None = None) -> float:
-        """Return the share (0..1) of a body that the camera would see without obstruction, by rays.
-
-        ``camera``: a link (default: the camera's), at the robot's configuration or another; or a pose of the camera's
-        link in the map, from where the robot itself hides nothing.
-        """
-        self.scene.body(name)
-        if isinstance(camera, Pose):
-            self._here()
-            return self._camera.sight(name, self._optics(), camera, self._rays.seeing_through_the_robot)[0]
-        self._show(configuration or self._now)
-        pose = self.robot.link_pose(camera or self._optics().link)
-        return self._camera.sight(name, self._optics(), pose, self._rays.cast)[0]
-
     def sight(self, name: str, configuration: Configuration | None = None) -> tuple[float, Mapping[str, int]]:
-        """Return how much of a body is :meth:`visible` to the robot's camera, and what lines to it hit first.
+        """Return the share (0..1) of a body that lines of sight from the camera reach, and what the lines hit first.
 
         The latter as name -> lines; the robot's own links go by their names, and lines that reach the body count
         for it.
@@ -236,12 +215,3 @@ class PlanningWorld(KinematicScene):
         self._show(configuration or self._now)
         pose = self.robot.link_pose(self._optics().link)
         return self._camera.sight(name, self._optics(), pose, self._rays.cast)
-
-    def ray(self, start: Sequence[float], end: Sequence[float]) -> str | None:
-        """Return the name of the body, or of the robot's link, that a segment hits first; None when it is free."""
-        return self.rays(np.asarray([start], dtype=float), np.asarray([end], dtype=float))[0]
-
-    def rays(self, starts: Array, ends: Array) -> tuple[str | None, ...]:
-        """Cast rays as :meth:`ray` for (n, 3) starts and ends, any number of them."""
-        self._here()
-        return self._rays.cast(starts, ends)

@@ -19,6 +19,8 @@ from sim.description import Follower, loadable, read_description
 from sim.engine import bullet, quiet
 from sim.scene import RobotBody
 
+BASE = ("x", "y", "yaw")
+"""The coordinates of the base, where joints go by their names."""
 WITHIN = 0.001
 """Distance up to which links of one body are looked at [m]: asked for 0, PyBullet 3.2.7 misses pairs that overlap by
 centimetres."""
@@ -28,6 +30,11 @@ _BALL = np.array([[math.cos(k * math.pi / 8), math.sin(k * math.pi / 8), 0.0] fo
 """Points on a level circle of radius 1."""
 Shape = tuple[str, tuple[float, float, float], Pose]
 """Kind, extents [m] and pose of a primitive."""
+Look = tuple[str, tuple[float, float, float], Pose, tuple[float, float, float, float] | None]
+"""The same with its colour, if it has one."""
+
+_WHITE = (1.0, 1.0, 1.0, 1.0)
+"""What PyBullet gives links without a colour."""
 
 Numbers = slice | Sequence[int] | NDArray[np.intp]
 """Numbers of solid links, as a row index."""
@@ -346,6 +353,21 @@ class Robot:
         kinds = [SolidKind.CYLINDER if one.kind == SolidKind.CAPSULE else one.kind for one in found]
         return tuple((kind, one.size, one.pose) for kind, one in zip(kinds, found, strict=True))
 
+    def looks(self) -> dict[str, list[Look]]:
+        """Return what is seen of each link: its primitives, or, where it is seen as a mesh, its :meth:`shapes`."""
+        found: dict[str, list[Look]] = {}
+        for _, index, kind, dimensions, _, at, turn, color in bullet.getVisualShapeData(
+            self.uid, physicsClientId=self.client
+        ):
+            primitive = _primitive(kind, dimensions)
+            if primitive is not None:
+                look = (*primitive, Pose(at, turn), None if color == _WHITE else color)
+                found.setdefault(self.link_names[index], []).append(look)
+        for number, name in enumerate(self.solid_names):
+            if name not in found:
+                found[name] = [(*shape, None) for shape in self.shapes(number)]
+        return found
+
     def hulls(self, number: int) -> list[ConvexSolid]:
         """Return the convex shapes of a solid link, in the link's frame."""
         if number in self._hulls:
@@ -423,22 +445,29 @@ def _text(name: bytes) -> str:
     return name.decode()
 
 
+def _primitive(kind: int, dimensions: Sequence[float]) -> tuple[SolidKind, tuple[float, float, float]] | None:
+    """Return the kind and extents [m] of a primitive, as PyBullet tells them; None for a mesh."""
+    a, b, c = dimensions
+    match kind:
+        case bullet.GEOM_BOX:
+            return SolidKind.BOX, (a, b, c)
+        case bullet.GEOM_SPHERE:
+            return SolidKind.SPHERE, (2 * a, 2 * a, 2 * a)
+        case bullet.GEOM_CYLINDER:
+            return SolidKind.CYLINDER, (2 * b, 2 * b, a)
+        case bullet.GEOM_CAPSULE:
+            return SolidKind.CAPSULE, (2 * b, 2 * b, a)
+    return None
+
+
 def _solids_of(client: int, uid: int, index: int, at: Pose) -> list[ConvexSolid]:
     """Return the shapes of a link whose frame of mass is at a pose."""
     shapes = bullet.getCollisionShapeData(uid, index, physicsClientId=client)
     found = []
     for shape in shapes:
-        a, b, c = shape[3]
-        pose = at @ Pose(shape[5], shape[6])
-        match shape[2]:
-            case bullet.GEOM_BOX:
-                found.append(convex_solid(SolidKind.BOX, (a, b, c), pose))
-            case bullet.GEOM_SPHERE:
-                found.append(convex_solid(SolidKind.SPHERE, (2 * a, 2 * a, 2 * a), pose))
-            case bullet.GEOM_CYLINDER:
-                found.append(convex_solid(SolidKind.CYLINDER, (2 * b, 2 * b, a), pose))
-            case bullet.GEOM_CAPSULE:
-                found.append(convex_solid(SolidKind.CAPSULE, (2 * b, 2 * b, a), pose))
+        primitive = _primitive(shape[2], shape[3])
+        if primitive is not None:
+            found.append(convex_solid(*primitive, at @ Pose(shape[5], shape[6])))
     if any(shape[2] == bullet.GEOM_MESH for shape in shapes):  # the vertices of all meshes of a link come at once
         points = np.array(bullet.getMeshData(uid, index, physicsClientId=client)[1]).reshape(-1, 3)
         found.append(ConvexSolid(SolidKind.MESH, (0.0, 0.0, 0.0), at, points))

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 
 from planlang.geometry import Pose
-from planlang.protocols import Configuration, Trajectory
+from planlang.protocols import Configuration
 from sim.bodies import Bodies
 from sim.contact import Held
 from sim.falling import Falling
 from sim.people import People
-from sim.playback import Playback
 from sim.robot import Robot
 
 JSON = dict[str, Any]
@@ -86,7 +85,7 @@ def restore_falling(all_: Falling, state: Mapping[str, Any]) -> None:
 
 
 def people(all_: People) -> JSON:
-    """Hands of persons, what they have and what they reach for, and how long things have been offered."""
+    """Return the hands of persons, what they have and what they reach for, and how long things have been offered."""
     persons = {
         name: {
             "hands": [np.asarray(hand).tolist() for hand in person.hands],
@@ -112,11 +111,6 @@ def restore_people(all_: People, state: Mapping[str, Any]) -> None:
         _known(all_.bodies, person.holds, [person.reaching[1]] if person.reaching is not None else [])
         all_.place_arms(name, (0, 1))
     all_.still = {str(name): (pose_of(pose), int(count)) for name, (pose, count) in state["still"].items()}
-
-
-def at_rest() -> Playback:
-    """Return a motion that is over: groups keep their order, in which motions are played."""
-    return Playback(Trajectory((), np.zeros((1, 0))), [], grip=False)
 
 
 def pose_json(pose: Pose) -> list[float]:

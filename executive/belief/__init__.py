@@ -1,7 +1,8 @@
-"""What is known of the world: semantic maps, the scene they make, and what the robot believes of it.
+"""Belief: semantic maps, the scene they make, and what the robot believes of it.
 
-General layout: ``semantic_map`` reads things (``transforms``, ``sizes`` and ``numbers`` below it), ``scene`` turns them
-into bodies (``support`` says what stands on what, ``start`` where the robot begins), ``belief`` is what plans look at.
+General layout: ``semantic_map`` reads things (``stated_values`` their numbers), ``scene`` turns them into bodies,
+``belief`` is what the robot knows of them, ``planning_scene`` is what planning asks (``believed_bodies``: shapes,
+``scene_collisions``: room and contacts).
 """
 
 from executive.belief.belief import Belief, Grip

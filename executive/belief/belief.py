@@ -62,7 +62,7 @@ class Belief:
     # Asking
 
     def names(self) -> tuple[str, ...]:
-        """Names of all things with a place, in the order of the map."""
+        """Return the names of all things with a place, in the order of the map."""
         return tuple(self._poses)
 
     def pose(self, name: str) -> Pose:
@@ -70,7 +70,7 @@ class Belief:
         return self._poses[name]
 
     def reference_pose(self, name: str) -> Pose:
-        """What locations relative to a thing refer to: its pose, of a held one that before it was grasped."""
+        """Return what locations relative to a thing refer to: its pose, of a held one that before it was grasped."""
         return self.held[name].before if name in self.held else self._poses[name]
 
     def seen_from_here(self, name: str) -> bool:
@@ -82,7 +82,7 @@ class Belief:
         return tuple(self._in_vain.get(name, ()))
 
     def bind(self, what: Object, near: tuple[float, float, float]) -> str:
-        """The thing that a designator means: the one of its IRI; else of its class, the nearest to the robot.
+        """Return the thing that a designator means: that of its IRI; else, of its class, the nearest to the robot.
 
         What a designator was bound to once it keeps meaning, wherever the robot goes. Raises ObjectUnresolvable,
         telling what there is; AmbiguousPerception if two that were seen from here are equally near.
@@ -117,7 +117,7 @@ class Belief:
         return nearest
 
     def _is_a(self, thing: MapObject, cls: str) -> bool:
-        """Whether a thing is of a class; one that the map's vocabulary does not know is told by its local name."""
+        """Return whether a thing is of a class; one that the map's vocabulary lacks is told by its local name."""
         ontology = self.map.ontology
         if ontology.defined(expand(cls)):
             return any(ontology.is_a(one, expand(cls)) for one in thing.types)
@@ -144,7 +144,7 @@ class Belief:
             self._put(name, pose, "felt")
 
     def base_moved(self) -> None:
-        """Things have to be looked at again before they are manipulated."""
+        """Record that the base has moved: things have to be looked at again before they are manipulated."""
         self._moves += 1
 
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
@@ -244,6 +244,6 @@ def _pose(state: object) -> Pose:
 
 
 def _angle(one: Pose, other: Pose) -> float:
-    """Angle between two orientations [rad]."""
+    """Return the angle between two orientations [rad]."""
     dot = abs(sum(a * b for a, b in zip(one.orientation, other.orientation, strict=True)))
     return 2 * math.acos(min(1.0, dot))

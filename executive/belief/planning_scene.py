@@ -2,19 +2,193 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from executive.belief.belief import Belief
-from executive.belief.believed_bodies import BelievedBodies
-from executive.belief.free_floor import BasePose
-from executive.belief.scene_collisions import SceneCollisions
-from executive.belief.visibility import Visibility
+from executive.belief.believed_bodies import BelievedBodies, Block
+from executive.belief.scene_collisions import BasePose, SceneCollisions
 from executive.motion import Gaze
+from executive.motion.solids import Solids
 from executive.robots import Robot
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Device
 from planlang.geometry import Array
+from planlang.geometry.matrices import rotated
+from planlang.geometry.solid import SolidKind
+from planlang.protocols import Configuration
 from sim import PlanningWorld
+
+SEEN_SHARE = 0.3
+"""Share of an object that must be visible for a base pose to count as one from where it is seen."""
+CELL = 0.01
+"""Places of a thing, as the robot has it before it, that are told apart [m]."""
+SPOTS = (-0.8, 0.0, 0.8)
+"""Points of a thing that are looked at, as shares of its half extents across the line of sight."""
+FEW = 0.12
+"""Share of these points that is not enough, by a wide margin (see ``executive.belief.planning_scene.SEEN_SHARE``)."""
+HALF = 1 << 20
+"""More cells than a thing is away in any direction."""
+AWAY = 0.02
+"""What is nearer to the camera than this hides nothing [m]."""
+CORE = 0.5
+"""Share of the box around a mesh that is taken as surely filled."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnView:
+    """Pieces of the robot that its neck does not move, in the base frame, and where the neck can turn the camera."""
+
+    solids: Solids
+    gaze: Gaze
+    half_angle: float
+    """How far beyond the neck's limits a thing may be and still be in the picture [rad]."""
+    limits: tuple[float, float]
+    """Distances between which things are recognised [m]."""
+
+    def misses(self, points: Array, block: Block) -> NDArray[np.bool_]:
+        """Return at which points (n, 3) of the base frame a thing is surely not seen, whatever else is in the room."""
+        beyond, eyes = self.gaze.at_all(points)
+        away = np.linalg.norm(points - eyes, axis=1)
+        missed = (beyond > self.half_angle) | (away < self.limits[0] - CELL) | (away > self.limits[1] + CELL)
+        left = np.flatnonzero(~missed)
+        if len(left):
+            lines = _lines(eyes[left], points[left], block)
+            missed[left] = _share(~self.solids.crossed(*lines), len(left)) < FEW
+        return np.asarray(missed)
+
+    def hidden_by(self, solids: Solids, bases: Array, block: Block) -> NDArray[np.bool_]:
+        """Return from which bases (n, 3) pieces of the room surely hide a thing, of which they are not a part, (n,)."""
+        c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
+        dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
+        points = np.stack([c * dx + s * dy, c * dy - s * dx, np.full(len(bases), block.centre[2])], axis=1)
+        x, y, z = self.gaze.at_all(points)[1].T
+        eyes = np.stack([bases[:, 0] + c * x - s * y, bases[:, 1] + s * x + c * y, z], axis=1)
+        lines = _lines(eyes, np.tile(block.centre, (len(bases), 1)), block)
+        return np.asarray(_share(~solids.crossed(*lines), len(bases)) < FEW)
+
+
+def _lines(eyes: Array, points: Array, block: Block) -> tuple[Array, Array]:
+    """Return segments from before eyes (n, 3) to points across a thing at places (n, 3): starts, ends (n m, 3)."""
+    ahead = points[:, :2] - eyes[:, :2]
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1), 1e-9)[:, None]
+    across, up = (grid.ravel() for grid in np.meshgrid(SPOTS, SPOTS))
+    aside = min(block.half_x, block.half_y) * across
+    ends = np.repeat(points[:, None], aside.size, axis=1)
+    ends[..., 0] -= ahead[:, None, 1] * aside
+    ends[..., 1] += ahead[:, None, 0] * aside
+    ends[..., 2] += (block.high - block.low) / 2 * up
+    starts = np.repeat(eyes[:, None], aside.size, axis=1)
+    starts += AWAY * (ends - starts) / np.linalg.norm(ends - starts, axis=2)[..., None]
+    return starts.reshape(-1, 3), ends.reshape(-1, 3)
+
+
+def _share(free: NDArray[np.bool_], count: int) -> Array:
+    """Return of the lines of each of so many places."""
+    return np.asarray(free.reshape(count, -1).mean(axis=1))
+
+
+class Unseen:
+    """From which bases a thing is surely not seen, whatever else is in the room; what was found out is kept."""
+
+    def __init__(self, view: OwnView, block: Block) -> None:
+        self._view, self._block = view, block
+        self._known: dict[int, bool] = {}
+
+    def __call__(self, bases: Array) -> NDArray[np.bool_]:
+        """Return for bases (n, 3), (n,)."""
+        block = self._block
+        c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
+        dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
+        cells = np.rint(np.stack([c * dx + s * dy, c * dy - s * dx], axis=1) / CELL).astype(np.int64) + HALF
+        keys, index = np.unique(2 * HALF * cells[:, 0] + cells[:, 1], return_inverse=True)
+        fresh = np.array([key for key in keys.tolist() if key not in self._known], np.int64)
+        if len(fresh):
+            local = CELL * (np.stack(np.divmod(fresh, 2 * HALF), axis=1) - HALF)
+            points = np.column_stack([local, np.full(len(fresh), block.centre[2])])
+            self._known.update(zip(fresh.tolist(), self._view.misses(points, block).tolist(), strict=True))
+        known = np.array([self._known[key] for key in keys.tolist()], bool)
+        return np.asarray(known[index.ravel()])
+
+
+def still_pieces(world: PlanningWorld, neck: Iterable[str]) -> Solids:
+    """Return the pieces that are no further than the neck, in the robot's present posture, in the base frame."""
+    robot = world.robot
+    moved = frozenset[int]().union(*(robot.moved_by(name) for name in neck))
+    frames = world.solid_frames(Configuration((0.0, 0.0, 0.0), world.configuration().joints))
+    pieces, shapes = [], []
+    for number, name in enumerate(robot.solid_names):
+        for kind, size, pose in () if number in moved else robot.shapes(number):
+            pieces.append((name, frames[number] @ pose.matrix()))
+            shapes.append(_surely_filled(kind, size))
+    return Solids.placed(
+        tuple(name for name, _ in pieces),
+        np.array([matrix for _, matrix in pieces]).reshape(-1, 4, 4),
+        shapes,
+        np.zeros(len(pieces), bool),
+    )
+
+
+def _surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tuple[float, float, float]]:
+    """Return a primitive, kind and size [m], that is surely filled: of a mesh the core of the box around it."""
+    x, y, z = size
+    return (SolidKind.BOX, (CORE * x, CORE * y, CORE * z)) if kind == SolidKind.MESH else (kind, size)
+
+
+class Visibility:
+    """What can be seen in the planning world, by the robot's camera on its neck."""
+
+    def __init__(
+        self, world: PlanningWorld, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None
+    ) -> None:
+        self._world, self._robot, self._belief, self._bodies, self.gaze = world, robot, belief, bodies, gaze
+
+    def sighted(self) -> bool:
+        """Return whether the robot has a camera."""
+        return self.gaze is not None
+
+    def camera_range(self) -> tuple[float, float]:
+        """Return distances between which the camera recognises things [m]."""
+        camera = self._robot.camera
+        return (0.0, 0.0) if camera is None else (camera.near, camera.far)
+
+    def looked_in_vain(self, name: str) -> Sequence[BasePose]:
+        """Return places from where the body was looked for and not seen."""
+        return self._belief.looked_in_vain(name)
+
+    def own_view(self) -> OwnView | None:
+        """Return what body, neck and camera leave to be seen in the present posture; None without camera."""
+        camera = self._robot.camera
+        if self.gaze is None or camera is None:
+            return None
+        return OwnView(still_pieces(self._world, self.gaze.joints), self.gaze, camera.half_angle, self.camera_range())
+
+    def hidden(self, base: BasePose, name: str) -> str | None:
+        """None if the neck can turn the camera to a body from a base and nothing is in between.
+
+        Else what hides most of it, "" if it is beyond the limits of neck or camera.
+        """
+        if self.gaze is None or self._robot.camera is None:
+            return ""
+        x, y, yaw = base
+        c, s = math.cos(yaw), math.sin(yaw)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        centre = self._bodies.block(name).centre
+        neck, beyond, camera = self.gaze.at(rotated(turn.T, centre - np.array([x, y, 0.0])))
+        away = float(np.linalg.norm(centre - (rotated(turn, camera) + np.array([x, y, 0.0]))))
+        if beyond > self._robot.camera.half_angle or not self._robot.camera.near <= away <= self._robot.camera.far:
+            return ""
+        joints = {**self._world.configuration().joints, **dict(zip(self.gaze.joints, map(float, neck), strict=True))}
+        configuration = Configuration(base, joints)
+        share, lines = self._world.sight(name, configuration)
+        if share >= SEEN_SHARE:
+            return None
+        hits = {hit: number for hit, number in lines.items() if hit != name}
+        return max(hits, key=lambda hit: hits[hit]) if hits else ""
 
 
 class RobotArms:

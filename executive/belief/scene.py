@@ -11,7 +11,7 @@ from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array, Pose
 from planlang.geometry.box import corners
-from planlang.geometry.outline import inside, outline_of
+from planlang.geometry.outline import footprint, inside
 from planlang.ontology import expand, shorten
 from sim import Body, Scene
 from sim.scene import GRASPABLE_WIDTH, BodyShape
@@ -26,13 +26,8 @@ FLOOR = "floor"
 """What stands on no body but on the ground."""
 
 
-def footprint(body: Body, pose: Pose | None = None) -> Array:
-    """Convex outline of the body seen from above, counter-clockwise, (n, 2) [m]."""
-    return outline_of(corners(pose or body.pose, body.size)[:, :2])
-
-
 def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None) -> str | None:
-    """Name of the body that a body stands on, :data:`FLOOR`, or None when there is nothing below it.
+    """Return the name of the body that a body stands on, :data:`FLOOR`, or None when there is nothing below it.
 
     The support is the highest top within :data:`PENETRATION` above and :data:`GAP` below the body's lowest point, under
     the body's centre. ``poses`` replace those of the scene.
@@ -47,13 +42,13 @@ def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None)
             continue
         place = poses.get(other.name, other.pose)
         top = float(corners(place, other.size)[:, 2].max())
-        if top - PENETRATION <= low <= top + GAP and inside(footprint(other, place), pose.position):
+        if top - PENETRATION <= low <= top + GAP and inside(footprint(place, other.size), pose.position):
             best = max(best, (top, other.name)) if best else (top, other.name)
     return best[1] if best else None
 
 
 def holds(container: Body, body: Body) -> bool:
-    """Whether the centre of a body lies inside the box of another, below its top."""
+    """Return whether the centre of a body lies inside the box of another, below its top."""
     if container.shape in (BodyShape.MARKER, BodyShape.ROOM, BodyShape.PERSON):
         return False
     local = container.pose.inverse() @ body.pose
@@ -93,7 +88,7 @@ MARGIN = 1.5
 
 
 def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -> Scene:
-    """The bodies of a map, in its order; what was decided on the way is appended to ``found``.
+    """Return the bodies of a map, in its order; what was decided on the way is appended to ``found``.
 
     Poses are box centres, the floor is z = 0. Bottles, cups and the like are cylinders, persons are persons, a room
     with a size is its walls; things without size are markers. Things without place are left out.
@@ -145,7 +140,7 @@ def _movable(thing: MapObject, semantic_map: SemanticMap) -> bool:
 
 
 def _opened(bodies: list[Body], semantic_map: SemanticMap, found: list[Diagnostic]) -> list[Body]:
-    """Containers in which movable things lie: a compartment becomes a place, others stay solid and are reported."""
+    """Return all bodies; a compartment with movable things inside becomes a place, other containers are reported."""
     opened = []
     for body in bodies:
         thing = semantic_map.find(body.iri)
@@ -165,7 +160,7 @@ def _opened(bodies: list[Body], semantic_map: SemanticMap, found: list[Diagnosti
 
 
 def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnostic]) -> None:
-    """Things that stand nowhere are reported: the simulator keeps them in the air, but it is rarely meant."""
+    """Report things that stand nowhere: the simulator keeps them in the air, but it is rarely meant."""
     for body in scene.bodies:
         thing = semantic_map.find(body.iri)
         if not body.movable or thing is None or any(holds(b, body) for b in scene.bodies if b.shape is BodyShape.BOX):
@@ -178,10 +173,13 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnost
 
 
 def _bounds(bodies: Iterable[Body]) -> tuple[float, float, float, float]:
-    """Rectangle around the rooms, or around everything with a margin."""
+    """Return the rectangle around the rooms, or around everything with a margin."""
     bodies = tuple(bodies)
     rooms = [body for body in bodies if body.shape is BodyShape.ROOM]
-    points = [footprint(body) for body in (rooms or [b for b in bodies if b.shape is not BodyShape.MARKER] or bodies)]
+    points = [
+        footprint(body.pose, body.size)
+        for body in (rooms or [b for b in bodies if b.shape is not BodyShape.MARKER] or bodies)
+    ]
     if not points:
         return (-5.0, -5.0, 5.0, 5.0)
     margin = 0.0 if rooms else MARGIN
@@ -203,7 +201,7 @@ HEADROOM = 2.0
 
 
 def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, float]]:
-    """Free poses (x, y, yaw 0), those nearest the centre of the room, or of all things without one, first.
+    """Yield the free poses (x, y, yaw 0), those nearest the centre of the room, or of all things without one, first.
 
     Free: a disc of ``radius`` and :data:`CLEARANCE` [m] touches no body and lies within the room. Of equally near
     places the one with the smallest x, then y is the first. A coarser grid is looked at only when a finer has none.
@@ -211,9 +209,9 @@ def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, 
     rooms = [body for body in scene.bodies if body.shape is BodyShape.ROOM]
     x_min, y_min, x_max, y_max = scene.bounds
     centre = np.array(rooms[0].pose.position[:2] if rooms else ((x_min + x_max) / 2, (y_min + y_max) / 2))
-    inner = [footprint(room) for room in rooms]
+    inner = [footprint(room.pose, room.size) for room in rooms]
     outer = [
-        footprint(body)
+        footprint(body.pose, body.size)
         for body in scene.bodies
         if body.shape not in (BodyShape.MARKER, BodyShape.ROOM) and corners(body.pose, body.size)[:, 2].min() < HEADROOM
     ]
@@ -231,7 +229,7 @@ def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, 
 
 
 def _grid(centre: Array, reach: float, spacing: float) -> Array:
-    """Points (n, 2) up to ``reach`` from the centre along each axis, the nearest first, then by x, then by y."""
+    """Return points (n, 2) up to ``reach`` from the centre along each axis: the nearest first, then by x and y."""
     steps = int(np.ceil(reach / spacing))
     axis = spacing * np.arange(-steps, steps + 1)
     offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -241,7 +239,7 @@ def _grid(centre: Array, reach: float, spacing: float) -> Array:
 
 
 def _free(points: Array, rooms: Sequence[Array], bodies: Sequence[Array], keep: float) -> NDArray[np.bool_]:
-    """Which of (m, 2) points keep a distance [m] from the outlines of all bodies and from the edges of a room, (m,)."""
+    """Return which points (m, 2) keep a distance [m] from the outlines of bodies and the edges of a room, (m,)."""
     free = np.ones(len(points), bool)
     if rooms:
         free &= np.any([_signed_distance(room, points) <= -keep for room in rooms], axis=0)
@@ -251,7 +249,7 @@ def _free(points: Array, rooms: Sequence[Array], bodies: Sequence[Array], keep: 
 
 
 def _signed_distance(polygon: Array, points: Array) -> Array:
-    """Distance of (m, 2) points to a counter-clockwise convex polygon (n, 2), negative inside, (m,)."""
+    """Return the distance of (m, 2) points to a counter-clockwise convex polygon (n, 2), negative inside, (m,)."""
     edges = np.roll(polygon, -1, axis=0) - polygon
     lengths = np.maximum(np.linalg.norm(edges, axis=1), 1e-12)
     arrows = points[:, None] - polygon[None]

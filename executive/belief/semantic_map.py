@@ -49,13 +49,13 @@ class SemanticMap:
     diagnostics: tuple[Diagnostic, ...]
 
     def find(self, name: str) -> MapObject | None:
-        """The thing with this IRI, or else of this name."""
+        """Return the thing with this IRI, or else of this name."""
         return next((o for o in self.objects if o.iri == name), None) or next(
             (o for o in self.objects if o.name == name), None
         )
 
     def holder(self, thing: MapObject) -> MapObject | None:
-        """What the thing is a proper physical part of, if the map says so."""
+        """Return what the thing is a proper physical part of, if the map says so."""
         return next((o for o in self.objects if thing.iri in o.parts), None)
 
 
@@ -105,7 +105,7 @@ _MARKS = ("describedInMap", "hingedTo", "properPhysicalParts", "roomNumber", "in
 
 
 def _things(ontology: Ontology) -> tuple[str, ...]:
-    """IRIs of the things of the map, in document order of what makes them one."""
+    """Return the IRIs of the things of the map, in document order of what makes them one."""
     things: dict[str, None] = {}
     links = set(ontology.individuals(expand("UrdfLink"))) | set(ontology.individuals(expand("UrdfJoint")))
     for event in _perceptions(ontology):
@@ -123,14 +123,14 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
 
 
 def _typed(ontology: Ontology) -> tuple[str, ...]:
-    """Individuals that have a class, in document order."""
+    """Return the individuals that have a class, in document order."""
     rdf_type = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
     subjects = dict.fromkeys(t.subject for t in ontology.triples(None, rdf_type) if isinstance(t.subject, str))
     return tuple(iri for iri in subjects if ontology.is_individual(iri))
 
 
 def _perceptions(ontology: Ontology) -> Iterator[str]:
-    """Events that place a thing: they have objectActedOn and eventOccursAt; a robot's sense of itself is none."""
+    """Yield the events that place a thing: those with eventOccursAt, a robot's sense of itself left out."""
     own = set(ontology.individuals(expand("Proprioception")))
     for triple in ontology.triples(None, expand("eventOccursAt")):
         if isinstance(triple.subject, str) and triple.subject not in own:
@@ -165,7 +165,7 @@ class _Poses:
         self.open: list[str] = []
 
     def of(self, thing: str) -> Array | None:
-        """Where a thing is, (4, 4) in the map; None if it is nowhere stated."""
+        """Return where a thing is, (4, 4) in the map; None if it is nowhere stated."""
         place = self._place(thing)
         return None if place is None else self._resolve(place)
 
@@ -193,7 +193,7 @@ class _Poses:
         return matrix
 
     def _frame(self, parent: str, place: str) -> Array | None:
-        """The frame that a pose is relative to: another pose, a thing's pose, or the map itself."""
+        """Return the frame that a pose is relative to: another pose, a thing's pose, or the map itself."""
         if self.ontology.is_a(parent, expand("SemanticEnvironmentMap")) or parent == expand("MapFrame"):
             return np.eye(4)
         nested = self._place(parent)
@@ -210,7 +210,7 @@ class _Poses:
         return triple.span if triple else self.ontology.span(place)
 
     def _time(self, event: str) -> float:
-        """Seconds of a perception's startTime: a number, or the number that ends a time point's name."""
+        """Return the seconds of a perception's startTime: a number, or the number that ends a time point's name."""
         triple = stated(self.ontology, event, "startTime")
         if triple is None:
             return float("-inf")

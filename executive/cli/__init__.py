@@ -1,1 +1,1 @@
-"""The command line: console, inputs, outputs and options; one file per command."""
+"""The command line: console, arguments and inputs; one file per command."""

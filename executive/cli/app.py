@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import sys
 from collections.abc import Callable
-from typing import Annotated, Any, NoReturn
+from dataclasses import MISSING, fields
+from importlib import import_module
+from typing import Annotated, Any, NoReturn, get_type_hints
 
 import typer
 
-from executive.cli import check, compile, convert, inspect, locate, match, replay, run
-from executive.cli.console import Answer, ExitCode, give
+from executive.cli.arguments import (
+    Arguments,
+    CheckArguments,
+    CompileArguments,
+    ConvertArguments,
+    InspectArguments,
+    LocateArguments,
+    MatchArguments,
+    ReplayArguments,
+    RunArguments,
+)
+from executive.cli.console import Answer, ExitCode, answer, give
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -21,7 +34,7 @@ app = typer.Typer(
     epilog="Exit codes: 0 done, 1 the plan failed, 2 bad input, 3 the robot lacks a capability, 130 interrupted.",
 )
 
-robot_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="About robots.")
+robot_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Inspect robots.")
 app.add_typer(robot_app, name="robot")
 
 
@@ -40,31 +53,55 @@ def planlang(
 
 @robot_app.callback()
 def robots_command() -> None:
-    """About robots."""
+    """Inspect robots."""
 
 
-def _add(to: typer.Typer, name: str, command: Callable[..., None], example: str) -> None:
-    # without a short help, click cuts the first sentence off after 45 characters
-    summary = (command.__doc__ or "").partition(".")[0] + "."
-    to.command(name, short_help=summary, epilog=f"Example: planlang {example}")(command)
+def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
+    """Return a command whose parameters are the fields of a dataclass: its own first, then those that it inherits.
+
+    The module of its name does the work; it is imported when the command is called, as some take long to import.
+    """
+    hints, own = get_type_hints(arguments, include_extras=True), inspect.get_annotations(arguments)
+    parameters = []
+    for field in sorted(fields(arguments), key=lambda field: field.name not in own):
+        default = inspect.Parameter.empty if field.default is MISSING else field.default
+        kind = inspect.Parameter.KEYWORD_ONLY
+        parameters.append(inspect.Parameter(field.name, kind, annotation=hints[field.name], default=default))
+
+    def called(**values: Any) -> None:
+        given = arguments(**values)
+
+        def work() -> Answer:
+            reply: Answer = import_module(f"executive.cli.{name.split()[-1]}").command(given)
+            return reply
+
+        answer(name, work, as_json=given.json, all_notes=getattr(given, "verbose", True))
+
+    called.__name__, called.__doc__ = name, arguments.__doc__
+    called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    called.__annotations__ = {one.name: one.annotation for one in parameters}
+    return called
 
 
-for name, command, example in (
-    ("compile", compile.compile_command, "compile serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
-    ("check", check.check_command, "check my_recipe.owl --ontologies ../ontologies --fix"),
-    ("convert", convert.convert_command, "convert my_recipe.owl --to manchester -o my_recipe.omn"),
-    ("match", match.match_command, "match serve_a_drink --robot amigo"),
-    ("run", run.run_command, "run serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
-    ("replay", replay.replay_command, "replay run.jsonl"),
+for name, arguments, example in (
+    ("compile", CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
+    ("check", CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
+    ("convert", ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),
+    ("match", MatchArguments, "serve_a_drink --robot amigo"),
+    ("run", RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
+    ("replay", ReplayArguments, "run.jsonl"),
     (
         "locate",
-        locate.locate_command,
-        'locate "in reach of the patient with the right arm" --robot amigo --environment hospital_room '
-        "--explain where.png",
+        LocateArguments,
+        '"in reach of the patient with the right arm" --robot amigo --environment hospital_room --explain where.png',
     ),
+    ("robot inspect", InspectArguments, "amigo --picture reach.png"),
 ):
-    _add(app, name, command, example)
-_add(robot_app, "inspect", inspect.inspect_command, "robot inspect amigo --picture reach.png")
+    # without a short help, click cuts the first sentence off after 45 characters
+    summary = (arguments.__doc__ or "").partition(".")[0] + "."
+    group = robot_app if name.startswith("robot") else app
+    add = group.command(name.split()[-1], short_help=summary, epilog=f"Example: planlang {name} {example}")
+    add(_command(name, arguments))
 
 
 # Some versions of typer bring a click of their own: its class of usage errors is found from one that typer exports.

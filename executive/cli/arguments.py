@@ -1,25 +1,16 @@
-"""Arguments of the commands, one dataclass each, whose fields are its parameters; and the files that they name."""
+"""Arguments of the commands: one dataclass each, whose fields are its parameters and whose docstring is its help."""
 
 from __future__ import annotations
 
-import ast
-import inspect
-import math
 import os
-import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import MISSING, Field, dataclass, fields
+from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import Annotated
 
 import typer
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
-from planlang.files import open_regular
-from planlang.plan_header import PlanHeader, header
-from planlang.resources import Bundled
-
-A = TypeVar("A")
+from planlang.diagnostics import BadInput, error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +32,7 @@ class OntologyArguments(Arguments):
     """Options of commands that read ontologies."""
 
     ontologies: Annotated[
-        list[Path] | None, typer.Option(metavar="DIR", help="Also look for imported files here; repeatable.")
+        list[Path] | None, typer.Option(metavar="DIR", help="Also search this folder for imported files; repeatable.")
     ] = None
 
     @property
@@ -82,7 +73,8 @@ Environment = Annotated[
     str | None, typer.Option(metavar="MAP", help="The semantic map: a file, or a bundled environment's name.")
 ]
 Start = Annotated[
-    str | None, typer.Option(metavar="X,Y,YAW", help="Pose of the base at the start [m, m, rad]; default: the middle.")
+    str | None,
+    typer.Option(metavar="X,Y,YAW", help="Pose of the base at the start [m, m, rad]; default: free, near the middle."),
 ]
 Modules = Annotated[
     list[Path] | None,
@@ -91,175 +83,206 @@ Modules = Annotated[
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that planlang did not write.")]
 
 
-def taking(arguments: type[A]) -> Callable[[Callable[[A], None]], Callable[..., None]]:
-    """Give a command the fields of a dataclass as parameters: its own first, then those that it inherits."""
-    hints = get_type_hints(arguments, include_extras=True)
-    own = inspect.get_annotations(arguments)
-    ordered = sorted(fields(arguments), key=lambda one: one.name not in own)  # type: ignore[arg-type]
+class Syntax(Enum):
+    """The syntaxes that are written, here again as their writers take long to import."""
 
-    def decorate(command: Callable[[A], None]) -> Callable[..., None]:
-        def called(**values: Any) -> None:
-            command(arguments(**values))
-
-        called.__name__, called.__doc__ = command.__name__, command.__doc__
-        called.__annotations__ = {one.name: hints[one.name] for one in ordered}
-        called.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-            [inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, **_described(one, hints)) for one in ordered]
-        )
-        return called
-
-    return decorate
+    MANCHESTER = "manchester"
+    TURTLE = "turtle"
+    NTRIPLES = "ntriples"
+    RDFXML = "rdfxml"
 
 
-def _described(field: Field[Any], hints: dict[str, Any]) -> dict[str, Any]:
-    default = inspect.Parameter.empty if field.default is MISSING else field.default
-    return {"annotation": hints[field.name], "default": default}
+class Reading(Enum):
+    """How requirements are read: closed under dependencies, or as KnowRob did."""
+
+    CLOSURE = "closure"
+    ORIGINAL = "original"
 
 
-def chosen(
-    kind: Bundled, given: str | None, default: str | None, problems: list[Diagnostic], *, needs: str = "this plan"
-) -> Path | None:
-    """Return the file of a robot or environment that the user named, or the default's; appends what is wrong."""
-    if given is None and default is None:
-        option = f"--{kind.value}"
-        advice = f"add {option} FILE, or a bundled one: {', '.join(kind.names())}"
-        problems.append(error("C008", f"{needs} needs {option}", help=advice))
-        return None
-    try:
-        return kind.find(given or default or "")
-    except BadInput as bad:
-        problems.extend(bad.diagnostics)
-        return None
+@dataclass(frozen=True, kw_only=True)
+class CompileArguments(RecipeArguments, VerboseArguments):
+    """Compile a recipe to a plan in Python."""
+
+    recipe: Recipe
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file, not to stdout.")
+    ] = None
+    graph: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Also draw the order of the steps: a .svg, .dot or .mmd (Mermaid) file."),
+    ] = None
+    scopes: Annotated[bool, typer.Option("--scopes/--no-scopes", help="Open a location scope at each base motion.")] = (
+        True
+    )
+    data_flow: Annotated[
+        bool, typer.Option("--dataflow/--no-dataflow", help="Order steps by data flow, and pass data on.")
+    ] = True
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite plans edited by hand, and files that planlang did not write.")
+    ] = False
 
 
-def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | None) -> None:
-    """Append an error for each named file that is not there or is no regular file."""
-    for name, given in files.items():
-        for path in [given] if isinstance(given, Path) else given or ():
-            try:
-                is_file = path.is_file()
-            except (OSError, ValueError):  # a null character, or a name too long
-                is_file = False
-            if not is_file:
-                what = "URDF file" if name == "urdf" else f"--{name} file"
-                problems.append(error("C001", f"no such {what}: {path}"))
+@dataclass(frozen=True, kw_only=True)
+class CheckArguments(RecipeArguments):
+    """Check a recipe or a plan; nothing is run.
 
-
-def refuse(problems: Sequence[Diagnostic]) -> None:
-    """Raise BadInput if there are errors among the problems."""
-    if has_errors(problems):
-        raise BadInput(problems)
-
-
-def planar(text: str | None) -> tuple[float, float, float] | None:
-    """Return the pose in "x,y,yaw"; raises a usage error."""
-    if text is None:
-        return None
-    try:
-        x, y, yaw = (float(part) for part in text.split(","))
-    except ValueError:
-        raise typer.BadParameter(f"{text!r} is not x,y,yaw; write for example --start 1.5,-0.2,3.14") from None
-    if not all(map(math.isfinite, (x, y, yaw))):
-        raise typer.BadParameter(f"{text!r} has a number that is not finite")
-    return x, y, yaw
-
-
-LARGEST_PLAN = 10_000_000
-"""Bytes of a plan that are read at most; recipes are bounded by their own reader."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlanFile:
-    """A plan's source, parsed but never executed. ``header`` is None when a person wrote the plan."""
-
-    path: Path
-    source: str
-    header: PlanHeader | None
-
-
-@dataclass(frozen=True, slots=True)
-class RecipeFile:
-    """A file that holds a recipe, as far as its first characters show."""
-
-    path: Path
-
-    @property
-    def is_bundled(self) -> bool:
-        """True if the recipe came with planlang."""
-        return self.path.resolve().is_relative_to(Bundled.RECIPE.folder.resolve())
-
-
-def read(name: str) -> PlanFile | RecipeFile:
-    """Return the plan or recipe that the user named.
-
-    Raises BadInput when there is no such file, it cannot be read, or it is neither.
+    For a recipe, lists all problems. For a plan, tells whether its recipe or the compiler has changed since it was
+    compiled, whether it was edited, and how a fresh compilation differs from it.
     """
-    path = Bundled.RECIPE.find(name)
-    try:
-        with open_regular(path) as file:
-            content = file.read(LARGEST_PLAN + 1)
-    except OSError as problem:
-        raise BadInput([error("C001", f"{name} cannot be read: {problem.strerror}")]) from None
-    text = content.decode("utf-8", errors="replace").lstrip("\ufeff")
-    if _starts_like_owl(text) or _is_utf16(content):
-        return RecipeFile(path)
-    return _plan(path, text, is_whole=len(content) <= LARGEST_PLAN)
+
+    file: RecipeOrPlan
+    fix: Annotated[
+        bool, typer.Option("--fix", help="Write a copy with the safe fixes, NAME.fixed.EXT, and show the changes.")
+    ] = False
+    accept: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CODE", help="With --fix: also apply uncertain fixes of this code; repeatable."),
+    ] = None
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="With --fix: write the copy to this file.")
+    ] = None
+    force: Annotated[
+        bool, typer.Option("--force", help="With --output: overwrite a file that planlang did not write.")
+    ] = False
 
 
-def read_recipe_file(name: str) -> RecipeFile:
-    """Return the recipe that the user named; raises BadInput for a plan."""
-    found = read(name)
-    if isinstance(found, PlanFile):
-        advice = f"planlang check {name} checks a plan, planlang run {name} runs it"
-        raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(str(found.path)), advice)])
-    return found
+@dataclass(frozen=True, kw_only=True)
+class ConvertArguments(Arguments):
+    """Write an ontology, such as a recipe, in another syntax, and list what is lost."""
+
+    file: Annotated[str, typer.Argument(metavar="FILE", help="An ontology file, in any supported syntax.")]
+    to: Annotated[Syntax, typer.Option("--to", help="The syntax to write.", show_default=False)]
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file, not to stdout.")
+    ] = None
+    force: Force = False
 
 
-def _is_utf16(content: bytes) -> bool:
-    return content[:2] in (b"\xff\xfe", b"\xfe\xff")
+@dataclass(frozen=True, kw_only=True)
+class MatchArguments(TaskArguments):
+    """Check whether a robot has what a recipe requires, and say why.
+
+    The given ontologies are searched for what is missing. Exit code 3 if something is missing.
+    """
+
+    recipe: Recipe
+    robot: Robot = None
+    urdf: Urdf = None
+    environment: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAP", help="A semantic map, file or bundled name, that is also searched for what is missing."
+        ),
+    ] = None
+    semantics: Annotated[Reading, typer.Option(help="How requirements are read; original: as KnowRob did.")] = (
+        Reading.CLOSURE
+    )
 
 
-_OWL_START = re.compile(
-    r"(<|@prefix\b|@base\b|PREFIX\b|BASE\b|(Prefix|Ontology|Namespace|Import|Individual|Class)\s*:)"
-)
-_PYTHON_START = re.compile(
-    r"""("{3}|'{3}|["']|@\w|\w+\s*=|(from|import|async|def|class|if|try|for|while|with|raise|assert)\b)"""
-)
+@dataclass(frozen=True, kw_only=True)
+class RunArguments(RecipeArguments, VerboseArguments):
+    """Run a plan or a recipe in a simulated world.
+
+    An interrupted run is resumed by planlang run PLAN --resume TRACE. Seed, start and parameters are those of the
+    trace; so are plan, robot and environment if they are bundled.
+    """
+
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
+    ] = None
+    robot: Robot = None
+    urdf: Urdf = None
+    environment: Environment = None
+    start: Start = None
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=OBJECT", help="Bind a parameter of the plan to an object; repeatable."),
+    ] = None
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, metavar="N", help="Displace things in the simulated world by this seed; 0: none."),
+    ] = None
+    schedule: Annotated[
+        int | None,
+        typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, the same for the same number."),
+    ] = None
+    modules: Modules = None
+    gui: Annotated[bool, typer.Option("--gui", help="Show the world in a window.")] = False
+    trace: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the trace of the run, as JSON Lines.")] = (
+        None
+    )
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a picture of the final scene, as PNG.")
+    ] = None
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
+    ] = None
+    resume: Annotated[
+        Path | None,
+        typer.Option(metavar="TRACE", help="Resume the run of this trace after the last completed step of its plan."),
+    ] = None
+    world_as_left: Annotated[
+        bool,
+        typer.Option("--world-as-left", help="With --resume: the world is as the trace left it; do not restore it."),
+    ] = False
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="Run although the robot lacks a capability; overwrite files that planlang did not write."
+        ),
+    ] = False
 
 
-def _starts_like_owl(text: str) -> bool:
-    """Return True for RDF/XML, Manchester syntax, Turtle, and all but Python: their reader says what is wrong."""
-    for line in text.splitlines():
-        line = line.strip()
-        if line and not line.startswith("#"):
-            return _OWL_START.match(line) is not None or _PYTHON_START.match(line) is None
-    return True
+@dataclass(frozen=True, kw_only=True)
+class ReplayArguments(RecipeArguments):
+    """Run a plan again from the trace of its run, without robot or world; stops at the first difference.
+
+    What process modules did, which base poses were found, what was read and believed is taken from the trace.
+    """
+
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="RECIPE|PLAN", help="The recipe or plan that was run; needed unless it is bundled."),
+    ] = None
+    modules: Modules = None
 
 
-def _plan(path: Path, text: str, *, is_whole: bool) -> PlanFile:
-    if not is_whole:
-        raise BadInput([error("C002", f"this plan is larger than {LARGEST_PLAN // 1_000_000} MB", Span(str(path)))])
-    try:
-        module = ast.parse(text)
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
-        line = getattr(problem, "lineno", None) or 1
-        column = getattr(problem, "offset", None) or 1
-        reason = getattr(problem, "msg", None) or str(problem)
-        advice = "a plan is Python source; a recipe starts with an XML declaration, Prefix: or Ontology:"
-        found = error("C002", f"neither a recipe nor a plan: {reason}", Span(str(path), line, column), advice)
-        raise BadInput([found]) from None
-    if not _imports_planlang(module.body):
-        advice = "a plan imports its constructs: from planlang import plan, perform, ..."
-        message = "Python source, but no plan: it does not import planlang"
-        raise BadInput([error("C003", message, Span(str(path)), advice)])
-    return PlanFile(path, text, header(text))
+@dataclass(frozen=True, kw_only=True)
+class LocateArguments(OntologyArguments, VerboseArguments):
+    """Find poses that match a phrase, for the robot's base or for a thing."""
+
+    phrase: Annotated[
+        str, typer.Argument(metavar="PHRASE", help='The location, e.g. "in reach of the bottle and near the bed".')
+    ]
+    robot: Robot = None
+    urdf: Urdf = None
+    environment: Environment = None
+    start: Start = None
+    of: Annotated[
+        str | None,
+        typer.Option(metavar="THING", help='Find poses for this thing, e.g. "the bottle"; default: for the base.'),
+    ] = None
+    count: Annotated[int, typer.Option(min=1, max=1000, metavar="N", help="Number of poses, best first.")] = 3
+    explain: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the candidates and why they were rejected, as PNG.")
+    ] = None
+    force: Force = False
 
 
-def _imports_planlang(statements: Iterable[ast.stmt]) -> bool:
-    for statement in statements:
-        match statement:
-            case ast.ImportFrom(module=str(module)) if module.split(".")[0] == "planlang":
-                return True
-            case ast.Import(names=aliases) if any(alias.name.split(".")[0] == "planlang" for alias in aliases):
-                return True
-    return False
+@dataclass(frozen=True, kw_only=True)
+class InspectArguments(Arguments):
+    """Show a robot's chains, joints, limits and postures, what its arms reach, and what is missing.
+
+    Exit code 3 if the robot has no arm.
+    """
+
+    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
+    urdf: Urdf = None
+    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw what the arms reach, as PNG.")] = None
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write what they reach as a recording for rerun (needs planlang[record])."),
+    ] = None
+    force: Force = False

@@ -9,60 +9,28 @@ import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from executive.cli.arguments import PlanFile, RecipeArguments, RecipeFile, RecipeOrPlan, read, read_recipe_file, taking
-from executive.cli.console import Answer, ExitCode, answer
+from executive.cli.arguments import CheckArguments
+from executive.cli.console import Answer, ExitCode
+from executive.cli.inputs import PlanFile, RecipeFile, read, read_recipe_file
+from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
 from planlang.outputs import check_outputs, replace
 from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES, PlanHeader, header
+from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT, Fix, Fixed, fix_recipe
 from planlang.resources import SUFFIXES
 
-if TYPE_CHECKING:
-    from planlang.recipe.fixes import Fix, Fixed
 
-
-@dataclass(frozen=True, kw_only=True)
-class CheckArguments(RecipeArguments):
-    """Arguments of ``planlang check``."""
-
-    file: RecipeOrPlan
-    fix: Annotated[
-        bool, typer.Option("--fix", help="Write a copy with the safe fixes, NAME.fixed.EXT, and show the changes.")
-    ] = False
-    accept: Annotated[
-        list[str] | None,
-        typer.Option(metavar="CODE", help="With --fix: also apply uncertain fixes of this code; repeatable."),
-    ] = None
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="With --fix: write the copy here.")
-    ] = None
-    force: Annotated[
-        bool, typer.Option("--force", help="With --output: overwrite a file that planlang did not write.")
-    ] = False
-
-
-@taking(CheckArguments)
-def check_command(arguments: CheckArguments) -> None:
-    """Check a recipe or a plan; nothing is run.
-
-    A recipe: list everything that is wrong with it. A plan: tell whether its recipe or the compiler has changed since,
-    or it was edited, and how a fresh compilation differs from it.
-    """
+def command(arguments: CheckArguments) -> Answer:
+    """Check a recipe or a plan, or fix a recipe; raises BadInput."""
     if not arguments.fix and (arguments.accept or arguments.output):
         raise typer.BadParameter("--accept and --output need --fix")
-    answer("check", lambda: _checked(arguments), as_json=arguments.json)
-
-
-def _checked(arguments: CheckArguments) -> Answer:
     if arguments.fix:
         return _fixed(read_recipe_file(arguments.file), arguments)
     found = read(arguments.file)
     if isinstance(found, RecipeFile):
-        from planlang.compiler import compile_recipe
-
         plan = compile_recipe(
             found.path, task=arguments.task, folders=arguments.folders, allow_abstract=arguments.allow_abstract
         )
@@ -92,8 +60,7 @@ def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
 
     Without ``--output``, a file of the copy's name is never overwritten by another text.
     """
-    from planlang.compiler import compile_recipe
-    from planlang.recipe.fixes import ACCEPTABLE, fix_recipe
+    from planlang.recipe.fixes import ACCEPTABLE
 
     output, accepted = arguments.output, arguments.accept or ()
     target = output or fixed_path(recipe)
@@ -165,8 +132,6 @@ def _fix_difference(before: Path, after: Path, fixed: Fixed) -> str:
 
 
 def _acceptable(code: str) -> str:
-    from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT
-
     listed = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}"
     if code in SAFE:
         return f"fixes of {code} are safe: --fix applies them; {listed}"
@@ -230,8 +195,6 @@ def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
 
 
 def _compiled(recipe: Path, origin: PlanHeader, folders: Sequence[Path]) -> tuple[str | None, tuple[Diagnostic, ...]]:
-    from planlang.compiler import compile_recipe
-
     try:
         compiled = compile_recipe(
             recipe,

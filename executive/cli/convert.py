@@ -2,49 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import Enum
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from executive.cli.arguments import Arguments, Force, refuse, taking
-from executive.cli.console import Answer, answer
+from executive.cli.arguments import ConvertArguments
+from executive.cli.console import Answer
+from executive.cli.inputs import refuse
+from planlang.ontology.writing import Target, convert
 from planlang.outputs import check_outputs, write_text
 from planlang.resources import Bundled
 
 
-class Syntax(Enum):
-    """The syntaxes that are written, here again as their writers take long to import."""
-
-    MANCHESTER = "manchester"
-    TURTLE = "turtle"
-    NTRIPLES = "ntriples"
-    RDFXML = "rdfxml"
-
-
-@dataclass(frozen=True, kw_only=True)
-class ConvertArguments(Arguments):
-    """Arguments of ``planlang convert``."""
-
-    file: Annotated[str, typer.Argument(metavar="FILE", help="An ontology's file, in any syntax that is read.")]
-    to: Annotated[Syntax, typer.Option("--to", help="The syntax to write.", show_default=False)]
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text here, not to stdout.")
-    ] = None
-    force: Force = False
-
-
-@taking(ConvertArguments)
-def convert_command(arguments: ConvertArguments) -> None:
-    """Write an ontology, such as a recipe, in another syntax, and list what is lost."""
-    answer("convert", lambda: _converted(arguments), as_json=arguments.json)
-
-
-def _converted(arguments: ConvertArguments) -> Answer:
-    from planlang.ontology.writing import Target, convert
-
+def command(arguments: ConvertArguments) -> Answer:
+    """Convert a file; raises BadInput."""
     path, output = Bundled.RECIPE.find(arguments.file), arguments.output
     refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
     converted = convert(path, Target(arguments.to.value))

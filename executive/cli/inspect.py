@@ -1,59 +1,124 @@
-"""``planlang robot inspect``: a robot's parts, what its arms reach, and what it lacks."""
+"""``planlang robot inspect``: a robot is bound, its arms are mapped and drawn, its parts listed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
 
-import typer
-
-from executive.cli.arguments import Arguments, Force, Urdf, check_files, refuse, taking
-from executive.cli.console import Answer, answer, say, silent
-from planlang.diagnostics import Diagnostic
-from planlang.outputs import check_outputs
+from executive.cli.arguments import InspectArguments
+from executive.cli.console import Answer, ExitCode, say, silent
+from executive.cli.inputs import check_files, refuse
+from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
+from executive.locations.reachability_building import keep_maps, reachability_maps
+from executive.pictures.reach_picture import save_reach_picture, save_reach_recording
+from executive.pictures.recording import drawn_in, missing
+from executive.robots import Arm, Robot, bind_robot
+from executive.robots.arms import arm_models, with_carrying
+from executive.runs.assembly import mapped
+from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.outputs import check_outputs, replace
 from planlang.resources import Bundled
+from sim import PlanningWorld, Scene
+
+USEFUL = ("carrying", "prepare_grasp", "handover")
+"""Postures that plans and the executive use."""
+
+Maps = Mapping[GraspClass, ReachabilityMap]
 
 
-@dataclass(frozen=True, kw_only=True)
-class InspectArguments(Arguments):
-    """Arguments of ``planlang robot inspect``."""
-
-    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
-    urdf: Urdf = None
-    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw what the arms reach, as PNG.")] = None
-    record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Record it for rerun (needs planlang[record]).")
-    ] = None
-    force: Force = False
-
-
-@taking(InspectArguments)
-def inspect_command(arguments: InspectArguments) -> None:
-    """Show a robot's chains, joints, limits and postures, what its arms reach, and what is missing.
-
-    Exit code 3 if the robot has no arm.
-    """
-    answer("robot inspect", lambda: _inspected(arguments), as_json=arguments.json)
-
-
-def _inspected(arguments: InspectArguments) -> Answer:
-    robot, urdf, picture, record = (
-        Bundled.ROBOT.find(arguments.robot),
-        arguments.urdf,
-        arguments.picture,
-        arguments.record,
-    )
+def command(arguments: InspectArguments) -> Answer:
+    """Bind a robot, map its arms, list and draw what was found; raises BadInput."""
+    source, urdf = Bundled.ROBOT.find(arguments.robot), arguments.urdf
     problems: list[Diagnostic] = []
     check_files(problems, urdf=urdf)
-    inputs = {"the robot": robot, "--urdf": urdf}
-    outputs = {"--picture": picture, "--record": record}
+    outputs = {"--picture": arguments.picture, "--record": arguments.record}
+    inputs = {"the robot": source, "--urdf": urdf}
     problems += check_outputs(outputs, inputs, pictures=["--picture"], force=arguments.force)
-    if record is not None:
-        from executive.pictures.recording import missing
-
-        problems += missing()
+    problems += missing() if arguments.record is not None else []
     refuse(problems)
-    from executive.cli.inspecting import inspect
+    bare = bind_robot(source, urdf=urdf)
+    robot = with_carrying(bare)
+    world = PlanningWorld(Scene(()), robot.body())
+    try:
+        return _inspected(bare, robot, world, arguments)
+    finally:
+        world.close()
 
-    return inspect(robot, urdf, picture, record, silent if arguments.json else say)
+
+def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: InspectArguments) -> Answer:
+    picture, record, progress = arguments.picture, arguments.record, silent if arguments.json else say
+    models = arm_models(robot, world)
+    bounds = dict(world.robot.limits)
+    for file in (picture, record):
+        if file is not None and not models:
+            raise BadInput([error("C004", f"{file}: {robot.name} has no arm whose reach could be drawn")])
+    built = keep_maps(models, robot.torso, lambda *done: mapped(progress, *done))
+    maps: dict[str, dict[GraspClass, ReachabilityMap]] = {}
+    for model in models:
+        kept = [grasp for grasp in GraspClass if (model.name, grasp) not in built]
+        found = {**reachability_maps(model, robot.torso, kept)}
+        maps[model.name] = {grasp: found.get(grasp) or built[model.name, grasp] for grasp in GraspClass}
+    if record is not None:
+        drawn = drawn_in(world)
+        replace(record, lambda path: save_reach_recording(path, drawn, models, maps))
+    if picture is not None:
+        radius = robot.base.radius
+        replace(picture, lambda path: save_reach_picture(path, robot.name, models, maps, radius))
+    lacking = list(_lacking(bare))
+    lines = [*_body_lines(robot)]
+    for arm in robot.arms:
+        lines += _arm_lines(robot, arm, maps[arm.name], bounds)
+    lines += ["postures"]
+    lines += [f"  {name}: {_positions(joints)}" for name, joints in robot.postures.items()]
+    lines += ["missing", *(f"  {what}" for what in lacking or ["nothing"])]
+    arms = [_arm_data(arm, maps) for arm in robot.arms]
+    data: dict[str, Any] = {"robot": robot.name, "urdf": str(robot.urdf), "arms": arms}
+    data |= {"torso": robot.torso, "neck": list(robot.neck), "camera": robot.camera.link if robot.camera else None}
+    data |= {"postures": {name: dict(joints) for name, joints in robot.postures.items()}, "missing": lacking}
+    code = ExitCode.DONE if robot.arms else ExitCode.MISSING_CAPABILITY
+    return Answer(code, robot.diagnostics, text="\n".join(lines), data=data)
+
+
+def _body_lines(robot: Robot) -> Iterator[str]:
+    base = robot.base
+    yield f"{robot.name} ({robot.urdf})"
+    yield f"  base: {robot.base_link}, radius {base.radius:g} m, {base.speed:g} m/s, {base.turn_speed:g} rad/s"
+    yield f"  torso: {robot.torso or 'none'}"
+    camera = f"{robot.camera.link}, turned by {', '.join(robot.neck) or 'the base'}" if robot.camera else "none"
+    yield f"  camera: {camera}"
+
+
+def _arm_lines(robot: Robot, arm: Arm, maps: Maps, bounds: Mapping[str, tuple[float, float]]) -> Iterator[str]:
+    yield f"arm {arm.name}, from {arm.base_link} to {arm.tip}"
+    approach, closing = (" ".join(f"{value:g}" for value in axis) for axis in (arm.approach, arm.closing))
+    opening = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"
+    yield f"  hand: {arm.hand_link}, approaches along {approach}, closes along {closing}, {opening}"
+    for joint in (*([robot.torso] if robot.torso else []), *arm.joints):
+        lower, upper = bounds.get(joint, (-math.inf, math.inf))
+        limits = robot.limits[joint]
+        yield f"  {joint:32} {lower:8.3f} .. {upper:8.3f}   at most {limits.speed:g} per second"
+    reached = ", ".join(f"{grasp.value} {len(found)}" for grasp, found in maps.items())
+    yield f"  reaches, of poses {CELL:g} m and {360 // YAWS} degrees apart: {reached}"
+
+
+def _arm_data(arm: Arm, maps: Mapping[str, Maps]) -> dict[str, Any]:
+    reached = {grasp.value: len(found) for grasp, found in maps[arm.name].items()}
+    return {"name": arm.name, "tip": arm.tip, "joints": list(arm.joints), "reachable": reached}
+
+
+def _positions(joints: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.3f}" for name, value in joints.items())
+
+
+def _lacking(robot: Robot) -> Iterator[str]:
+    """Yield parts that plans use and the robot does not have."""
+    if not robot.arms:
+        yield "arms"
+    yield from (f"a gripper of the {arm.name} arm" for arm in robot.arms if arm.gripper is None)
+    if robot.torso is None:
+        yield "a torso that lifts the arms: they reach fewer heights"
+    if robot.camera is None:
+        yield "a camera: nothing can be looked for ([camera] in the robot file)"
+    known = robot.postures
+    yield from (f"a posture {name} ([postures.{name}] in the robot file)" for name in USEFUL if name not in known)

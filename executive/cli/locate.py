@@ -1,87 +1,272 @@
-"""``planlang locate``: a phrase, a robot and a map in, poses for the base or for a thing out."""
+"""``planlang locate``: a phrase is read, its things found in the map, its poses searched and listed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from itertools import islice
+from typing import Any
 
-import typer
-
-from executive.cli.arguments import (
-    Environment,
-    Force,
-    OntologyArguments,
-    Robot,
-    Start,
-    Urdf,
-    VerboseArguments,
-    check_files,
-    chosen,
-    planar,
-    refuse,
-    taking,
-)
-from executive.cli.console import Answer, answer, say, silent
-from planlang.diagnostics import Diagnostic
+from executive.belief import SemanticMap, read_map, scene_of
+from executive.cli.arguments import LocateArguments
+from executive.cli.console import Answer, ExitCode, say, silent
+from executive.cli.inputs import check_files, chosen, planar, refuse
+from executive.locations import Rejections
+from executive.locations.consistency import LocationMeaningless
+from executive.locations.demands import base_demand, sides, thing_demand, without_unused
+from executive.modules.platform import Platform
+from executive.robots import bind_robot
+from executive.robots.arms import with_carrying
+from executive.runs.assembly import build_maps, platform_of, world_at_start
+from planlang.designators import Location, Object, Person, Relation
+from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
+from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable
+from planlang.ontology import expand, load, shorten
 from planlang.outputs import check_outputs
+from planlang.outputs import replace as write_complete
+from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
+from planlang.phrases.lexicon import GRASP_FORMS
+from planlang.relations import RELATIONS
 from planlang.resources import Bundled
+from sim import PyBulletWorld
 
 
-@dataclass(frozen=True, kw_only=True)
-class LocateArguments(OntologyArguments, VerboseArguments):
-    """Arguments of ``planlang locate``."""
-
-    phrase: Annotated[
-        str, typer.Argument(metavar="PHRASE", help='The location, e.g. "in reach of the bottle and near the bed".')
-    ]
-    robot: Robot = None
-    urdf: Urdf = None
-    environment: Environment = None
-    start: Start = None
-    of: Annotated[
-        str | None,
-        typer.Option(metavar="THING", help='Find poses for this thing, e.g. "the bottle"; default: for the base.'),
-    ] = None
-    count: Annotated[int, typer.Option(min=1, max=1000, metavar="N", help="Number of poses, best first.")] = 3
-    explain: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the candidates and why they were rejected, as PNG.")
-    ] = None
-    force: Force = False
-
-
-@taking(LocateArguments)
-def locate_command(arguments: LocateArguments) -> None:
-    """Find poses that match a phrase, for the robot's base or for a thing."""
+def command(arguments: LocateArguments) -> Answer:
+    """Find poses; raises BadInput for what cannot be understood or used."""
     start = planar(arguments.start)
-    answer("locate", lambda: _located(arguments, start), as_json=arguments.json, all_notes=arguments.verbose)
-
-
-def _located(arguments: LocateArguments, start: tuple[float, float, float] | None) -> Answer:
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf)
-    robot = chosen(Bundled.ROBOT, arguments.robot, None, problems, needs="locate")
+    robot_file = chosen(Bundled.ROBOT, arguments.robot, None, problems, needs="locate")
     environment = chosen(Bundled.ENVIRONMENT, arguments.environment, None, problems, needs="locate")
-    inputs = {"--urdf": arguments.urdf, "--robot": robot, "--environment": environment}
+    inputs = {"--urdf": arguments.urdf, "--robot": robot_file, "--environment": environment}
     outputs = {"--explain": arguments.explain}
     problems += check_outputs(outputs, inputs, pictures=["--explain"], force=arguments.force)
     refuse(problems)
-    assert robot is not None
+    assert robot_file is not None
     assert environment is not None
+    with ExitStack() as stack:
+        found: list[Diagnostic] = []
+        ontology = load(environment, folders=arguments.folders)
+        semantic_map = read_map(ontology)
+        lexicon = lexicon_of(semantic_map)
+        location = read_location(arguments.phrase, lexicon)
+        what = None if arguments.of is None else read_thing(arguments.of, lexicon, file="--of")
+        robot = with_carrying(bind_robot(robot_file, urdf=arguments.urdf, folders=arguments.folders))
+        found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
+        if location.device is not None and not robot.arms_of(location.device):
+            arms = ", ".join(arm.name for arm in robot.arms) or "none"
+            asked = write_thing(location.device).removeprefix("the ")
+            return _missing(f"{robot.name} has no {asked}; its arms: {arms}", found)
+        world = world_at_start(scene_of(semantic_map, found), robot, start, stack)
+        truth = PyBulletWorld(world.scene, robot.body())  # which is as believed: nothing moves
+        stack.callback(truth.close)
+        platform = platform_of(robot, semantic_map, truth, world, 0)
+        meant = _meant([*references(location), *([] if what is None else [what])], lexicon, platform)
+        found.extend(_choices(meant, lexicon, platform))
+        build_maps(platform, silent if arguments.json else say)  # last: for a new robot it takes minutes
+        try:
+            return _resolved(location, what, lexicon, platform, meant, found, arguments)
+        except LocationMeaningless as problem:
+            raise BadInput([*found, *_of_no_place(problem, location, what, lexicon)]) from None
+        except MissingCapability as problem:
+            return _missing(str(problem), found)
 
-    from executive.cli.locating import LocateOptions, locate
 
-    return locate(
-        LocateOptions(
-            phrase=arguments.phrase,
-            robot=robot,
-            environment=environment,
-            urdf=arguments.urdf,
-            ontologies=arguments.folders,
-            of=arguments.of,
-            start=start,
-            count=arguments.count,
-            explain=arguments.explain,
-            progress=silent if arguments.json else say,
-        )
-    )
+def _missing(message: str, found: Iterable[Diagnostic]) -> Answer:
+    """Return the answer when the robot has no part for what is asked."""
+    text = f"MissingCapability: {message}"
+    data = {"failure": ["MissingCapability"], "message": message}
+    return Answer(ExitCode.MISSING_CAPABILITY, tuple(found), text, data)
+
+
+def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
+    """Return the nouns of a map: its things by name, the classes of its ontology by their words."""
+    ontology = semantic_map.ontology
+    things: dict[str, Object] = {}
+    for thing in semantic_map.objects:
+        if thing.pose is not None:
+            cls = next((cls for cls in thing.types if not cls.endswith("#NamedIndividual")), "Thing")
+            kind = Person if any(ontology.is_a(cls, expand("Person")) for cls in thing.types) else Object
+            things[thing.name] = kind(shorten(cls), thing.iri)
+    return Lexicon.of(ontology, things)
+
+
+def references(location: Location) -> Iterator[Object]:
+    """Yield the things that a location is about, those of nested locations included."""
+    for relation in location.relations:
+        match relation.reference:
+            case Location() as inner:
+                yield from references(inner)
+            case Object() as what:
+                yield what
+
+
+def _meant(designators: Iterable[Object], lexicon: Lexicon, platform: Platform) -> dict[Object, str]:
+    """Return the body that each designator means; raises BadInput when the map has none."""
+    meant: dict[Object, str] = {}
+    problems = []
+    for what in dict.fromkeys(designators):
+        try:
+            meant[what] = platform.scene.bodies.bind(what)
+        except ObjectUnresolvable:
+            known = ", ".join(platform.belief.names())
+            message = f"the map has no {write_thing(what, lexicon).removeprefix('the ')}"
+            problems.append(error("P008", message, help=f"it has {known}"))
+    if problems:
+        raise BadInput(problems)
+    return meant
+
+
+def _choices(meant: Mapping[Object, str], lexicon: Lexicon, platform: Platform) -> Iterator[Diagnostic]:
+    """Yield a note for each thing that was chosen among several."""
+    for what, name in meant.items():
+        others = [other for other in platform.belief.alike(what) if other != name]
+        if what.iri is None and others:
+            help = f"name it to mean another: {', '.join(others)}"
+            said = write_thing(what, lexicon)
+            yield note("P009", f"{said} is {name}, the nearest of {len(others) + 1}", help=help)
+
+
+def _of_no_place(
+    problem: LocationMeaningless, location: Location, what: Object | None, lexicon: Lexicon
+) -> Iterator[Diagnostic]:
+    """Yield why a phrase describes no location, in the words of phrases."""
+
+    def words(part: object) -> str:
+        if isinstance(part, Relation):
+            return repr(write_relation(part, lexicon))
+        return repr(write_location(part, lexicon)) if isinstance(part, Location) else RELATIONS[str(part)].forms[0]
+
+    yield error("P010", problem.worded(words), help=_other_subject(location, what, lexicon))
+
+
+def _used(location: Location, what: Object | None, platform: Platform) -> Location:
+    """Return the location without arms and grasps that nothing uses."""
+    if what is not None:
+        return replace(location, device=None, grasp=None)
+    return without_unused(location, platform.scene, platform.base()[:2])
+
+
+def _idle(said: Location, used: Location) -> Iterator[Diagnostic]:
+    """Yield a warning for unused arms and grasps, those of nested locations included."""
+    idle = []
+    if said.device is not None and used.device is None:
+        idle.append(f"with {write_thing(said.device)}")
+    if said.grasp is not None and used.grasp is None:
+        idle.append(GRASP_FORMS[said.grasp][0])
+    if idle:
+        help = "arms and grasps belong to a thing to reach: in reach of the bottle with the left arm from the top"
+        yield warning("P011", f"{' '.join(idle)!r} has no effect here; it is left out", help=help)
+    for one, other in zip(said.relations, used.relations, strict=True):
+        if isinstance(one.reference, Location) and isinstance(other.reference, Location):
+            yield from _idle(one.reference, other.reference)
+
+
+def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) -> str | None:
+    """Return how to ask for poses that a relation has a meaning for, if it has none for what was asked for."""
+    for relation in location.relations:
+        meaning = RELATIONS[relation.name]
+        if what is None and meaning.base is None:
+            hints = ["--of THING asks for poses of a thing"] if meaning.thing else []
+            if meaning.hand:
+                hints.append(f'the base for a hand is "in reach of a place {write_relation(relation, lexicon)}"')
+            return "; ".join(hints)
+        if what is not None and meaning.thing is None and meaning.base is not None:
+            return "without --of, poses of the base are searched"
+    return None
+
+
+def _bases(location: Location, platform: Platform, count: int, log: Rejections) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield base poses: a line for people, and data."""
+    for number, solution in enumerate(islice(platform.resolver.bases(location, log), count), 1):
+        x, y, yaw = solution.base
+        detail = solution.detail
+        arm = detail.get("arm", "")
+        how = f"{arm if arm.endswith('arm') else f'{arm} arm'}: {', '.join(detail['reaches'])}" if arm else ""
+        line = f"{number}  {_listed(x=x, y=y, yaw=yaw)}  {how}".rstrip()
+        yield line, {"x": x, "y": y, "yaw": yaw, **detail}
+
+
+def _things(
+    location: Location, what: Object, frame: Mapping[str, str], platform: Platform, count: int, log: Rejections
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield poses of a thing, of the centre of its box: a line for people, and data."""
+    for number, pose in enumerate(islice(platform.resolver.things(location, what, log), count), 1):
+        x, y, z = pose.position
+        line = f"{number}  {_listed(x=x, y=y, z=z, yaw=pose.yaw)}"
+        yield line, {"x": x, "y": y, "z": z, "yaw": pose.yaw, **({"frame": frame} if frame else {})}
+
+
+def _frame(location: Location, what: str | None, platform: Platform) -> dict[str, str]:
+    """Return whose sides are meant, by the words of the phrase."""
+    scene, (x, y, _) = platform.scene, platform.base()
+    if what is None:
+        return sides(base_demand(location, scene, (x, y)), scene)
+    return sides(thing_demand(location, what, scene, (x, y)), scene)
+
+
+def _frame_lines(frame: Mapping[str, str], platform: Platform) -> Iterator[str]:
+    """Yield a line for each side."""
+    x, y, _ = platform.base()
+    for words, whose in frame.items():
+        seen = f"as seen from the robot at {_listed(x=x, y=y)}"
+        yield f"  {words}: {'in its own frame' if whose == 'its own' else seen}"
+
+
+def _listed(**numbers: float) -> str:
+    """Return the numbers of a pose [m, rad] with their names; adding zero avoids -0.000."""
+    return "  ".join(f"{name} {round(number, 3) + 0.0:.3f}" for name, number in numbers.items())
+
+
+def _resolved(
+    location: Location,
+    what: Object | None,
+    lexicon: Lexicon,
+    platform: Platform,
+    meant: Mapping[Object, str],
+    found: list[Diagnostic],
+    arguments: LocateArguments,
+) -> Answer:
+    log, failure = Rejections(explained=True), None
+    places: list[tuple[str, dict[str, Any]]] = []
+    frame: Mapping[str, str] = {}
+    try:
+        used = _used(location, what, platform)
+        found.extend(_idle(location, used))
+        location, frame = used, _frame(used, None if what is None else meant[what], platform)
+        if what is None:
+            places.extend(_bases(location, platform, arguments.count, log))
+        else:
+            places.extend(_things(location, what, frame, platform, arguments.count, log))
+    except LocationMeaningless:
+        raise
+    except LocationUnresolvable as problem:
+        failure = problem
+    counts, blocking = dict(log.counts.most_common()), dict(log.blocking.most_common())
+    phrase = write_location(location, lexicon)
+    data: dict[str, Any] = {
+        "location": phrase,
+        "meant": {str(reference): name for reference, name in meant.items()},
+        "solutions": [place for _, place in places],
+        "counts": counts,
+        "blocking": blocking,
+    }
+    lines = [phrase, *_frame_lines(frame, platform), *(f"  {line}" for line, _ in places)]
+    if not places:
+        message = str(failure).replace(f": {location}", "", 1)  # the phrase is printed above
+        data |= {"failure": [type(failure).__name__], "message": message}
+        lines.append(message)
+    elif counts:
+        lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in counts.items())}")
+    if arguments.explain is not None:
+        from executive.pictures.floor_plan import Resolution, save_picture, scenery_of  # Pillow is slow to import
+
+        bases = [(place["x"], place["y"], place["yaw"]) for _, place in places]
+        arms = [place.get("arm", "") for _, place in places]
+        details = [arm if not arm or arm.endswith("arm") else f"{arm} arm" for arm in arms]
+        resolution = Resolution(arguments.phrase, bases, log.places, log.scored, log.refused, counts, blocking, details)
+        scenery = scenery_of(platform.scene, location, meant.values(), None if what is None else meant[what])
+        write_complete(arguments.explain, lambda temporary: save_picture(temporary, scenery, resolution))
+        data["picture"] = str(arguments.explain)
+    return Answer(ExitCode.DONE if places else ExitCode.FAILED, tuple(found), "\n".join(lines), data)

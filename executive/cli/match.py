@@ -3,76 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from executive.cli.arguments import (
-    Recipe,
-    Robot,
-    TaskArguments,
-    Urdf,
-    check_files,
-    chosen,
-    read_recipe_file,
-    refuse,
-    taking,
-)
-from executive.cli.console import Answer, ExitCode, answer
+from executive.cli.arguments import MatchArguments
+from executive.cli.console import Answer, ExitCode
+from executive.cli.inputs import check_files, chosen, read_recipe_file, refuse
+from executive.robots import Semantics, bind_robot, match, possessions_of
+from executive.robots.matching import Judge, Possessions
+from executive.robots.self_model import claims_of, parts_of, read_self_model
+from executive.robots.tasks import with_remedies
 from planlang.diagnostics import BadInput, Diagnostic, has_errors, note
+from planlang.ontology import Ontology, load
+from planlang.recipe import Actions, read_recipe
 from planlang.resources import Bundled
-
-if TYPE_CHECKING:
-    from executive.robots.matching import Possessions
-    from planlang.ontology import Ontology
 
 LARGEST_LIBRARY = 200
 """Files of the ``--ontologies`` folders that are searched for missing things: more would take minutes."""
 
 
-class Reading(Enum):
-    """How requirements are read: closed under dependencies, or as KnowRob did."""
-
-    CLOSURE = "closure"
-    ORIGINAL = "original"
-
-
-@dataclass(frozen=True, kw_only=True)
-class MatchArguments(TaskArguments):
-    """Arguments of ``planlang match``."""
-
-    recipe: Recipe
-    robot: Robot = None
-    urdf: Urdf = None
-    environment: Annotated[
-        str | None,
-        typer.Option(metavar="MAP", help="A map's file, or a bundled one: also look for missing things there."),
-    ] = None
-    semantics: Annotated[Reading, typer.Option(help="How requirements are read; original: as KnowRob did.")] = (
-        Reading.CLOSURE
-    )
-
-
-@taking(MatchArguments)
-def match_command(arguments: MatchArguments) -> None:
-    """Tell whether a robot has what a recipe requires, and why.
-
-    Missing things are looked for in the ontologies at hand. Exit code 3 if something is missing.
-    """
-    answer("match", lambda: _matched(arguments), as_json=arguments.json)
-
-
-def _matched(arguments: MatchArguments) -> Answer:
-    """Compare, and explain; a robot without URDF is judged by its self-model alone."""
-    from executive.robots import Semantics, match
-    from executive.robots.matching import Judge
-    from executive.robots.tasks import with_remedies
-    from planlang.ontology import load
-    from planlang.recipe import Actions, read_recipe
-
+def command(arguments: MatchArguments) -> Answer:
+    """Compare, and explain; a robot without URDF is judged by its self-model alone. Raises BadInput."""
     file = read_recipe_file(arguments.recipe)
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf)
@@ -100,11 +50,6 @@ def _matched(arguments: MatchArguments) -> Answer:
 
 
 def _possessions(robot: Path, urdf: Path | None, folders: Sequence[Path], found: list[Diagnostic]) -> Possessions:
-    from executive.robots import bind_robot, possessions_of
-    from executive.robots.matching import Possessions
-    from executive.robots.self_model import claims_of, parts_of, read_self_model
-    from planlang.ontology import load
-
     try:
         bound = bind_robot(robot, urdf=urdf, folders=folders)
     except BadInput as problem:
@@ -122,8 +67,6 @@ def _possessions(robot: Path, urdf: Path | None, folders: Sequence[Path], found:
 
 def _knowledge(robot: Possessions, environment: Path | None, folders: Sequence[Path]) -> Iterator[Ontology]:
     """Yield the ontologies that are searched for missing things; those that cannot be read are left out."""
-    from planlang.ontology import load
-
     if robot.model is not None:
         yield robot.model.ontology
     if environment is not None:

@@ -3,48 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-import typer
-
-from executive.cli.arguments import Modules, PlanFile, RecipeArguments, RecipeFile, check_files, read, refuse, taking
-from executive.cli.console import Answer, ExitCode, answer
+from executive.cli.arguments import ReplayArguments
+from executive.cli.console import Answer, ExitCode
+from executive.cli.inputs import PlanFile, RecipeFile, check_files, read, refuse
+from executive.runs.plan_run import Run, RunOptions
+from executive.runs.traces import read_trace
 from planlang.diagnostics import Diagnostic
-
-if TYPE_CHECKING:
-    from planlang.runs import Different
+from planlang.runs import Different
 
 WIDTH = 56
 """Characters of a value that are shown, of longer ones the end: two columns fit into 120."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReplayArguments(RecipeArguments):
-    """Arguments of ``planlang replay``."""
-
-    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
-    file: Annotated[
-        str | None,
-        typer.Argument(metavar="[RECIPE|PLAN]", help="The recipe or plan that was run; needed unless it is bundled."),
-    ] = None
-    modules: Modules = None
-
-
-@taking(ReplayArguments)
-def replay_command(arguments: ReplayArguments) -> None:
-    """Run a plan again from the trace of its run, without robot or world; stops at the first difference.
-
-    What process modules did, which base poses were found, what was read and believed is taken from the trace.
-    """
-    answer("replay", lambda: _replayed(arguments), as_json=arguments.json)
-
-
-def _replayed(arguments: ReplayArguments) -> Answer:
-    from executive.runs.plan_run import Run, RunOptions
-    from executive.runs.traces import read_trace
-
+def command(arguments: ReplayArguments) -> Answer:
+    """Replay a trace; raises BadInput."""
     problems: list[Diagnostic] = []
     check_files(problems, modules=arguments.modules)
     refuse(problems)

@@ -6,104 +6,28 @@ import ctypes
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
 import typer
 
-from executive.cli.arguments import (
-    Environment,
-    Modules,
-    PlanFile,
-    RecipeArguments,
-    RecipeFile,
-    Robot,
-    Start,
-    Urdf,
-    VerboseArguments,
-    check_files,
-    chosen,
-    planar,
-    read,
-    refuse,
-    taking,
-)
-from executive.cli.console import Answer, ExitCode, answer, say, show, silent
+from executive.belief.semantic_map import DEFAULT_ENVIRONMENT, default_environment
+from executive.cli.arguments import RunArguments
+from executive.cli.console import Answer, ExitCode, say, show, silent
+from executive.cli.inputs import PlanFile, RecipeFile, check_files, chosen, planar, read, refuse
+from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
+from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import Diagnostic, error
 from planlang.outputs import check_outputs
 from planlang.resources import Bundled
 
-if TYPE_CHECKING:
-    from executive.runs.plan_run import RunResult
 
-
-@dataclass(frozen=True, kw_only=True)
-class RunArguments(RecipeArguments, VerboseArguments):
-    """Arguments of ``planlang run``."""
-
-    file: Annotated[
-        str | None,
-        typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
-    ] = None
-    robot: Robot = None
-    urdf: Urdf = None
-    environment: Environment = None
-    start: Start = None
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=OBJECT", help="Bind a parameter of the plan to an object; repeatable."),
-    ] = None
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, metavar="N", help="Displace things of the true world; 0 leaves them."),
-    ] = None
-    schedule: Annotated[
-        int | None,
-        typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, the same for the same number."),
-    ] = None
-    modules: Modules = None
-    gui: Annotated[bool, typer.Option("--gui", help="Show the world in a window.")] = False
-    trace: Annotated[Path | None, typer.Option(metavar="FILE", help="Write what happens, as JSON Lines.")] = None
-    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a picture of the end, as PNG.")] = None
-    record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
-    ] = None
-    resume: Annotated[
-        Path | None,
-        typer.Option(metavar="TRACE", help="Resume the run of this trace after the last completed step of its plan."),
-    ] = None
-    world_as_left: Annotated[
-        bool,
-        typer.Option("--world-as-left", help="With --resume: the world is as the trace left it; do not restore it."),
-    ] = False
-    force: Annotated[
-        bool,
-        typer.Option(
-            "--force", help="Run although the robot lacks a capability; overwrite files that planlang did not write."
-        ),
-    ] = False
-
-
-@taking(RunArguments)
-def run_command(arguments: RunArguments) -> None:
-    """Run a plan or a recipe in a simulated world.
-
-    An interrupted run is resumed by planlang run PLAN --resume TRACE. Seed, start and parameters are those of the
-    trace; so are plan, robot and environment if they are bundled.
-    """
+def command(arguments: RunArguments) -> Answer:
+    """Run or resume a plan; raises BadInput."""
     if arguments.file is None and arguments.resume is None:
         raise typer.BadParameter("name a recipe or plan, or --resume TRACE")
     if arguments.world_as_left and arguments.resume is None:
         raise typer.BadParameter("--world-as-left needs --resume")
     start, bindings = planar(arguments.start), _bindings(arguments.set_ or [])
-    answer("run", lambda: _run(arguments, start, bindings), as_json=arguments.json)
-
-
-def _run(arguments: RunArguments, start: tuple[float, float, float] | None, bindings: dict[str, str]) -> Answer:
-    from executive.belief.semantic_map import DEFAULT_ENVIRONMENT, default_environment
-    from executive.runs.traces import TraceHeader, read_trace
-
     recorded, header = None, TraceHeader()
     if arguments.resume is not None:
         recorded, header = read_trace(arguments.resume)
@@ -127,13 +51,11 @@ def _run(arguments: RunArguments, start: tuple[float, float, float] | None, bind
     inputs |= {f"--modules {file}": file for file in arguments.modules or ()}
     problems += check_outputs(outputs, inputs, pictures=["--picture"], force=arguments.force)
     if arguments.record is not None:
-        from executive.pictures.recording import missing
+        from executive.pictures.recording import missing  # most runs leave no recording
 
         problems += missing()
     problems += no_display() if arguments.gui else []
     refuse(problems)
-
-    from executive.runs.plan_run import RunOptions, run_plan_file
 
     def announce(diagnostics: Sequence[Diagnostic]) -> None:
         show(diagnostics, all_notes=arguments.verbose)
@@ -170,8 +92,6 @@ _NEEDS = "only bundled recipes have a default: this plan"
 
 
 def _answer(result: RunResult, *, is_announced: bool) -> Answer:
-    from executive.runs.plan_run import Outcome
-
     code = {
         Outcome.DONE: ExitCode.DONE,
         Outcome.FAILED: ExitCode.FAILED,

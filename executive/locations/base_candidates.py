@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.free_floor import CELL, HAIR, Field, Floor
+from executive.belief.scene_collisions import CELL, HAIR, Field, Floor
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.inverse_map import SQUARE_BITS, InverseMaps, Rows
 from executive.locations.reachability import YAWS

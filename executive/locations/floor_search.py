@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.believed_bodies import Block
-from executive.belief.free_floor import CELL, Floor
-from executive.belief.planning_scene import PlanningScene
-from executive.belief.visibility import Unseen
+from executive.belief.planning_scene import PlanningScene, Unseen
+from executive.belief.scene_collisions import CELL, Floor
 from executive.locations.areas import FACING, HAIR, Clear, Facing
 from executive.locations.demands import BaseDemand
 from executive.locations.rejections import Rejections

@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.free_floor import BasePose
 from executive.belief.planning_scene import PlanningScene
+from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import blocks
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates, HandPoses

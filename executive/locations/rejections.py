@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from executive.belief.free_floor import BasePose
+from executive.belief.scene_collisions import BasePose
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.protocols import Contact

@@ -13,8 +13,8 @@ from dataclasses import replace
 from itertools import chain
 from typing import Generic, TypeVar
 
-from executive.belief.free_floor import BasePose
 from executive.belief.planning_scene import PlanningScene
+from executive.belief.scene_collisions import BasePose
 from executive.locations.consistency import meaningless
 from executive.locations.demands import BaseDemand, Reach, ReachKind, base_demand, hand_demand, thing_demand
 from executive.locations.floor_search import search_floor

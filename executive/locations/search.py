@@ -13,8 +13,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.free_floor import BasePose
-from executive.belief.visibility import Unseen
+from executive.belief.planning_scene import Unseen
+from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Misses, invert, moved_to_room
 from executive.locations.demands import BaseDemand, Reach
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates

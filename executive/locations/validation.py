@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from executive.belief.free_floor import BasePose
 from executive.belief.planning_scene import PlanningScene
+from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Area, Clear, Facing
 from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
 from executive.locations.hand_predicates import candidates_of

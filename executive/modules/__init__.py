@@ -1,1 +1,1 @@
-"""Process modules: what performs primitive actions on the platform, one file each."""
+"""Process modules: they perform primitive actions on the platform."""

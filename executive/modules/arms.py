@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from executive.belief.free_floor import BasePose
+from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind, Resolver
 from executive.locations.demands import asks_for
 from executive.modules.control import Control
@@ -53,7 +53,7 @@ class ArmChoices:
     """In the order of the last choices; by path."""
 
     def choose(self, arm: str) -> None:
-        """The branch that runs uses this arm from now on."""
+        """Record that the running branch uses this arm from now on."""
         mine = next(iter(concurrent_branches()), None)
         path = ALONE if mine is None else mine.path
         self.made.pop(path, None)
@@ -63,7 +63,7 @@ class ArmChoices:
             del self.made[next(ended, next(iter(self.made)))]
 
     def mine(self) -> str | None:
-        """The arm of the branch that runs, None while there is no choice."""
+        """Return the arm of the branch that runs, None while there is no choice."""
         around = [branch.path for branch in concurrent_branches()] or [ALONE]
         if around[0] in self.made:
             return self.made[around[0]].arm
@@ -83,7 +83,7 @@ class ArmChoices:
         return frozenset(beside) - {self.mine()}
 
     def state(self) -> dict[str, str]:
-        """What a run that is resumed needs to know."""
+        """Return what a run that is resumed needs to know."""
         return {path: choice.arm for path, choice in self.made.items() if not choice.over}
 
     @staticmethod

@@ -11,8 +11,8 @@ import numpy as np
 
 from executive.belief import Belief
 from executive.belief.believed_bodies import Block
-from executive.belief.free_floor import BasePose
 from executive.belief.planning_scene import PlanningScene
+from executive.belief.scene_collisions import BasePose
 from executive.motion import Grid, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel

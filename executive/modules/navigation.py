@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from executive.belief.free_floor import BasePose
+from executive.belief.scene_collisions import BasePose
 from executive.modules.platform import Platform
 from executive.motion import GoalInCollision, MotionError, StartInCollision
 from planlang.designators import Action, Location

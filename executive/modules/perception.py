@@ -1,4 +1,4 @@
-"""The process module of perception: looks where a thing is believed to be, then over what it stands on."""
+"""The process modules of the head and of perception: they point the camera at things and look for them."""
 
 from __future__ import annotations
 
@@ -18,6 +18,32 @@ from planlang.failures import (
 )
 from planlang.geometry import Array, Pose
 from planlang.modules import process_module
+
+
+@process_module
+class Head:
+    """Turns the neck so that an object is in the middle of the picture."""
+
+    name = "head"
+    actions = ("LookingAtSomething",)
+    failures = (LookingFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the head."""
+        return ("head",)
+
+    async def execute(self, action: Action) -> None:
+        """Look at ``object_acted_on``; raises LookingGoalUnreachable beyond the neck's limits."""
+        what = action.get("object_acted_on")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable("looking at something needs object_acted_on", designator=str(action))
+        scene = self.platform.scene
+        name = scene.bodies.bind(what)
+        await self.platform.sensing.look_at(scene.bodies.block(name).centre, name)
+
 
 MOST_GAZES = 6
 """Directions that are looked into before an object counts as not found; 0.3 m apart they cover 0.6 m by 0.9 m."""

@@ -70,7 +70,7 @@ def font(size: int) -> ImageFont.FreeTypeFont:
 
 
 def wrapped(text: str, size: int, width: float) -> list[str]:
-    """Lines of a text that are no wider than so many pixels of the sheet, broken between words."""
+    """Return the lines of a text that are no wider than so many pixels of the sheet, broken between words."""
     lines: list[str] = []
     for word in text.split(" "):
         longer = f"{lines[-1]} {word}" if lines else word

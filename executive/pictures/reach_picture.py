@@ -14,7 +14,6 @@ from executive.pictures.drawing import FAINT, FINE, INK, Colour, Sheet, blended
 from executive.pictures.recording import Drawn, placed, stream_to
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
-from planlang.outputs import replace
 
 if TYPE_CHECKING:
     import rerun
@@ -178,25 +177,13 @@ POINT = 0.012
 
 
 def save_reach_recording(
-    path: Path,
-    drawn: Sequence[Drawn],
-    models: Sequence[ArmModel],
-    maps: Mapping[str, Mapping[GraspClass, ReachabilityMap]],
+    path: Path, drawn: Sequence[Drawn], models: Sequence[ArmModel], maps: Mapping[str, Maps]
 ) -> None:
-    """Write a recording, complete or not at all; ``drawn``: the links of the robot at the origin of the map.
+    """Write a recording; ``drawn``: the links of the robot at the origin of the map.
 
-    A cloud for each arm and class of grasp, its colours tell how many headings of the hand are reached, as in the
-    picture. Raises BadInput when rerun-sdk is not installed or ``path`` cannot be written.
+    A cloud for each arm and class of grasp; its colours show how many headings of the hand are reached, as in the
+    picture.
     """
-    replace(path, lambda file: _write(file, drawn, models, maps))
-
-
-def _write(
-    path: Path,
-    drawn: Sequence[Drawn],
-    models: Sequence[ArmModel],
-    maps: Mapping[str, Mapping[GraspClass, ReachabilityMap]],
-) -> None:
     from rerun import blueprint
 
     view = blueprint.Spatial3DView(origin="world", name="Reach")
@@ -211,7 +198,7 @@ def _write(
 
 
 def _cloud(found: ReachabilityMap) -> rerun.Points3D:
-    """The cells of a map, coloured by their numbers of headings."""
+    """Return the cells of a map, coloured by their numbers of headings."""
     import rerun
 
     rows = found.rows

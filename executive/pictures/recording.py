@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -20,7 +18,7 @@ from planlang.geometry.solid import SolidKind
 if TYPE_CHECKING:
     import rerun
 
-    from sim.bodies import Part
+    from sim.bodies import Color, Part
     from sim.kinematic import KinematicScene
 
 HERE = Pose((0.0, 0.0, 0.0))
@@ -50,8 +48,8 @@ class Drawn:
     """Where they are now, in the map or in the frame of what they are a part of."""
 
 
-def drawn_in(world: KinematicScene, urdf: Path | None = None) -> tuple[Drawn, ...]:
-    """All bodies of a world, limbs of people one by one, and the links of its robot. Walls are left out."""
+def drawn_in(world: KinematicScene) -> tuple[Drawn, ...]:
+    """Return all bodies of a world, limbs of people one by one, and the links of its robot. Walls are left out."""
     drawn: list[Drawn] = []
     for name in world.names():
         pieces = [(k, part) for k, (part, _) in enumerate(world.pieces(name)) if part.outward is None]
@@ -63,9 +61,9 @@ def drawn_in(world: KinematicScene, urdf: Path | None = None) -> tuple[Drawn, ..
                 drawn.append(
                     Drawn(("bodies", name, f"limb{k}"), (_piece(part, color, HERE),), partial(_limb, world, name, k))
                 )
-    if urdf is not None:
-        for link, shapes in link_shapes(urdf).items():
-            drawn.append(Drawn(("robot", link), shapes, partial(world.link_pose, link)))
+    for link, looks in world.robot.looks().items():
+        shapes = tuple(_link(*look) for look in looks)
+        drawn.append(Drawn(("robot", link), shapes, partial(world.link_pose, link)))
     return tuple(drawn)
 
 
@@ -73,87 +71,23 @@ def _limb(world: KinematicScene, name: str, k: int) -> Pose:
     return world.pieces(name)[k][1]
 
 
-def _piece(part: Part, color: tuple[float, float, float, float] | None, pose: Pose) -> Shape:
-    red, green, blue, opacity = part.color or color or (0.7, 0.65, 0.55, 1.0)
-    colour = (round(255 * red), round(255 * green), round(255 * blue), round(255 * opacity))
+def _piece(part: Part, color: Color | None, pose: Pose) -> Shape:
+    colour = _bytes(part.color or color or (0.7, 0.65, 0.55, 1.0))
     x, y, z = part.size
     if part.kind != SolidKind.BOX:
         x = y = max(x, y)
     return Shape(part.kind, (x, y, x if part.kind == SolidKind.SPHERE else z), pose, colour)
 
 
-def link_shapes(urdf: Path) -> dict[str, tuple[Shape, ...]]:
-    """The primitives of each link of a robot, in its link frame; links without any are left out.
-
-    Collision elements are drawn where a link has no visual of a primitive: meshes are not read.
-    Format: the URDF specification, elements ``visual``, ``collision``, ``geometry``, ``origin``, ``material``.
-    """
-    robot = ElementTree.parse(urdf).getroot()
-    colours = {
-        material.get("name"): colour
-        for material in robot.iter("material")
-        if (colour := _colour(material.find("color"))) is not None
-    }
-    shapes: dict[str, tuple[Shape, ...]] = {}
-    for link in robot.iter("link"):
-        drawn = _shapes(link.iter("visual"), colours) or _shapes(link.iter("collision"), colours)
-        if drawn:
-            shapes[link.get("name", "")] = drawn
-    return shapes
+def _link(kind: str, size: tuple[float, float, float], pose: Pose, color: Color | None) -> Shape:
+    """Return a primitive of a link; around a mesh it is a box."""
+    drawn = SolidKind.BOX if kind == SolidKind.MESH else kind
+    return Shape(drawn, size, pose, GREY if color is None else _bytes(color))
 
 
-def _shapes(
-    elements: Iterable[ElementTree.Element], colours: dict[str | None, tuple[int, int, int, int]]
-) -> tuple[Shape, ...]:
-    shapes: list[Shape] = []
-    for element in elements:
-        geometry = element.find("geometry")
-        found = None if geometry is None else _primitive(geometry)
-        if found is not None and min(found[1]) > 0:
-            material = element.find("material")
-            colour = colours.get(material.get("name"), GREY) if material is not None else GREY
-            shapes.append(Shape(*found, _origin(element.find("origin")), colour))
-    return tuple(shapes)
-
-
-def _primitive(geometry: ElementTree.Element) -> tuple[str, tuple[float, float, float]] | None:
-    for element in geometry:
-        match element.tag:
-            case "box":
-                x, y, z = _numbers(element.get("size"))
-                return "box", (x, y, z)
-            case "cylinder":
-                diameter = 2 * float(element.get("radius", "0"))
-                return "cylinder", (diameter, diameter, float(element.get("length", "0")))
-            case "sphere":
-                diameter = 2 * float(element.get("radius", "0"))
-                return "sphere", (diameter, diameter, diameter)
-    return None
-
-
-def _origin(element: ElementTree.Element | None) -> Pose:
-    if element is None:
-        return HERE
-    roll, pitch, yaw = _numbers(element.get("rpy", "0 0 0"))
-    position = _numbers(element.get("xyz", "0 0 0"))
-    turned = HERE
-    for angle, axis in ((yaw, 2), (pitch, 1), (roll, 0)):  # URDF: roll, then pitch, then yaw about fixed axes
-        quaternion = [0.0, 0.0, 0.0, math.cos(angle / 2)]
-        quaternion[axis] = math.sin(angle / 2)
-        turned = turned @ Pose((0.0, 0.0, 0.0), (quaternion[0], quaternion[1], quaternion[2], quaternion[3]))
-    return Pose(position, turned.orientation)
-
-
-def _colour(element: ElementTree.Element | None) -> tuple[int, int, int, int] | None:
-    if element is None:
-        return None
-    red, green, blue, opacity = (round(255 * float(part)) for part in element.get("rgba", "0.6 0.6 0.6 1").split())
+def _bytes(color: Color) -> tuple[int, int, int, int]:
+    red, green, blue, opacity = (round(255 * share) for share in color)
     return red, green, blue, opacity
-
-
-def _numbers(text: str | None) -> tuple[float, float, float]:
-    x, y, z = (float(part) for part in (text or "").split())
-    return x, y, z
 
 
 TIME_LINE = "plan time"
@@ -161,7 +95,7 @@ TIME_LINE = "plan time"
 
 
 def missing() -> list[Diagnostic]:
-    """An error if recordings cannot be written here, with the command that changes it."""
+    """Return an error if recordings cannot be written here, with the command that changes it."""
     if find_spec("rerun") is not None:
         return []
     advice = "pip install 'planlang[record]', or leave out --record"
@@ -232,7 +166,7 @@ class Recording:
 
 
 def stream_to(path: Path, title: str, blueprint: Any) -> rerun.RecordingStream:
-    """A recording into a file, of a world with z up."""
+    """Return a recording into a file, of a world with z up."""
     import rerun
 
     stream = rerun.RecordingStream("planlang", recording_id=title, send_properties=False)
@@ -283,7 +217,7 @@ def _drawings(entity: str, shapes: Sequence[Shape]) -> list[tuple[str, Any]]:
 
 
 def _blueprint() -> Any:
-    """The scene beside the plan's events."""
+    """Return the scene beside the plan's events."""
     from rerun import blueprint
 
     views = blueprint.Horizontal(

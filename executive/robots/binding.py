@@ -29,7 +29,7 @@ from sim.description import read_description
 
 
 def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders: Iterable[Path] = ()) -> Robot:
-    """The robot that a source describes, bound to a URDF.
+    """Return the robot that a source describes, bound to a URDF.
 
     ``source``: a loaded ontology, a file with a self-model or a robot file (told by content), or the name of a bundled
     robot. Without ``urdf``, a self-model is bound to the bundled robot whose self-model it is, else to the one that has
@@ -63,7 +63,7 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
 
 
 def robots() -> tuple[str, ...]:
-    """Names of the bundled robots, sorted."""
+    """Return the names of the bundled robots, sorted."""
     return tuple(sorted(path.stem for path in Bundled.ROBOT.folder.glob("*.toml")))
 
 
@@ -103,7 +103,7 @@ def _mentions(urdf: Path, joints: Iterable[str]) -> bool:
 
 
 def _matching(model: SelfModel) -> RobotFile | None:
-    """The bundled robot whose self-model this is, else that with the most of its actuated joints and all of one arm."""
+    """Return the bundled robot whose self-model this is, else that with most of its joints and all of one arm."""
     said = set(model.joints.values())
     own = Path(model.ontology.documents[0].path).resolve()
     best: tuple[int, RobotFile] | None = None
@@ -121,7 +121,7 @@ def _matching(model: SelfModel) -> RobotFile | None:
 
 
 def _numbers_for(urdf: Path) -> RobotFile | None:
-    """The numbers of the bundled robot whose arms are those of a URDF: same joints, same lengths."""
+    """Return the numbers of the bundled robot whose arms are those of a URDF: same joints, same lengths."""
     mechanism = Mechanism(urdf)
     for numbers in _installed():
         if not _mentions(numbers.urdf, mechanism.joints):
@@ -135,7 +135,7 @@ def _numbers_for(urdf: Path) -> RobotFile | None:
 
 
 def _same_arm(one: Mechanism, other: Mechanism, tip: str) -> bool:
-    """Whether two URDFs agree in the joints that move a link, and in where they are relative to each other."""
+    """Return whether two URDFs agree in the joints that move a link, and in where they are relative to each other."""
     movers = one.movers(tip)
     if not movers or movers != other.movers(tip):
         return False
@@ -200,7 +200,7 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
 
 
 def _check_same(model: SelfModel, mechanism: Mechanism, found: list[Diagnostic]) -> None:
-    """A URDF that has none of the joints that move is another robot's."""
+    """Report a URDF that has none of the joints that move: it is another robot's."""
     moving = [n for iri, n in model.joints.items() if not any("Fixed" in cls for cls in model.ontology.types(iri))]
     if moving and not any(name in mechanism.joints for name in moving):
         message = f"{mechanism.path.name} has none of the {len(moving)} joints that move in {model.name}"
@@ -217,7 +217,7 @@ def _list_unknown(model: SelfModel, naming: Naming, found: list[Diagnostic]) -> 
 
 
 def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
-    """Names in a robot file that the URDF does not have, and positions outside of limits."""
+    """Return the names in a robot file that the URDF does not have, and positions outside of limits."""
     found: list[Diagnostic] = []
     name = mechanism.path.name
 
@@ -263,7 +263,7 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
 
 
 def _camera(model: SelfModel | None, numbers: RobotFile | None, mechanism: Mechanism) -> CameraModel | None:
-    """The robot file's camera, if the self-model has one at all; else the self-model's first one in the URDF."""
+    """Return the robot file's camera, if the self-model has one at all; else the self-model's first one in the URDF."""
     if model is None:
         return numbers.camera if numbers else None
     cameras = [
@@ -300,7 +300,7 @@ def _limits(
     torso: str | None,
     neck: tuple[str, ...],
 ) -> Mapping[str, JointLimits]:
-    """Limits of every joint that is used; speeds that nobody states are those of the URDF, if they are lower."""
+    """Return the limits of every joint that is used; of default and URDF speeds the lower one counts."""
     used = dict.fromkeys([torso] if torso else [])
     for arm in arms:
         used.update(dict.fromkeys((*arm.joints, *(arm.gripper.joints if arm.gripper else ()))))

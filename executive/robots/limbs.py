@@ -23,7 +23,7 @@ _TOOL = re.compile(r"tool|tcp|grip_?point|grasp", re.IGNORECASE)
 
 
 def is_gripper(model: SelfModel, composition: Composition) -> bool:
-    """Whether a composition is a gripper or hand; this outweighs that one real file calls its grippers arms as well."""
+    """Return whether a composition is a gripper or hand; one real file calls its grippers arms as well."""
     return _is_a(model, composition, ("GripperComponent", "HolderGripper", "Hand", "LeftHand", "RightHand"))
 
 
@@ -94,7 +94,7 @@ class Limbs:
     def _place(
         self, composition: Composition, naming: Naming, grippers: dict[str, Composition]
     ) -> tuple[str, str, Composition | None] | None:
-        """Tip link, hand link and gripper of an arm; None, with an error, if its ends are not in the URDF."""
+        """Return the tip link, hand link and gripper of an arm; None, with an error, if the URDF lacks its ends."""
         named = [iri for iri in (composition.base, *composition.ends) if iri]
         links = {iri: naming.link(iri, composition.span) for iri in named}
         for iri, link in links.items():
@@ -181,7 +181,7 @@ class Limbs:
         return Arm(name, iri, side, joints, base, tip, hand, approach, closing, bound)
 
     def _axes(self, tip: str, hand: str, name: str) -> tuple[Axis, Axis]:
-        """Approach and closing axes of a tip about which nothing is said."""
+        """Return the approach and closing axes of a tip about which nothing is said."""
         message = f"the {name} arm's hand is taken to move along x and to close along y of {tip}"
         self.found.append(
             note(
@@ -193,7 +193,7 @@ class Limbs:
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
     def _finger_names(self, hand: str, tip: str, model: SelfModel) -> tuple[str, ...]:
-        """Finger joints at a hand that move by themselves and that the self-model has."""
+        """Return the finger joints at a hand that move by themselves and that the self-model has."""
         above = {joint.name for joint in self.mechanism.chain(tip)}
         known = set(model.joints.values())
         fingers = (joint.name for joint in self.mechanism.fingers(hand) if joint.name not in above)
@@ -201,7 +201,7 @@ class Limbs:
         return tuple(name for name in moving if "finger" in name.lower()) or moving
 
     def _guess_gripper(self, joints: tuple[str, ...], tip: str) -> GripperNumbers | None:
-        """Opened is the limit at which a finger is farther from the line of approach."""
+        """Return a gripper whose fingers are opened at the limit that is farther from the line of approach."""
         opened, closed, room = {}, {}, 0.0
         links: list[str] = []
         line = self.mechanism.frame(tip)
@@ -228,12 +228,12 @@ class Limbs:
 
 
 def _ahead(finger: Array, tip: Array) -> Array:
-    """Direction of the approach (x of the tip) in a finger's frame, (3,)."""
+    """Return the direction of the approach (x of the tip) in a finger's frame, (3,)."""
     return rotated(finger[:3, :3].T, tip[:3, 0])
 
 
 def with_camera_neck(mechanism: Mechanism, link: str, arms: Sequence[Arm], torso: str | None) -> tuple[str, ...]:
-    """Joints that move the camera and no arm."""
+    """Return the joints that move the camera and no arm."""
     taken = {torso, *(joint for arm in arms for joint in arm.joints)}
     return tuple(joint for joint in mechanism.movers(link) if joint not in taken)
 

@@ -5,18 +5,214 @@ Three answers: available, missing, and unknown, when neither the self-model nor 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from executive.robots.closed_world import ClosedWorld, compared
-from executive.robots.finding import NEEDED, Availability, Finding, FindingKind, together
-from executive.robots.requirements import Requirement, Semantics, requirements_of
+from executive.robots.requirements import (
+    NEEDED,
+    Availability,
+    Finding,
+    FindingKind,
+    Requirement,
+    Semantics,
+    requirements_of,
+    together,
+)
 from executive.robots.robot import Robot
 from executive.robots.self_model import Part, SelfModel
 from planlang.designators import local_name
 from planlang.diagnostics import Span
-from planlang.ontology import Ontology, expand
+from planlang.ontology import BNode, Literal, Ontology, Term, expand
 from planlang.ontology.expressions import Expression
+from planlang.ontology.terms import EQUIVALENT_CLASS, OWL, RDFS, XSD
+from planlang.ontology.writing.expression_text import expression_of
+
+DEEPEST = 30
+"""Definitions inside definitions that are looked into."""
+
+_NUMBERS = ("float", "double", "decimal", "integer", "int", "long", "short", "byte", "nonNegativeInteger",
+            "positiveInteger", "nonPositiveInteger", "negativeInteger", "unsignedInt", "unsignedLong")  # fmt: skip
+_WHOLE = frozenset(XSD + name for name in _NUMBERS[3:])
+_FRACTIONS = frozenset(XSD + name for name in _NUMBERS[:3])
+
+
+class ClosedWorld:
+    """Everything that some ontologies say together about individuals."""
+
+    def __init__(self, ontologies: Iterable[Ontology]) -> None:
+        self.ontologies: Sequence[Ontology] = tuple({id(one): one for one in ontologies}.values())
+        self._above: dict[str, frozenset[str]] = {}
+
+    def is_known(self, cls: str) -> bool:
+        """Return True if any of the ontologies defines a class."""
+        return cls.startswith((OWL, RDFS, XSD)) or any(one.defined(cls) for one in self.ontologies)
+
+    def is_below(self, cls: str, upper: str) -> bool:
+        """Return True if a class is another one or below it, by any of the ontologies."""
+        above = self._above.get(cls)
+        if above is None:
+            found = (one.taxonomy.ancestors(cls) for one in self.ontologies)
+            above = self._above[cls] = frozenset((cls,)).union(*found)
+        return upper in above
+
+    def types(self, thing: Term) -> tuple[str, ...]:
+        """Return the classes that an individual is said to be of."""
+        if isinstance(thing, Literal):
+            return ()
+        return tuple(dict.fromkeys(cls for one in self.ontologies for cls in one.types(thing)))
+
+    def values(self, thing: Term, prop: Expression) -> tuple[Term, ...]:
+        """Return what an individual has by a property or one below it, or by the inverse of one."""
+        if isinstance(thing, Literal):
+            return ()
+        if prop.kind == "inverse":
+            name = prop.parts[0].term
+            found = [
+                t.subject
+                for one in self.ontologies
+                for below in one.subproperties(str(name))
+                for t in one.triples(None, below, thing)
+            ]
+            return tuple(dict.fromkeys(found))
+        name = prop.term
+        return tuple(dict.fromkeys(v for o in self.ontologies for v in o.values(thing, str(name), subproperties=True)))
+
+    def satisfies(self, thing: Term, expression: Expression, depth: int = DEEPEST) -> bool | None:
+        """Return whether an individual or a value is in a class or a data range; None if nothing is known of that."""
+        if depth == 0:
+            return None
+        kind, parts = expression.kind, expression.parts
+        match kind:
+            case "name":
+                return self._named(thing, expression.term, depth)
+            case "and":
+                return _all(self.satisfies(thing, part, depth - 1) for part in parts)
+            case "or":
+                return _any(self.satisfies(thing, part, depth - 1) for part in parts)
+            case "not":
+                return _not(self.satisfies(thing, parts[0], depth - 1))
+            case "one of":
+                return any(_same(thing, part.term) for part in parts)
+            case "facets":
+                return _all(
+                    [self.satisfies(thing, parts[0], depth - 1), *(_facet(thing, *f) for f in expression.facets)]
+                )
+            case "value":
+                return any(_same(value, parts[1].term) for value in self.values(thing, parts[0]))
+            case "Self":
+                return thing in self.values(thing, parts[0])
+            case "some":
+                return _any(self.satisfies(value, parts[1], depth - 1) for value in self.values(thing, parts[0]))
+            case "only":
+                return _all(self.satisfies(value, parts[1], depth - 1) for value in self.values(thing, parts[0]))
+        return self._counted(thing, expression, depth)
+
+    def _counted(self, thing: Term, expression: Expression, depth: int) -> bool | None:
+        prop, *fillers = expression.parts
+        answers = [
+            self.satisfies(value, fillers[0], depth - 1) if fillers else True for value in self.values(thing, prop)
+        ]
+        return compared(expression.kind, expression.number, answers)
+
+    def _named(self, thing: Term, cls: Term | None, depth: int) -> bool | None:
+        if isinstance(thing, Literal):
+            return _of_datatype(thing, str(cls))
+        if cls in (OWL + "Thing", OWL + "Nothing"):
+            return cls == OWL + "Thing"
+        if not isinstance(cls, str):
+            return None
+        if any(self.is_below(kind, cls) for kind in self.types(thing)):
+            return True
+        definitions = [
+            expression_of(one, triple.object, triple.span)
+            for one in self.ontologies
+            for triple in one.triples(cls, EQUIVALENT_CLASS)
+            if isinstance(triple.object, BNode)
+        ]
+        defined = [self.satisfies(thing, known, depth - 1) for known in definitions if known is not None]
+        if defined:
+            return _any(defined)
+        return False if self.is_known(cls) else None
+
+
+def compared(kind: str, number: int, answers: Iterable[bool | None]) -> bool | None:
+    """Return whether as many answers are true as "min", "max" or "exactly" so many asks for; None if that depends."""
+    answers = list(answers)
+    surely = sum(answer is True for answer in answers)
+    perhaps = surely + sum(answer is None for answer in answers)
+    possible = range(surely, perhaps + 1)
+    found = {
+        count >= number if kind == "min" else count <= number if kind == "max" else count == number
+        for count in possible
+    }
+    return found.pop() if len(found) == 1 else None
+
+
+def _all(answers: Iterable[bool | None]) -> bool | None:
+    found = list(answers)
+    return False if False in found else None if None in found else True
+
+
+def _any(answers: Iterable[bool | None]) -> bool | None:
+    found = list(answers)
+    return True if True in found else None if None in found else False
+
+
+def _not(answer: bool | None) -> bool | None:
+    return None if answer is None else not answer
+
+
+def _same(one: Term, other: Term | None) -> bool:
+    if one == other:
+        return True
+    if isinstance(one, Literal) and isinstance(other, Literal):
+        try:
+            return one.number() == other.number()
+        except ValueError:
+            return False
+    return False
+
+
+def _of_datatype(value: Literal, datatype: str) -> bool | None:
+    if datatype in (RDFS + "Literal", value.datatype):
+        return True
+    stated = value.datatype or XSD + "string"
+    if datatype == XSD + "string" or not datatype.startswith(XSD):
+        return stated == datatype if datatype.startswith(XSD) else None
+    if stated in _WHOLE and (datatype in _FRACTIONS or datatype == XSD + "integer"):
+        return True
+    if stated in _FRACTIONS and datatype in _FRACTIONS:
+        return True
+    if datatype in (XSD + "nonNegativeInteger", XSD + "positiveInteger") and stated in _WHOLE:
+        try:
+            return value.number() >= (datatype == XSD + "positiveInteger")
+        except ValueError:
+            return False
+    return False
+
+
+def _facet(value: Term, facet: str, bound: Literal) -> bool | None:
+    if not isinstance(value, Literal):
+        return False
+    name = facet.removeprefix(XSD)
+    lengths = {"length": "exactly", "minLength": "min", "maxLength": "max"}
+    try:
+        if name in lengths:
+            return compared(lengths[name], int(bound.number()), [True] * len(value.value))
+        number, limit = value.number(), bound.number()
+    except ValueError:
+        return False
+    match name:
+        case "minInclusive":
+            return number >= limit
+        case "minExclusive":
+            return number > limit
+        case "maxInclusive":
+            return number <= limit
+        case "maxExclusive":
+            return number < limit
+    return None
+
 
 AVAILABLE, MISSING, UNKNOWN = Availability.AVAILABLE, Availability.MISSING, Availability.UNKNOWN
 
@@ -42,7 +238,7 @@ class Possessions:
 
 
 def possessions_of(robot: Robot) -> Possessions:
-    """What a bound robot has. What binding found outweighs claims: no gripper in the URDF, no gripping."""
+    """Return what a bound robot has. What binding found outweighs claims: no gripper in the URDF, no gripping."""
     lacks: dict[str, str] = {}
     if not robot.arms:
         lacks |= dict.fromkeys(("ArmMotionCapability", "ManipulationCapability"), f"{robot.name} has no arm")
@@ -75,7 +271,7 @@ class Missing:
 
 
 def missing_capabilities(ontology: Ontology, actions: Iterable[str], robot: Robot) -> tuple[Missing, ...]:
-    """What action classes (a task with all its steps) require and the robot lacks or may lack, capabilities first."""
+    """Return what action classes require and the robot lacks or may lack, capabilities first."""
     judge = Judge(ontology, possessions_of(robot))
     found: dict[tuple[FindingKind, str], Missing] = {}
     for action in dict.fromkeys(actions):
@@ -100,14 +296,14 @@ class Judge:
         self._open: dict[str, None] = {}
 
     def action(self, cls: str, text: str | None = None, span: Span | None = None) -> Finding:
-        """What an action class requires itself, with everything that this takes, and whether all of it is there."""
+        """Return what an action class requires itself, with all that this takes, and whether all of it is there."""
         below = tuple(self.requirement(one) for one in requirements_of(self.ontology, cls, self.semantics))
         closed = (one for top in below for one, _ in top.walk())
         state = together(one.state for one in (below if self.semantics is Semantics.ORIGINAL else closed))
         return Finding(FindingKind.ACTION, text or local_name(cls), cls, state, "", span, below)
 
     def requirement(self, needed: Requirement) -> Finding:
-        """Whether one requirement is met."""
+        """Return whether one requirement is met."""
         if needed.kind is FindingKind.CAPABILITY and needed.name is not None:
             return replace(self.capability(self._class_of(needed.name)), required=needed.span)
         if needed.kind is FindingKind.CAPABILITY:
@@ -115,13 +311,13 @@ class Judge:
         return self.component(needed)
 
     def _class_of(self, name: str) -> str:
-        """The class of a capability given by an individual of it."""
+        """Return the class of a capability given by an individual of it."""
         if self.ontology.is_class(name):
             return name
         return next(iter(self.ontology.types(name)), name)
 
     def _expressed_capability(self, needed: Requirement) -> Finding:
-        """A combination of capabilities with and, or, not."""
+        """Return the finding about a combination of capabilities with and, or, not."""
         below: list[Finding] = []
 
         def judged(expression: Expression) -> Availability:
@@ -144,7 +340,7 @@ class Judge:
     # -- components
 
     def component(self, needed: Requirement) -> Finding:
-        """Whether parts of the robot are what is required, and as many."""
+        """Return whether parts of the robot are what is required, and as many."""
         text, name = needed.text, needed.name
         answers = [self._fits(part, needed) for part in self.robot.parts]
         kind = needed.quantifier if needed.quantifier in ("min", "max", "exactly") else "min"
@@ -174,7 +370,7 @@ class Judge:
         return self.world.satisfies(part.iri, needed.expression)
 
     def _by_classes(self, part: Part, expression: Expression) -> bool | None:
-        """Whether a part of which only classes are known satisfies an expression."""
+        """Return whether a part of which only classes are known satisfies an expression."""
         answers = [self._by_classes(part, one) for one in expression.parts]
         match expression.kind:
             case "name":
@@ -188,7 +384,7 @@ class Judge:
         return None
 
     def _shows(self, name: str | None) -> bool:
-        """Whether the shape of a robot shows if it has such a part."""
+        """Return whether the shape of a robot shows if it has such a part."""
         if name is None or name in _BY_CAMERA:
             return name is not None
         return any(self.world.is_below(expand(one), name) for one in _SHAPE)
@@ -196,7 +392,7 @@ class Judge:
     # -- capabilities
 
     def capability(self, cls: str) -> Finding:
-        """Whether the robot has a capability: claims it and has the components, or has all that it takes."""
+        """Return whether the robot has a capability: claims it and has the components, or has all that it takes."""
         if cls not in self._known:
             if cls in self._open:  # not remembered: it may be there by another way
                 return Finding(
@@ -211,7 +407,7 @@ class Judge:
         return self._known[cls]
 
     def _judged(self, cls: str) -> Finding:
-        """A capability with everything that it takes; what a claimed one takes is required all the same."""
+        """Return the finding about a capability with all that it takes, which a claimed one takes all the same."""
         needed = requirements_of(self.ontology, cls, self.semantics)
         components = [self.requirement(one) for one in needed if one.kind is FindingKind.COMPONENT]
         capabilities = [self.requirement(one) for one in needed if one.kind is FindingKind.CAPABILITY]

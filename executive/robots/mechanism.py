@@ -1,18 +1,125 @@
-"""The tree of links and joints of a URDF, and which of them a self-model means."""
+"""A robot's URDF: where the file comes from, its tree of links and joints, and which of them a self-model means."""
 
 from __future__ import annotations
 
+import atexit
+import hashlib
+import shutil
+import tempfile
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import numpy as np
 
 from executive.robots.self_model import SelfModel
+from planlang.cache import Cache
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
+from planlang.geometry.mesh import mesh_places
 from planlang.geometry.urdf import Joint, displacement, read_urdf
+from planlang.geometry.xml_tree import BadXml, Element, read_content, read_tree
+
+VERSION = 1
+"""Raised whenever the same source is written otherwise."""
+_CACHE = Cache("urdf", most=50)
+BASE, MOUNT = "mobile_base", "mobile_base_mount"
+"""Link and joint of a base that is added."""
+
+
+class NotInstalled(Exception):
+    """The package that holds a URDF is not there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """A box or an upright cylinder on the floor, on which the URDF's root link stands."""
+
+    size: tuple[float, ...]
+    """Extents in x, y, z, or diameter and height [m]."""
+    at: tuple[float, float, float]
+    """Where the root link is in the frame of the base, which is in the middle of the base's floor [m]."""
+
+
+def packaged(name: str, file: str) -> Path:
+    """Return a file of an installed distribution, by the end of its path; raises NotInstalled."""
+    try:
+        entries = distribution(name).files or ()
+    except (PackageNotFoundError, ValueError):
+        raise NotInstalled(f"the package {name} is not installed") from None
+    wanted = Path(file).parts
+    for entry in entries:
+        if entry.parts[-len(wanted) :] == wanted and (path := Path(str(entry.locate()))).is_file():
+            return path.resolve()
+    raise NotInstalled(f"the installed package {name} has no {file}")
+
+
+def composed(urdf: Path, mount: Mount | None) -> Path:
+    """Return a copy of a URDF whose meshes are named by full paths, on a base if one is asked for.
+
+    A URDF that cannot be read is returned as it is, so that its reader tells what is wrong with it.
+    """
+    try:
+        facts = repr((VERSION, str(urdf), hashlib.sha256(read_content(urdf)).hexdigest(), mount))
+        content = _CACHE.load(facts)
+        if content is None:
+            content = _text(urdf, mount).encode()
+            _CACHE.keep(facts, content)
+    except BadXml:
+        return urdf
+    path = _own_folder() / f"{urdf.stem}-{hashlib.sha256(facts.encode()).hexdigest()[:32]}.urdf"
+    path.write_bytes(content)
+    return path
+
+
+@cache
+def _own_folder() -> Path:
+    """Return a folder of this process alone: what PyBullet reads there is what was written there."""
+    folder = tempfile.mkdtemp(prefix="planlang-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
+
+
+def _text(urdf: Path, mount: Mount | None) -> str:
+    robot = read_tree(urdf)
+    for mesh in robot.iter("mesh"):
+        name = mesh.get("filename", "")
+        found = next((place for place in mesh_places(urdf, name) if place.is_file()), None)
+        if found is not None:
+            mesh.set("filename", str(found.resolve()))
+    if mount is not None:
+        _put_on(robot, mount)
+    for child in list(robot):
+        if child.tag not in ("link", "joint", "material"):
+            robot.remove(child)  # extensions that some readers stumble over
+    ElementTree.indent(robot)  # PyBullet reads lines of 1024 characters at most
+    return ElementTree.tostring(robot, "unicode")
+
+
+def _put_on(robot: Element, mount: Mount) -> None:
+    children = {child.get("link") for child in robot.iterfind("joint/child")}
+    roots = [name for link in robot.findall("link") if (name := link.get("name")) not in children]
+    base = ElementTree.Element("link", name=BASE)
+    height = mount.size[-1]
+    for kind in ("collision", "visual"):
+        shape = ElementTree.SubElement(base, kind)
+        ElementTree.SubElement(shape, "origin", xyz=f"0 0 {height / 2!r}")
+        geometry = ElementTree.SubElement(shape, "geometry")
+        if len(mount.size) == 3:
+            ElementTree.SubElement(geometry, "box", size=" ".join(map(repr, mount.size)))
+        else:
+            ElementTree.SubElement(geometry, "cylinder", radius=repr(mount.size[0] / 2), length=repr(height))
+    joint = ElementTree.Element("joint", name=MOUNT, type="fixed")
+    ElementTree.SubElement(joint, "origin", xyz=" ".join(map(repr, mount.at)))
+    ElementTree.SubElement(joint, "parent", link=BASE)
+    ElementTree.SubElement(joint, "child", link=roots[0] or "" if roots else "")
+    robot.insert(0, base)
+    robot.insert(1, joint)
 
 
 class Mechanism:
@@ -47,7 +154,7 @@ class Mechanism:
         return tuple(reversed(found))
 
     def movers(self, link: str) -> tuple[str, ...]:
-        """Names of the actuated joints from the root to a link."""
+        """Return the names of the actuated joints from the root to a link."""
         return tuple(joint.name for joint in self.chain(link) if self.actuated(joint.name))
 
     def ancestors(self, link: str) -> tuple[str, ...]:
@@ -70,12 +177,12 @@ class Mechanism:
         return tuple(name for name in self.links if name in group)
 
     def fingers(self, hand: str) -> tuple[Joint, ...]:
-        """Actuated joints, or those that mimic one, that hang from what is rigid with a link."""
+        """Return the actuated joints, or those that mimic one, that hang from what is rigid with a link."""
         group = self.rigid_with(hand)
         return tuple(j for j in self.joints.values() if j.parent in group and j.kind != "fixed")
 
     def frame(self, link: str, position: float = 0.0, *, of: str = "") -> Array:
-        """Pose (4, 4) of a link in the root frame with the joint ``of`` at a position and all others at zero."""
+        """Return a link's pose (4, 4) in the root frame, with the joint ``of`` at a position and all others at zero."""
         matrix = np.eye(4)
         for joint in self.chain(link):
             matrix = product(matrix, joint.origin)
@@ -93,7 +200,7 @@ class Naming:
         self._prefixes = self._find_prefixes()
 
     def _find_prefixes(self) -> tuple[str, ...]:
-        """What local names have in front of the URDF's names, longest first."""
+        """Return what local names have in front of the URDF's names, longest first."""
         prefixes: dict[str, None] = {}
         for iri, name in (*self.model.links.items(), *self.model.joints.items()):
             local = local_name(iri)
@@ -104,7 +211,7 @@ class Naming:
         return tuple(sorted(prefixes, key=lambda prefix: (-len(prefix), prefix)))
 
     def link(self, iri: str, span: Span | None = None) -> str | None:
-        """Name in the URDF of the link that an IRI means; a joint means its child link. None if there is none."""
+        """Return the URDF's name of the link that an IRI means, for a joint its child link; None without one."""
         links, joints = self.mechanism.links, self.mechanism.joints
         name = self.model.links.get(iri)
         if name in links:
@@ -136,6 +243,6 @@ class Naming:
             self.found.append(note("B003", message, span))
 
     def unknown(self) -> tuple[str, ...]:
-        """Names of links and joints that the URDF does not have, in the order of the self-model."""
+        """Return the names of links and joints that the URDF does not have, in the order of the self-model."""
         known = {*self.mechanism.links, *self.mechanism.joints}
         return tuple(name for name in (*self.model.links.values(), *self.model.joints.values()) if name not in known)

@@ -110,14 +110,14 @@ class Robot:
     """What was repaired, assumed or left out when binding."""
 
     def arm(self, name: str) -> Arm:
-        """The arm of that name; ``KeyError`` lists those there are."""
+        """Return the arm of that name; ``KeyError`` lists those there are."""
         for arm in self.arms:
             if arm.name == name:
                 return arm
         raise KeyError(f"{self.name} has no arm {name!r}; it has {', '.join(a.name for a in self.arms) or 'none'}")
 
     def arms_of(self, device: Object | None) -> tuple[Arm, ...]:
-        """The arms that a device designator may mean, in the robot's order; all of them without designator.
+        """Return the arms that a device designator may mean, in the robot's order; all of them without designator.
 
         A part of this robot is itself. Any other device is taken by side (left or right in its name or class) and, if
         it is a gripper or hand, only on arms that have one; no side means any.
@@ -133,11 +133,11 @@ class Robot:
         return tuple(a for a in self.arms if (side is None or a.side == side) and (a.gripper or not graspers))
 
     def holder(self, link: str) -> Arm | None:
-        """The arm whose hand a link is."""
+        """Return the arm whose hand a link is."""
         return next((a for a in self.arms if link in (a.hand_link, a.tip)), None)
 
     def body(self, posture: str | None = None) -> RobotBody:
-        """What the simulator needs, in a named posture to begin with (default: ``carrying``, if there is one).
+        """Return what the simulator needs, in a named posture to begin with (default: ``carrying``, if there is one).
 
         Fingers of one hand may touch each other.
         """
@@ -148,7 +148,7 @@ class Robot:
         return RobotBody(self.urdf, camera, hands, (*self.allowed_contacts, *fingers), start, tuple(self.limits))
 
     def posture(self, name: str) -> Mapping[str, float] | None:
-        """Joint positions of a named posture; None if the robot knows none of that name."""
+        """Return the joint positions of a named posture; None if the robot knows none of that name."""
         return self.postures.get(name)
 
 
@@ -159,5 +159,5 @@ def side_of(*names: str) -> str | None:
 
 
 def is_device(what: Object) -> bool:
-    """Whether a designator is a part of the robot."""
+    """Return whether a designator is a part of the robot."""
     return isinstance(what, Device)

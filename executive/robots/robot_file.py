@@ -25,13 +25,13 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from executive.robots.mechanism import Mount, NotInstalled, composed, packaged
 from executive.robots.robot import Axis, BaseDrive, JointLimits
-from executive.robots.urdf_source import Mount, NotInstalled, composed, packaged
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import open_regular, read_file
 from sim import CameraModel
@@ -92,14 +92,8 @@ class RobotFile:
     limits: Mapping[str, JointLimits]
     postures: Mapping[str, Mapping[str, float]]
     allowed_contacts: tuple[tuple[str, str], ...]
-    lines: Mapping[str, int] = field(default_factory=dict)
-    """Dotted key -> line in the file."""
-
-    def span(self, key: str) -> Span:
-        """Where a key, or the nearest table around it, is written."""
-        while key and key not in self.lines:
-            key = key.rpartition(".")[0]
-        return Span(str(self.path), self.lines.get(key, 1))
+    span: Callable[[str], Span]
+    """Where a dotted key, or the nearest table around it, is written."""
 
 
 DEFAULT_BASE = BaseDrive(0.4, 0.5, 0.5, 0.8, 0.8, 5.0)
@@ -141,10 +135,10 @@ def read_robot_file(path: Path) -> RobotFile:
         where = re.search(r"line (\d+), column (\d+)", str(problem))
         span = Span(str(path), *map(int, where.groups())) if where else Span(str(path))
         raise BadInput([error("B001", f"not TOML: {problem}", span)]) from None
-    reader = _Reader(path, _lines_of(text))
-    numbers = reader.robot(table)
-    if reader.found:
-        raise BadInput(reader.found)
+    report = _Report(path, _lines_of(text))
+    numbers = _robot(path, _Table(report, table))
+    if report.found:
+        raise BadInput(report.found)
     return numbers
 
 
@@ -164,204 +158,203 @@ def _lines_of(text: str) -> dict[str, int]:
     return lines
 
 
-class _Reader:
-    """Turns TOML tables into dataclasses; problems are collected, with a harmless value in place."""
+class _Report:
+    """The problems of a file."""
 
     def __init__(self, path: Path, lines: dict[str, int]) -> None:
         self.path, self.lines = path, lines
         self.found: list[Diagnostic] = []
 
-    def robot(self, table: dict[str, Any]) -> RobotFile:
-        self._check_keys(table, "", "")
-        folder = self.path.parent
-        urdf = self._urdf(table)
-        model = self._text(table, "self_model", "", required=False)
-        if model and not (folder / model).is_file():
-            self._bad("self_model", f"there is no {model} beside this file")
-        base = self._table(table, "base", required=True)
-        self._check_keys(base, "base", "base")
-        camera, neck = self._camera(table)
-        joints = self._table(table, "joints")
-        limits = {name: self._limits(self._table(joints, name, "joints"), f"joints.{name}") for name in joints}
-        postures = self._table(table, "postures")
-        return RobotFile(
-            self.path,
-            self._text(table, "name", ""),
-            urdf,
-            folder / model if model else None,
-            self._text(table, "torso", "", required=False) or None,
-            BaseDrive(*(self._positive(base, key, "base") for key in _KEYS["base"])),
-            tuple(self._arm(name, self._table(table["arms"], name, "arms")) for name in self._table(table, "arms")),
-            camera,
-            neck,
-            limits.pop("default", DEFAULT_LIMITS),
-            limits,
-            {name: self._positions(postures, name, "postures") for name in postures},
-            self._pairs(table),
-            self.lines,
-        )
-
-    def _urdf(self, table: dict[str, Any]) -> Path:
-        mount = self._mount(table) if "mount" in table else None
-        said = table.get("urdf")
-        if isinstance(said, dict):
-            self._check_keys(said, "urdf", "urdf")
-            name, file = self._text(said, "package", "urdf"), self._text(said, "file", "urdf")
-            try:
-                urdf = packaged(name, file) if name and file else Path()
-            except NotInstalled as problem:
-                extra = self._text(said, "extra", "urdf", required=False)
-                advice = f"pip install 'planlang[{extra}]'" if extra else f"pip install {name}"
-                self.found.append(error("B014", f"urdf: {problem}", self._span("urdf"), advice))
-                return Path()
-        else:
-            urdf = self.path.parent / self._text(table, "urdf", "")
-            if "urdf" in table and not urdf.is_file():
-                self._bad("urdf", f"there is no {said} beside this file")
-        if self.found or (mount is None and not isinstance(said, dict)):
-            return urdf
-        return composed(urdf, mount)
-
-    def _mount(self, table: dict[str, Any]) -> Mount | None:
-        inner = self._table(table, "mount")
-        self._check_keys(inner, "mount", "mount")
-        size = inner.get("size")
-        if not isinstance(size, list) or len(size) not in (2, 3) or not all(_is_positive(value) for value in size):
-            self._bad("mount.size", "x, y and z, or diameter and height, are expected as positive numbers")
-            return None
-        top = [0.0, 0.0, float(size[-1])]
-        at = inner.get("at", top)
-        if not isinstance(at, list) or len(at) != 3 or not all(_is_number(value) for value in at):
-            self._bad("mount.at", f"three numbers are expected, not {at!r}")
-            return None
-        return Mount(tuple(map(float, size)), (float(at[0]), float(at[1]), float(at[2])))
-
-    def _span(self, key: str) -> Span:
+    def span(self, key: str) -> Span:
+        """Return where a key, or the nearest table around it, is written."""
         while key and key not in self.lines:
             key = key.rpartition(".")[0]
         return Span(str(self.path), self.lines.get(key, 1))
 
-    def _bad(self, key: str, message: str, help: str | None = None) -> None:
-        self.found.append(error("B001", f"{key}: {message}", self._span(key), help))
 
-    def _check_keys(self, table: Mapping[str, Any], kind: str, prefix: str) -> None:
-        for key in table:
-            if key not in _KEYS[kind]:
-                self._bad(f"{prefix}.{key}".lstrip("."), "unknown key", f"valid here: {', '.join(_KEYS[kind])}")
+class _Table:
+    """A TOML table; what is wrong with a value is reported, and a harmless value returned in its place."""
 
-    def _table(self, table: Mapping[str, Any], key: str, prefix: str = "", *, required: bool = False) -> dict[str, Any]:
-        value = table.get(key, {})
-        if not isinstance(value, dict) or (required and key not in table):
-            self._bad(f"{prefix}.{key}".lstrip("."), "a table is expected")
-            return {}
-        return value
+    def __init__(self, report: _Report, values: Mapping[str, Any], name: str = "", kind: str | None = "") -> None:
+        """``kind`` is the one of :data:`_KEYS` by which keys are checked; None: any will do."""
+        self.report, self.values, self.name = report, values, name
+        for key in values if kind is not None else ():
+            if key not in _KEYS[kind or ""]:
+                self.bad(key, "unknown key", f"valid here: {', '.join(_KEYS[kind or ''])}")
 
-    def _text(self, table: Mapping[str, Any], key: str, prefix: str, *, required: bool = True) -> str:
-        value = table.get(key, "" if not required else None)
+    def bad(self, key: str, message: str, help: str | None = None) -> None:
+        """Report a problem with a key."""
+        whole = f"{self.name}.{key}".lstrip(".")
+        self.report.found.append(error("B001", f"{whole}: {message}", self.report.span(whole), help))
+
+    def table(self, key: str, kind: str | None, *, required: bool = False) -> _Table:
+        """Return a table inside; an empty one if it is absent."""
+        value = self.values.get(key, {})
+        if not isinstance(value, dict) or (required and key not in self.values):
+            self.bad(key, "a table is expected")
+            value = {}
+        return _Table(self.report, value, f"{self.name}.{key}".lstrip("."), kind)
+
+    def tables(self, key: str, kind: str) -> dict[str, _Table]:
+        """Return the tables inside a table, by name."""
+        inner = self.table(key, None)
+        return {name: inner.table(name, kind) for name in inner.values}
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """Return a text; one without default is required."""
+        value = self.values.get(key, default)
         if not isinstance(value, str):
-            self._bad(f"{prefix}.{key}".lstrip("."), "missing" if value is None else f"text is expected, not {value!r}")
+            self.bad(key, "missing" if value is None else f"text is expected, not {value!r}")
             return ""
         return value
 
-    def _number(self, table: Mapping[str, Any], key: str, prefix: str, default: float | None = None) -> float:
-        value = table.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            self._bad(f"{prefix}.{key}", "missing" if value is None else f"a finite number is expected, not {value!r}")
+    def number(self, key: str, default: float | None = None, *, positive: bool = False) -> float:
+        """Return a finite number; one without default is required."""
+        value = self.values.get(key, default)
+        if not _is_number(value):
+            self.bad(key, "missing" if value is None else f"a finite number is expected, not {value!r}")
+            return 1.0
+        if positive and value <= 0:
+            self.bad(key, f"a positive number is expected, not {float(value)}")
             return 1.0
         return float(value)
 
-    def _positive(self, table: Mapping[str, Any], key: str, prefix: str, default: float | None = None) -> float:
-        value = self._number(table, key, prefix, default)
-        if value <= 0:
-            self._bad(f"{prefix}.{key}", f"a positive number is expected, not {value}")
-            return 1.0
-        return value
+    def numbers(self, keys: Iterable[str]) -> Iterator[float]:
+        """Yield positive numbers."""
+        return (self.number(key, positive=True) for key in keys)
 
-    def _texts(self, table: Mapping[str, Any], key: str, prefix: str) -> tuple[str, ...]:
-        value = table.get(key, [])
+    def texts(self, key: str) -> tuple[str, ...]:
+        """Return a list of texts."""
+        value = self.values.get(key, [])
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            self._bad(f"{prefix}.{key}", f"a list of names is expected, not {value!r}")
+            self.bad(key, f"a list of names is expected, not {value!r}")
             return ()
         return tuple(value)
 
-    def _axis(self, table: Mapping[str, Any], key: str, prefix: str, default: Axis) -> Axis:
-        value = table.get(key, list(default))
-        numbers = isinstance(value, list) and len(value) == 3 and all(isinstance(v, (int, float)) for v in value)
+    def axis(self, key: str, default: Axis) -> Axis:
+        """Return a unit vector."""
+        value = self.values.get(key, default)
+        numbers = (
+            isinstance(value, (list, tuple)) and len(value) == 3 and all(isinstance(v, (int, float)) for v in value)
+        )
         length = math.hypot(*value) if numbers else 0.0
         if not 1e-9 < length < math.inf:
-            self._bad(f"{prefix}.{key}", f"three numbers that are a direction are expected, not {value!r}")
+            self.bad(key, f"three numbers that are a direction are expected, not {value!r}")
             return default
         return (value[0] / length, value[1] / length, value[2] / length)
 
-    def _positions(self, table: Mapping[str, Any], key: str, prefix: str) -> dict[str, float]:
-        inner = self._table(table, key, prefix)
-        return {joint: self._number(inner, joint, f"{prefix}.{key}") for joint in inner}
+    def positions(self, key: str) -> dict[str, float]:
+        """Return numbers by joint."""
+        inner = self.table(key, None)
+        return {joint: inner.number(joint) for joint in inner.values}
 
-    def _limits(self, table: Mapping[str, Any], prefix: str) -> JointLimits:
-        self._check_keys(table, "joints.*", prefix)
-        return JointLimits(*(self._positive(table, key, prefix) for key in _KEYS["joints.*"]))
 
-    def _arm(self, name: str, table: Mapping[str, Any]) -> ArmNumbers:
-        prefix = f"arms.{name}"
-        self._check_keys(table, "arms.*", prefix)
-        side = self._text(table, "side", prefix, required=False) or None
-        if side not in (None, "left", "right"):
-            self._bad(f"{prefix}.side", f'"left" or "right" is expected, not {side!r}')
-        approach = self._axis(table, "approach", prefix, (1.0, 0.0, 0.0))
-        closing = self._axis(table, "closing", prefix, (0.0, 1.0, 0.0))
-        if abs(sum(a * c for a, c in zip(approach, closing, strict=True))) > 1e-3:
-            self._bad(f"{prefix}.closing", "the closing axis must be at a right angle to the approach axis")
-        tip = self._text(table, "tip", prefix)
-        hand = self._text(table, "hand", prefix, required=False) or tip
-        gripper = self._gripper(self._table(table, "gripper", prefix), prefix) if "gripper" in table else None
-        return ArmNumbers(name, tip, hand, side, approach, closing, gripper)
+def _robot(path: Path, table: _Table) -> RobotFile:
+    urdf, model = _urdf(path, table), table.text("self_model", "")
+    if model and not (path.parent / model).is_file():
+        table.bad("self_model", f"there is no {model} beside this file")
+    camera, neck = _camera(table)
+    keys = _KEYS["joints.*"]
+    limits = {name: JointLimits(*joint.numbers(keys)) for name, joint in table.tables("joints", "joints.*").items()}
+    postures = table.table("postures", None)
+    return RobotFile(
+        path,
+        table.text("name"),
+        urdf,
+        path.parent / model if model else None,
+        table.text("torso", "") or None,
+        BaseDrive(*table.table("base", "base", required=True).numbers(_KEYS["base"])),
+        tuple(_arm(name, arm) for name, arm in table.tables("arms", "arms.*").items()),
+        camera,
+        neck,
+        limits.pop("default", DEFAULT_LIMITS),
+        limits,
+        {name: postures.positions(name) for name in postures.values},
+        _pairs(table),
+        table.report.span,
+    )
 
-    def _gripper(self, table: Mapping[str, Any], prefix: str) -> GripperNumbers:
-        prefix += ".gripper"
-        self._check_keys(table, "arms.*.gripper", prefix)
-        opened, closed = self._positions(table, "opened", prefix), self._positions(table, "closed", prefix)
-        if not opened or set(opened) != set(closed):
-            self._bad(f"{prefix}.closed", "opened and closed must give positions of the same joints, at least one")
-        fingers = self._texts(table, "fingers", prefix)
-        return GripperNumbers(opened, closed, fingers, self._positive(table, "max_opening", prefix))
 
-    def _camera(self, table: Mapping[str, Any]) -> tuple[CameraModel | None, tuple[str, ...]]:
-        if "camera" not in table:
-            return None, ()
-        inner = self._table(table, "camera")
-        self._check_keys(inner, "camera", "camera")
-        fov = self._positive(inner, "fov", "camera", 1.0)
-        near, far = self._positive(inner, "near", "camera", 0.3), self._positive(inner, "far", "camera", 4.0)
-        if not fov < math.pi:
-            self._bad("camera.fov", f"an angle below pi is expected, not {fov}")
-        if near >= far:
-            self._bad("camera.far", f"must be more than near ({near} m)")
-        model = CameraModel(
-            self._text(inner, "link", "camera"),
-            fov,
-            near,
-            far,
-            int(self._positive(inner, "width", "camera", 160)),
-            int(self._positive(inner, "height", "camera", 120)),
-            self._axis(inner, "forward", "camera", (0.0, 0.0, 1.0)),
-            self._axis(inner, "up", "camera", (0.0, -1.0, 0.0)),
-        )
-        return model, self._texts(inner, "neck", "camera")
+def _urdf(path: Path, table: _Table) -> Path:
+    mount, stated = _mount(table), table.values.get("urdf")
+    if isinstance(stated, dict):
+        source = table.table("urdf", "urdf")
+        name, file = source.text("package"), source.text("file")
+        try:
+            urdf = packaged(name, file) if name and file else Path()
+        except NotInstalled as problem:
+            extra = source.text("extra", "")
+            advice = f"pip install 'planlang[{extra}]'" if extra else f"pip install {name}"
+            table.report.found.append(error("B014", f"urdf: {problem}", table.report.span("urdf"), advice))
+            return Path()
+    else:
+        urdf = path.parent / table.text("urdf")
+        if stated is not None and not urdf.is_file():
+            table.bad("urdf", f"there is no {stated} beside this file")
+    if table.report.found or (mount is None and not isinstance(stated, dict)):
+        return urdf
+    return composed(urdf, mount)
 
-    def _pairs(self, table: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-        value = table.get("allowed_contacts", [])
-        pairs = []
-        for pair in value if isinstance(value, list) else [value]:
-            if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):
-                self._bad("allowed_contacts", f"a pair of link names is expected, not {pair!r}")
-                continue
-            pairs.append((pair[0], pair[1]))
-        return tuple(pairs)
+
+def _mount(table: _Table) -> Mount | None:
+    if "mount" not in table.values:
+        return None
+    inner = table.table("mount", "mount")
+    size = inner.values.get("size")
+    if not isinstance(size, list) or len(size) not in (2, 3) or not all(_is_number(v) and v > 0 for v in size):
+        inner.bad("size", "x, y and z, or diameter and height, are expected as positive numbers")
+        return None
+    at = inner.values.get("at", [0.0, 0.0, size[-1]])
+    if not isinstance(at, list) or len(at) != 3 or not all(map(_is_number, at)):
+        inner.bad("at", f"three numbers are expected, not {at!r}")
+        return None
+    return Mount(tuple(map(float, size)), (float(at[0]), float(at[1]), float(at[2])))
+
+
+def _arm(name: str, table: _Table) -> ArmNumbers:
+    side = table.text("side", "") or None
+    if side not in (None, "left", "right"):
+        table.bad("side", f'"left" or "right" is expected, not {side!r}')
+    approach, closing = table.axis("approach", (1.0, 0.0, 0.0)), table.axis("closing", (0.0, 1.0, 0.0))
+    if abs(sum(a * c for a, c in zip(approach, closing, strict=True))) > 1e-3:
+        table.bad("closing", "the closing axis must be at a right angle to the approach axis")
+    tip = table.text("tip")
+    gripper = _gripper(table.table("gripper", "arms.*.gripper")) if "gripper" in table.values else None
+    return ArmNumbers(name, tip, table.text("hand", "") or tip, side, approach, closing, gripper)
+
+
+def _gripper(table: _Table) -> GripperNumbers:
+    opened, closed = table.positions("opened"), table.positions("closed")
+    if not opened or set(opened) != set(closed):
+        table.bad("closed", "opened and closed must give positions of the same joints, at least one")
+    return GripperNumbers(opened, closed, table.texts("fingers"), table.number("max_opening", positive=True))
+
+
+def _camera(table: _Table) -> tuple[CameraModel | None, tuple[str, ...]]:
+    if "camera" not in table.values:
+        return None, ()
+    inner = table.table("camera", "camera")
+    fov = inner.number("fov", 1.0, positive=True)
+    near, far = inner.number("near", 0.3, positive=True), inner.number("far", 4.0, positive=True)
+    if not fov < math.pi:
+        inner.bad("fov", f"an angle below pi is expected, not {fov}")
+    if near >= far:
+        inner.bad("far", f"must be more than near ({near} m)")
+    width, height = (int(inner.number(key, size, positive=True)) for key, size in (("width", 160), ("height", 120)))
+    forward, up = inner.axis("forward", (0.0, 0.0, 1.0)), inner.axis("up", (0.0, -1.0, 0.0))
+    return CameraModel(inner.text("link"), fov, near, far, width, height, forward, up), inner.texts("neck")
+
+
+def _pairs(table: _Table) -> tuple[tuple[str, str], ...]:
+    value = table.values.get("allowed_contacts", [])
+    pairs = []
+    for pair in value if isinstance(value, list) else [value]:
+        if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):
+            table.bad("allowed_contacts", f"a pair of link names is expected, not {pair!r}")
+            continue
+        pairs.append((pair[0], pair[1]))
+    return tuple(pairs)
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _is_positive(value: Any) -> bool:
-    return _is_number(value) and value > 0

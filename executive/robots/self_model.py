@@ -44,7 +44,7 @@ class SelfModel:
 
 
 def read_self_model(ontology: Ontology) -> SelfModel:
-    """The robot that an ontology describes: the first individual of a class of robots, or with parts of its own.
+    """Return the robot that an ontology describes: the first individual of a class of robots, or with parts of its own.
 
     Raises BadInput if there is none.
     """
@@ -137,7 +137,7 @@ def _links(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
 
 
 def _closure(ontology: Ontology, robot: str) -> tuple[str, ...]:
-    """The robot and everything reached from it by chain and part relations, breadth first."""
+    """Return the robot and everything reached from it by chain and part relations, breadth first."""
     found = {robot: None}
     queue = [robot]
     while queue:
@@ -170,7 +170,7 @@ def parts_of(model: SelfModel) -> tuple[Part, ...]:
 
 
 def claims_of(model: SelfModel) -> dict[str, Span | None]:
-    """The capabilities (IRIs of classes) that a self-model claims, for the robot or its classes, and where."""
+    """Return the capabilities (IRIs of classes) that a self-model claims, for the robot or its classes, and where."""
     ontology = model.ontology
     properties = set(ontology.subproperties(expand("srdl2-cap:hasCapability")))
     claims: dict[str, Span | None] = {}
@@ -187,7 +187,7 @@ def claims_of(model: SelfModel) -> dict[str, Span | None]:
 
 
 def inherent(arms: Iterable[tuple[str, bool]], has_camera: bool) -> tuple[tuple[Part, ...], Mapping[str, Span | None]]:
-    """Parts and capabilities of a robot without self-model: what its shape implies, a base that drives included.
+    """Return the parts and capabilities that a shape implies, for a robot without self-model: its base drives.
 
     ``arms`` are the names of arms, with whether they have a gripper.
     """

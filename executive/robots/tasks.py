@@ -9,9 +9,16 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from executive.robots.finding import NEEDED, Availability, Finding, FindingKind, together
 from executive.robots.matching import Judge, Missing, Possessions
-from executive.robots.requirements import Semantics, requirements_of
+from executive.robots.requirements import (
+    NEEDED,
+    Availability,
+    Finding,
+    FindingKind,
+    Semantics,
+    requirements_of,
+    together,
+)
 from planlang.designators import local_name
 from planlang.ontology import Ontology, expand
 from planlang.recipe import Recipe, RecipeSet, Step
@@ -46,11 +53,11 @@ class Match:
         return tuple(found.values())
 
     def in_state(self, state: Availability) -> tuple[Finding, ...]:
-        """Required capabilities, then components, that are missing, unknown or available."""
+        """Return the required capabilities, then components, that are missing, unknown or available."""
         return tuple(one for kind in NEEDED for one in self.required(kind) if one.state is state)
 
     def lacking(self) -> tuple[Missing, ...]:
-        """What is missing, or may be, for the task; not what only an alternative needs for which another stands in."""
+        """Return what the task lacks or may lack, without what only one of several alternatives needs."""
         found: dict[tuple[FindingKind, str], Missing] = {}
         for finding, path in self.tree.walk():
             if finding.kind not in NEEDED or finding.state is Availability.AVAILABLE:
@@ -66,7 +73,7 @@ class Match:
         return tuple(found.values())
 
     def lines(self, *, all_of_it: bool = True) -> Iterator[str]:
-        """The verdict, the tree, and where what is missing could be had."""
+        """Yield the verdict, the tree, and where what is missing could be had."""
         yield from self.tree.lines(all_of_it=all_of_it)
         for state, verb in ((Availability.MISSING, "lacks"), (Availability.UNKNOWN, "may lack")):
             names = [f"{one.kind.value} {one.text}" for one in self.in_state(state)]
@@ -76,7 +83,7 @@ class Match:
             yield f"{self.robot} has all that {self.tree.text} requires"
 
     def as_json(self) -> dict[str, Any]:
-        """The match as JSON data; names are local ones."""
+        """Return the match as JSON data; names are local ones."""
         data: dict[str, Any] = {"robot": self.robot, "semantics": self.semantics.value, "feasible": self.feasible}
         for kind, plural in ((FindingKind.CAPABILITY, "capabilities"), (FindingKind.COMPONENT, "components")):
             required = self.required(kind)
@@ -100,7 +107,7 @@ class _Tree:
         self.recipes = recipes.recipes
 
     def task(self, recipe: Recipe, above: tuple[str, ...]) -> Finding:
-        """A recipe: what its own class requires, and its steps."""
+        """Return the finding about a recipe: what its own class requires, and its steps."""
         own = self.judge.action(recipe.action_class, span=recipe.span)
         steps: tuple[Step, ...] = recipe.steps
         if self.judge.semantics is Semantics.ORIGINAL and recipe.dialect not in SEEN_BY_THE_ORIGINAL:
@@ -111,7 +118,7 @@ class _Tree:
         return Finding(FindingKind.TASK, text, recipe.iri, state, "", recipe.span, (*own.below, *performed))
 
     def step(self, step: Step, above: tuple[str, ...]) -> Finding:
-        """A step: what its class requires, and the recipe that performs it, or the best of several."""
+        """Return the finding about a step: what its class requires, and the best recipe that performs it."""
         own = self.judge.action(step.action_class, span=step.span)
         inner = [self.recipes[iri] for iri in step.recipes if iri in self.recipes and iri not in above]
         performed = tuple(self.task(recipe, above) for recipe in inner)
@@ -129,7 +136,7 @@ DEEPEST = 8
 
 
 def with_remedies(match: Match, judge: Judge, knowledge: Iterable[Ontology]) -> Match:
-    """The match with a remedy at everything missing or unknown for which the knowledge base has one."""
+    """Return the match with a remedy at everything missing or unknown for which the knowledge base has one."""
     search = _Search(judge, tuple(knowledge))
     return replace(match, tree=search.told(match.tree))
 
@@ -150,7 +157,7 @@ class _Search:
         return replace(finding, below=below, remedy=remedy)
 
     def had(self, kind: FindingKind, cls: str, above: tuple[str, ...]) -> tuple[str, ...]:
-        """What to get so that a missing class is there, with what that takes; nothing if there is no way."""
+        """Return what to get so that a missing class is there, with what that takes; nothing if there is no way."""
         if cls in above or len(above) >= DEEPEST:
             return ()
         inside = (*above, cls)
@@ -178,13 +185,13 @@ class _Search:
         return any(one.taxonomy.is_below(cls, HARDWARE) for one in self.knowledge)
 
     def _unmet(self, cls: str) -> list[Finding]:
-        """What a class requires and the robot does not have."""
+        """Return what a class requires and the robot does not have."""
         stated = [(one, needed) for one in self.knowledge for needed in requirements_of(one, cls)]
         judged = {needed.text: self.judge.requirement(needed) for _, needed in stated}
         return [one for one in judged.values() if one.state is not Availability.AVAILABLE]
 
     def _individuals(self, cls: str) -> Iterator[str]:
-        """Individuals of just this class that are no parts of the robot, with where they are."""
+        """Yield individuals of just this class that are no parts of the robot, with where they are."""
         for one in self.knowledge:
             for iri in one.individuals(cls):
                 if iri not in self.own and cls in one.types(iri) and not one.is_class(iri):

@@ -11,8 +11,8 @@ from itertools import chain, islice
 import numpy as np
 
 from executive.belief import Belief, SemanticMap, default_starts
-from executive.belief.free_floor import BasePose
 from executive.belief.planning_scene import PlanningScene
+from executive.belief.scene_collisions import BasePose
 from executive.locations import Resolver
 from executive.modules.platform import Platform
 from executive.robots import Robot

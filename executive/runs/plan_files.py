@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import inspect
 import tempfile
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
@@ -17,11 +18,13 @@ from typing import Any
 
 from executive.belief import MapObject, SemanticMap
 from executive.belief.semantic_map import environments_with
+from executive.robots import Availability, Missing, Robot, match, possessions_of
 from planlang.designators import Object, local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.language.plans import Plan
-from planlang.ontology import Ontology, expand, shorten
-from planlang.recipe import RecipeSet
+from planlang.ontology import Ontology, expand, load, shorten
+from planlang.plan_header import LONGEST, header
+from planlang.recipe import Actions, RecipeSet, read_recipe
 
 MOST_NAMES = 20
 """Things of a map that one message lists."""
@@ -47,7 +50,7 @@ def compiled_plan(
 
 
 def import_plan(path: Path) -> ModuleType:
-    """The plan's file as a module; raises BadInput, with the line, when it cannot be imported."""
+    """Return the plan's file as a module; raises BadInput, with the line, when it cannot be imported."""
     loader = _PlanLoader(f"planlang_run_{path.stem}", str(path))
     spec = importlib.util.spec_from_loader(loader.name, loader)
     assert spec is not None
@@ -64,7 +67,7 @@ class _PlanLoader(SourceFileLoader):
     """Loads a plan from a file of any suffix and leaves no compiled copy beside it."""
 
     def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:
-        """Called with the compiled copy; it is not kept."""
+        """Keep no compiled copy."""
 
 
 def line_in(problem: BaseException, path: Path) -> int | None:
@@ -74,7 +77,7 @@ def line_in(problem: BaseException, path: Path) -> int | None:
 
 
 def main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:
-    """The plan of that name or IRI; without one the last plan in the file, which calls the others.
+    """Return the plan of that name or IRI; without one the last plan in the file, which calls the others.
 
     Raises BadInput, telling which plans there are, when there is none or not the one that was asked for.
     """
@@ -103,7 +106,7 @@ def bindable_parameters(plan: Plan[Any, Any]) -> dict[str, Object]:
 def bound_parameters(
     plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap, found: list[Diagnostic]
 ) -> dict[str, Object]:
-    """The plan's parameters: their defaults, or things of the map that the user named, by IRI or local name.
+    """Return the plan's parameters: their defaults, or things of the map that the user named, by IRI or local name.
 
     A thing has to be of the class of the default. Where the recipe names an individual, a thing of a class beside that
     of the individual, below the same one, will do, too, with a warning among ``found``. Raises BadInput, telling what
@@ -146,14 +149,14 @@ def _is(semantic_map: SemanticMap, thing: MapObject, cls: str) -> bool:
 
 
 def _is_alike(semantic_map: SemanticMap, thing: MapObject, default: Object) -> bool:
-    """True if a class directly above that of the recipe's individual is also above that of the thing."""
+    """Return True if a class directly above that of the recipe's individual is also above that of the thing."""
     if default.iri is None:
         return False
     return any(_is(semantic_map, thing, cls) for cls in semantic_map.ontology.parents(expand(default.type)))
 
 
 def _instead(wanted: str, name: str, default: Object, semantic_map: SemanticMap) -> str:
-    """What may have been meant by a thing that is not there, what would be valid, and where there is such a thing."""
+    """Return what may have been meant by an absent thing, what would be valid, and where there is such a thing."""
     fitting = _fitting_things(default, semantic_map)
     placed = [thing.name for thing in semantic_map.objects if thing.pose is not None]
     short = local_name(wanted)
@@ -180,9 +183,254 @@ def _fitting_things(default: Object, semantic_map: SemanticMap) -> list[str]:
 
 
 def _fitting(name: str, default: Object, semantic_map: SemanticMap) -> str:
-    """What would be valid: the things with a place that a parameter may be bound to."""
+    """Return what would be valid: the things with a place that a parameter may be bound to."""
     fitting = _fitting_things(default, semantic_map)
     if not fitting:
         placed = [thing.name for thing in semantic_map.objects if thing.pose is not None]
         return f"nothing in the map is a {default.type}; things with a place: {_listed(placed)}"
     return f"{name} may be {_listed(fitting)}"
+
+
+MOVING = "Translation-LocationChange"
+"""What a scope does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Needs:
+    """Action classes that a piece of plan performs, and its choices: of each one alternative is enough."""
+
+    actions: tuple[str, ...] = ()
+    choices: tuple[tuple[Alternative, ...], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """One branch of a choice: the function that it calls, at which line it stands, and what it needs."""
+
+    name: str
+    line: int
+    needs: Needs
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """What a robot lacks for a plan, and the alternatives that it cannot do while another one will do.
+
+    ``unknown`` is what it may lack: the plan runs, and says so.
+    """
+
+    missing: tuple[Missing, ...]
+    infeasible: tuple[tuple[Alternative, Missing], ...] = ()
+    unknown: tuple[Missing, ...] = ()
+
+    def also(self, lacking: Iterable[Missing]) -> Assessment:
+        """Return the assessment with what the plan's recipe requires besides; each thing is listed once."""
+        known = {(one.kind, one.name) for one in (*self.missing, *self.unknown)}
+        others = [one for one in lacking if (one.kind, one.name) not in known]
+        missing = tuple(one for one in others if one.state is Availability.MISSING)
+        unknown = tuple(one for one in others if one.state is not Availability.MISSING)
+        return Assessment((*self.missing, *missing), self.infeasible, (*self.unknown, *unknown))
+
+    def notes(self, file: Path | None) -> Iterator[Diagnostic]:
+        """Yield a note for each alternative that the robot cannot do, a warning for what it may lack.
+
+        ``file`` is the plan's if it lasts.
+        """
+        for what in self.unknown:
+            advice = "planlang match RECIPE --robot ROBOT shows what requires it; a self-model can claim it"
+            yield warning("X009", f"the robot may lack {what}", None, advice)
+        for alternative, why in self.infeasible:
+            span = Span(str(file), alternative.line) if file is not None else None
+            yield note("X008", f"the robot cannot do the alternative `{alternative.name}`: {why}", span)
+
+
+def assess(needs: Needs, lacking: Callable[[Iterable[str]], tuple[Missing, ...]]) -> Assessment:
+    """Return whether a robot can do what is needed; ``lacking`` tells what it lacks for action classes.
+
+    When no alternative of a choice is feasible, what all of them lack is missing.
+    """
+    found_missing = lacking(needs.actions)
+    missing = dict.fromkeys(one for one in found_missing if one.state is Availability.MISSING)
+    unknown = dict.fromkeys(one for one in found_missing if one.state is not Availability.MISSING)
+    infeasible: dict[tuple[Alternative, Missing], None] = {}
+    for choice in needs.choices:
+        found = [(alternative, assess(alternative.needs, lacking)) for alternative in choice]
+        feasible = [assessment for _, assessment in found if not assessment.missing]
+        for alternative, assessment in found:
+            unknown.update(dict.fromkeys(assessment.unknown))
+            if not feasible:
+                missing.update(dict.fromkeys(assessment.missing))
+            elif assessment.missing:
+                infeasible[alternative, assessment.missing[0]] = None
+            else:
+                infeasible.update(dict.fromkeys(assessment.infeasible))
+    return Assessment(tuple(missing), tuple(infeasible), tuple(unknown))
+
+
+def needs_of(module: ModuleType, plan: Plan[Any, Any]) -> Needs:
+    """Return what a plan of a module needs, with all that it calls in the module."""
+    return _Source(module).needs(plan.name)
+
+
+Scope = Mapping[str, ast.AST]
+"""What names stand for that are defined in the source."""
+
+
+class _Source:
+    """The source of a plan's module. What performs itself, directly or not, is looked into once."""
+
+    def __init__(self, module: ModuleType) -> None:
+        tree = ast.parse(inspect.getsource(module))
+        self._values = vars(module)
+        self._original = {
+            alias.asname or alias.name: alias.name
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "planlang"
+            for alias in node.names
+        }
+        self._top = _definitions(tree.body)
+        self._known: dict[int, Needs] = {}
+
+    def needs(self, name: str) -> Needs:
+        """Return what a plan function of the module needs; everything in the module if it is defined elsewhere."""
+        nodes = [self._top[name]] if name in self._top else self._top.values()
+        return _together(self._definition(node, self._top) for node in nodes)
+
+    def _definition(self, node: ast.AST, scope: Scope) -> Needs:
+        if id(node) not in self._known:
+            self._known[id(node)] = Needs()
+            pieces: Iterable[ast.AST] = [node]
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                pieces = ast.iter_child_nodes(node)
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                scope = {**scope, **_definitions(node.body)}
+            self._known[id(node)] = _together(self._within(piece, scope) for piece in pieces)
+        return self._known[id(node)]
+
+    def _within(self, node: ast.AST, scope: Scope) -> Needs:
+        """Return what a piece of source needs; local functions and values where they are named."""
+        needs: list[Needs]
+        match node:
+            case ast.FunctionDef() | ast.AsyncFunctionDef() if scope.get(node.name) is node:
+                return Needs()
+            case ast.Assign(targets=[ast.Name(id=name)], value=value) if scope.get(name) is value:
+                if not any(isinstance(inner, ast.Await) for inner in ast.walk(value)):
+                    return Needs()
+                needs = []
+            case ast.Call(func=function, args=[first, *_]) if self._name(function) in ("action", "Action"):
+                own = self._text(first)
+                needs = [Needs((own,))] if own is not None else []
+            case ast.Call(func=function, args=branches) if self._name(function) == "try_in_order":
+                return self._choice([*branches, *(k.value for k in node.keywords if k.arg != "name")], scope)
+            case ast.Call(args=[first, *branches]) if self._name(first) == "try_in_order":  # partial(try_in_order, ...)
+                return self._choice([*branches, *(k.value for k in node.keywords if k.arg != "name")], scope)
+            case ast.Name() | ast.Attribute() if self._name(node) == "at_location":
+                needs = [Needs((MOVING,))]
+            case ast.Name(id=name, ctx=ast.Load()) if name in scope:
+                definition = scope[name]
+                needs = [self._definition(definition, self._top if self._top.get(name) is definition else scope)]
+            case _:
+                needs = []
+        return _together([*needs, *(self._within(child, scope) for child in ast.iter_child_nodes(node))])
+
+    def _choice(self, branches: list[ast.expr], scope: Scope) -> Needs:
+        if any(isinstance(branch, ast.Starred) for branch in branches):
+            return _together(self._within(branch, scope) for branch in branches)
+        return Needs(
+            choices=(tuple(Alternative(_title(b), b.lineno, self._within(b, scope)) for b in branches),),
+        )
+
+    def _name(self, node: ast.AST) -> str | None:
+        """Return planlang's name of what an expression names, ``action`` after ``import action as act``."""
+        match node:
+            case ast.Name(id=name):
+                return self._original.get(name, name)
+            case ast.Attribute(attr=name):
+                return name
+        return None
+
+    def _text(self, node: ast.expr) -> str | None:
+        """Return the text that an expression stands for: a literal, a constant of the module, or a sum of these."""
+        match node:
+            case ast.Constant(value=str(text)):
+                return text
+            case ast.Name(id=name) if isinstance(self._values.get(name), str):
+                return str(self._values[name])
+            case ast.BinOp(left=left, op=ast.Add(), right=right):
+                parts = self._text(left), self._text(right)
+                return parts[0] + parts[1] if parts[0] is not None and parts[1] is not None else None
+        return None
+
+
+def _title(branch: ast.expr) -> str:
+    match branch:
+        case ast.Call(func=ast.Name("partial") | ast.Attribute(attr="partial"), args=[function, *_]):
+            return ast.unparse(function)
+    return ast.unparse(branch)
+
+
+def _definitions(body: list[ast.stmt]) -> dict[str, ast.AST]:
+    """Return the functions, classes and values by the names that they have in a module or a function."""
+    found: dict[str, ast.AST] = {}
+    for node in body:
+        match node:
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
+                found[name] = node
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                found[name] = value
+            case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value):
+                found[name] = value
+    return found
+
+
+def _together(needs: Iterable[Needs]) -> Needs:
+    """Return all needs, each action class and each choice once."""
+    actions: dict[str, None] = {}
+    choices: dict[tuple[Alternative, ...], None] = {}
+    for one in needs:
+        actions.update(dict.fromkeys(one.actions))
+        choices.update(dict.fromkeys(one.choices))
+    return Needs(tuple(actions), tuple(choices))
+
+
+Requirements = Callable[[Robot], tuple[Missing, ...]]
+"""Requirements of a recipe: given a robot, what it lacks or may lack."""
+
+
+def required(ontology: Ontology, recipes: RecipeSet) -> Requirements:
+    """Return the requirements of recipes; ``ontology`` is the one that they were read from."""
+    return lambda robot: match(ontology, recipes, possessions_of(robot)).lacking()
+
+
+def required_of_plan(
+    file: Path, plan: Plan[Any, Any], found: list[Diagnostic], *, folders: Sequence[Path] = ()
+) -> Requirements | None:
+    """Return the requirements of the recipe of a compiled plan; None if a person wrote the plan.
+
+    A plan shows only what its steps do; the classes of the task and its steps may require more, which is read from the
+    recipe that the header names, also if the plan was edited. If the recipe is gone or has changed, a warning is
+    appended to ``found``, and the result is None.
+    """
+    with file.open(encoding="utf-8", errors="replace") as source:
+        origin = header(source.read(LONGEST))
+    if origin is None:
+        return None
+    span = Span(str(file))
+    unknown = f"the robot is not checked against the recipe {origin.recipe}"
+    recipe = origin.find_recipe(file, folders)
+    if recipe is None:
+        advice = "name its folder with --ontologies DIR"
+        found.append(warning("C011", f"{unknown}, which is not beside the plan", span, advice))
+        return None
+    try:
+        ontology = load(recipe, folders=folders)
+    except BadInput as problem:
+        advice = f"planlang check {recipe} shows more"
+        found.append(warning("C011", f"{unknown}: {problem.diagnostics[0].message}", span, advice))
+        return None
+    if not ontology.documents[0].sha256.startswith(origin.sha256):
+        advice = f"planlang compile {recipe} -o {file} compiles the plan again"
+        found.append(warning("C009", f"{unknown}, which has changed since this plan was compiled", span, advice))
+        return None
+    reading = read_recipe(Actions(ontology), plan.iri or origin.task, allow_abstract=True)
+    return None if reading.recipes is None else required(ontology, reading.recipes)

@@ -14,20 +14,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.belief import Belief, read_map, scene_of
-from executive.modules.registry import bundled_registry
 from executive.robots import bind_robot, missing_capabilities
-from executive.robots.carrying import with_carrying
+from executive.robots.arms import with_carrying
 from executive.runs.assembly import build_maps, platform_of, real_scene, world_at_start
 from executive.runs.plan_files import (
+    Requirements,
+    assess,
     bindable_parameters,
     bound_parameters,
     compiled_plan,
     import_plan,
     line_in,
     main_plan,
+    needs_of,
+    required,
+    required_of_plan,
 )
-from executive.runs.plan_requirements import Requirements, assess, needs_of, required, required_of_plan
-from executive.runs.robot_executive import RobotExecutive
+from executive.runs.robot_executive import RobotExecutive, bundled_registry
 from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
@@ -276,7 +279,7 @@ class Run:
         if options.record is not None:
             from executive.pictures.recording import Recording, drawn_in
 
-            drawn = drawn_in(truth, executive.platform.robot.urdf)
+            drawn = drawn_in(truth)
             recording = Recording(truth.rate, drawn, title=self.plan.name)
             listeners.append(lines_of(recording.event))
             world = _FilmedWorld(truth, recording)

@@ -12,18 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from executive.belief.free_floor import BasePose
+from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
+from executive.modules import grasping, navigation, perception, reaching
 from executive.modules.arms import ArmChoices
 from executive.modules.platform import Platform
-from executive.modules.registry import bundled_modules
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
 from planlang.geometry import Array
 from planlang.language.executive import ProcessModule
+from planlang.modules import ModuleRegistry, Rank
 from planlang.protocols import RestorableWorld, Solution
 from planlang.runs.codec import dump, load
 
@@ -212,3 +213,19 @@ def _array(state: Any, shape: tuple[int, ...]) -> Array:
 def _base(state: Any) -> BasePose:
     x, y, yaw = state
     return float(x), float(y), float(yaw)
+
+
+BUNDLED = (navigation, reaching, grasping, perception)
+
+
+def bundled_registry() -> ModuleRegistry:
+    """Return a registry with the process modules that come with planlang."""
+    registry = ModuleRegistry()
+    for module in BUNDLED:
+        registry.add(module, "planlang", Rank.BUNDLED)
+    return registry
+
+
+def bundled_modules() -> tuple[Callable[[Any], ProcessModule], ...]:
+    """Return the classes of the process modules that come with planlang."""
+    return bundled_registry().resolve([])

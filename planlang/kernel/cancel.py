@@ -96,7 +96,7 @@ def break_off(scheduler: Scheduler, task: Task, error: BaseException) -> None:
     scope = task.scope
     if scope is not None and not scope.complete:
         scope.close()
-    elif not task.woken and not _undisturbed(task):
+    elif not task.woken and not _undisturbed(task):  # else the error waits for the next checkpoint
         scheduler.throw(task, delivery(task, scheduler.draining))
 
 
@@ -109,7 +109,7 @@ def deliver(task: Task) -> Generator[object, Any, None]:
     task.deliveries += 1
     if task.deliveries > MAX_DELIVERIES:
         yield STUCK
-    if task.thrown and not scheduler.draining:
+    if task.thrown and not scheduler.draining:  # not the first time: code of a cleanup awaits without a shield
         _warn_cut_short(task)
     task.thrown = True
     raise Evaporated
@@ -122,7 +122,7 @@ async def checkpoint() -> None:
         await deliver(task)
     scheduler.wake(task)
     await park("its turn")
-    if task.doomed:
+    if task.doomed:  # since it was in the queue already, evaporation could not be raised where it waited
         await deliver(task)
 
 
@@ -192,13 +192,13 @@ def suspend(scheduler: Scheduler, task: Task) -> bool:
             raise PlanStructureError(f"a task cannot suspend itself or what waits for it: {task.path}")
         runner = runner.group.owner if runner.group is not None else None
     task.count += 1
-    if task.count > 1:
+    if task.count > 1:  # it is held already, with all below it
         return True
     held: list[Task] = []
     error: Exception | None = None
     for one in _subtree(task):
         one.holds += 1
-        if one.holds == 1:
+        if one.holds == 1:  # not held by a suspension of an ancestor before
             held.append(one)
             if one.watched is not None:
                 one.watched.set(Status.SUSPENDED)
@@ -230,7 +230,7 @@ def wake_up(scheduler: Scheduler, task: Task) -> bool:
 
 
 def unhold(scheduler: Scheduler, task: Task) -> None:
-    """An evaporated task is never held: only its cleanup runs, with all that it has started inside a shield."""
+    """Let an evaporated task go on: what runs of it is its cleanup, with all that it has started inside a shield."""
     if task.shields:
         for one in _subtree(task, cancelled=True):
             if one.holds:
@@ -257,13 +257,14 @@ def _must_be_seen(task: Task) -> bool:
 def _let_go(scheduler: Scheduler, task: Task) -> None:
     """Let a task go on that nothing holds any more."""
     for timer in task.timers or ():
-        if not timer.passed and timer.due is None:
+        if not timer.passed and timer.due is None:  # one made while the task was held by nobody runs already
             timer.thaw()
     if task.watched is not None and not task.cancelled:
         task.watched.set(task.status)
     if task.woken:
         if not task.in_queue:
             scheduler.enqueue(task)
+    # What it waits for may have come true, and false again, while it was held: only what is true now counts.
     elif isinstance(task.wait, Wait):
         task.wait.recheck()
 

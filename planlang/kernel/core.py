@@ -183,16 +183,6 @@ class BaseScope(Node):
         raise NotImplementedError
 
 
-class Sampled(Protocol):
-    """The part of a world fluent that the event loop needs."""
-
-    def sample(self, step: int) -> bool:
-        """Read the world; True if those who wait should look."""
-
-    def notify(self) -> None:
-        """Let all waits look at their condition."""
-
-
 class ChoiceSource(Protocol):
     """Picks among tasks that can run; its text is what the trace's header says of it."""
 
@@ -229,8 +219,7 @@ class Scheduler:
         self.choice = choice
         """Picks among tasks that can run; None is first come, first served."""
         self.queue: deque[Task] = deque()
-        self.pool: list[Task] = []
-        """The queue when a choice is made from it, in order of coming."""
+        """Tasks that can run, in order of coming."""
         self.dirty: list[tuple[int, int, BaseScope]] = []
         """Constructs with newly dead branches, as a heap: the most deeply nested first, then in order of creation."""
         self.births = 0
@@ -238,7 +227,7 @@ class Scheduler:
         self.resumptions = 0
         """Turns and decisions in this world step."""
         self.timers = TimerQueue()
-        self.world_waits: dict[Sampled, int] = {}
+        self.world_waits: dict[BaseFluent[Any], int] = {}
         """World fluents that someone waits for, with the number of waits."""
         self.vital_waits = 0
         """How many of these waits keep the run going; the others are only looked at when it goes on anyway."""
@@ -293,10 +282,7 @@ class Scheduler:
         task.woken = True
         if not task.holds:
             task.in_queue = True
-            if self.choice is None:
-                self.queue.append(task)
-            else:
-                self.pool.append(task)
+            self.queue.append(task)
 
     def wake(self, task: Task, value: Any = None) -> None:
         """Let a task's wait return ``value``; ignored when it has been woken already."""
@@ -311,7 +297,7 @@ class Scheduler:
         self.enqueue(task)
 
     def finish(self, task: Task, outcome: Status) -> None:
-        """The task is dead; its construct will decide."""
+        """Take note that the task is dead; its construct will decide."""
         task.outcome = outcome
         task.dead = True
         task.coroutine = None
@@ -323,7 +309,7 @@ class Scheduler:
                 error = task.cleanup_failures[0]
             self.observer.ended(self.timers.now, task, outcome, task.result, error)
         if group is not None:
-            task.node = group  # no longer itself: what refers to itself only the collector frees
+            task.node = group  # no longer itself: only the collector frees what refers to itself
             del group.live[task]
             group.fresh.append(task)
             if not group.dirty:

@@ -52,13 +52,15 @@ def loop(scheduler: Scheduler, root: Task) -> None:
 
 
 def rest(scheduler: Scheduler, root: Task) -> None:
-    """Rounds, decisions and deadlines until nothing more can happen in this step."""
-    queue, pool, dirty = scheduler.queue, scheduler.pool, scheduler.dirty
+    """Run rounds, decisions and deadlines until nothing more can happen in this step."""
+    queue, dirty = scheduler.queue, scheduler.dirty
     while True:
-        if queue or pool:
+        if queue:
             _round(scheduler, root)
         if dirty:
             _decide(dirty)
+        # The order is the contract: a deadline fires only when tasks, decisions and calls in threads have nothing left,
+        # so what ends in the very step of its deadline is in time. While a run is drained no time is left to anybody.
         elif scheduler.awaits_threads and scheduler.service(Calls).collect(scheduler):
             _heed_interrupts(scheduler, root)
         elif scheduler.draining or not scheduler.timers.expire():
@@ -66,8 +68,9 @@ def rest(scheduler: Scheduler, root: Task) -> None:
 
 
 def _round(scheduler: Scheduler, root: Task) -> None:
-    queue, pool, choice = scheduler.queue, scheduler.pool, scheduler.choice
-    while queue or pool:
+    """Run tasks until none can; those that others wake meanwhile belong to this round, too."""
+    queue, choice = scheduler.queue, scheduler.choice
+    while queue:
         if scheduler.interrupts != scheduler.heeded:
             _heed_interrupts(scheduler, root)
         if scheduler.resumptions > MAX_RESUMPTIONS and not scheduler.draining:
@@ -75,11 +78,13 @@ def _round(scheduler: Scheduler, root: Task) -> None:
                 f"no progress: tasks had more than {MAX_RESUMPTIONS} turns within world step {scheduler.now}; a loop "
                 "has to wait for what takes time, such as sleep(0.1), or for what is not true yet; still running"
             )
-            raise NoProgress(listing(title, [*queue, *pool]))
-        if choice is None:
+            raise NoProgress(listing(title, queue))
+        if choice is None or len(queue) == 1:
             task = queue.popleft()
         else:
-            task = pool.pop(choice.choose(pool) if len(pool) > 1 else 0)
+            place = choice.choose(tuple(queue))
+            task = queue[place]
+            del queue[place]
         task.in_queue = False
         if task.holds or task.dead:  # suspended, or evaporated before it began, since it was queued
             continue
@@ -109,7 +114,7 @@ def _advance(scheduler: Scheduler, root: Task) -> None:
     timers = scheduler.timers
     repeats = scheduler.recorded is not None and scheduler.recorded.step_ends(timers.now)
     if not repeats and scheduler.live is not None and _attend(scheduler):
-        return
+        return  # what came in may have woken a task in this very step
     target = _target(scheduler, root, repeats)
     if not repeats:
         scheduler.idle = True
@@ -179,7 +184,7 @@ def _attend(scheduler: Scheduler) -> bool:
 
 
 def _heed_interrupts(scheduler: Scheduler, root: Task) -> None:
-    """The first Ctrl-C evaporates the plan, its cleanups run; the second one drains it."""
+    """Evaporate the plan at the first Ctrl-C, so that its cleanups run; drain it at the second one."""
     if scheduler.interrupts != scheduler.heeded and not scheduler.draining:
         scheduler.heeded = scheduler.interrupts
         if scheduler.interrupts > 1:
@@ -233,11 +238,12 @@ def step_task(scheduler: Scheduler, task: Task) -> None:
             signal = task.context.run(coroutine.send, value)
         else:
             error, task.error = task.error, None
-            if error.__class__ is Evaporated:
+            if error.__class__ is Evaporated:  # thrown into a wait; at a checkpoint the task raises it by deliver()
                 task.thrown = True
                 task.deliveries += 1
             signal = task.context.run(coroutine.throw, error)
     except StopIteration as stop:
+        # The usual end of a branch is written out here: _returned() would cost each of 10,000 branches a call.
         if task.thrown or task.generators or stop.value.__class__ is CoroutineType:
             _returned(scheduler, task, stop.value)
         else:
@@ -278,11 +284,11 @@ def _raised(scheduler: Scheduler, task: Task, error: BaseException) -> None:
         _close_first(scheduler, task, left, None, error)
         return
     if isinstance(error, Evaporated) and task.thrown:
-        pass
+        pass  # it went where it was sent: no failure of the branch
     elif isinstance(error, PlanFailure):
         if error.where is None:
             locate(error, task.node, scheduler.revision)
-        if task.thrown:
+        if task.thrown:  # raised by a cleanup, which evaporation is not to hide
             task.cleanup_failures = [*(task.cleanup_failures or ()), error]
         else:
             task.failure = error
@@ -295,7 +301,7 @@ def _raised(scheduler: Scheduler, task: Task, error: BaseException) -> None:
         task.crash = error
         if isinstance(error, RecursionError):
             explain_recursion(error, task.path)
-        if not isinstance(error, Exception):
+        if not isinstance(error, Exception):  # such as SystemExit, which no construct may hold up
             scheduler.fatal = error
         if isinstance(error, RuntimeError) and str(error) == "no running event loop":
             error.add_note(contrast("asyncio does not work in a plan", "await asyncio.sleep(1)", "await sleep(1)"))
@@ -349,7 +355,7 @@ async def _close(
             except (Evaporated, PlanFailure) as raised:
                 error = error or raised
             except Exception as raised:
-                if error is None or isinstance(error, (Evaporated, PlanFailure)):
+                if error is None or isinstance(error, (Evaporated, PlanFailure)):  # programming errors beat them
                     error = raised
     finally:
         task.shields -= 1
@@ -364,11 +370,11 @@ def _unfinished(generators: list[AsyncGenerator[Any, Any]]) -> list[AsyncGenerat
 
 
 def keep(generator: AsyncGenerator[Any, Any]) -> None:
-    """Generators are closed by the task that iterated them; nothing is left to the collector."""
+    """Do nothing with a generator that is freed: the task that iterated it closes it, not the collector."""
 
 
 def adopt(scheduler: Scheduler, generator: AsyncGenerator[Any, Any]) -> None:
-    """The running task iterates a generator for the first time."""
+    """Take note that the running task iterates a generator for the first time."""
     task = scheduler.current
     if task is not None:
         task.generators = [*_unfinished(task.generators or []), generator]
@@ -383,7 +389,7 @@ def _close_first(
 ) -> None:
     """Close the async generators that the task left open, shielded, before it counts as dead."""
     task.generators = None
-    task.node = task
+    task.node = task  # whatever node it was in: the generators are the task's
     task.coroutine = _close(task, generators, value, error)
     task.shields += 1
     if not scheduler.draining:

@@ -20,18 +20,16 @@ _PULSED = Usage("fluent.pulsed", {"missed": '"once"'})
 Operator = Callable[["Signal[Any]", object], "Signal[Any]"]
 
 
-def _left(operation: Callable[..., Any], symbol: str) -> Operator:
-    def method(self: Signal[Any], other: object) -> Signal[Any]:
+def _binary(operation: Callable[..., Any], symbol: str) -> tuple[Operator, Operator]:
+    """Return the methods of an operator with the signal on its left, and on its right."""
+
+    def left(self: Signal[Any], other: object) -> Signal[Any]:
         return Expression(operation, symbol, self, other)
 
-    return method
-
-
-def _right(operation: Callable[..., Any], symbol: str) -> Operator:
-    def method(self: Signal[Any], other: object) -> Signal[Any]:
+    def right(self: Signal[Any], other: object) -> Signal[Any]:
         return Expression(operation, symbol, other, self)
 
-    return method
+    return left, right
 
 
 class Signal(Generic[T]):
@@ -53,10 +51,10 @@ class Signal(Generic[T]):
         raise NotImplementedError
 
     def arm(self) -> None:
-        """A wait begins."""
+        """Take note that a wait begins."""
 
     def consume(self) -> None:
-        """A wait has ended with a value."""
+        """Take note that a wait has ended with a value."""
 
     def __bool__(self) -> bool:
         raise TypeError(f"the truth of {self} is ambiguous: write .value for now, or wait_for(...) it")
@@ -76,17 +74,18 @@ class Signal(Generic[T]):
     def __ne__(self, other: object) -> Signal[bool]:  # type: ignore[override]
         return Expression(operator.ne, "!=", self, other)
 
-    __lt__ = _left(operator.lt, "<")
-    __le__ = _left(operator.le, "<=")
-    __gt__ = _left(operator.gt, ">")
-    __ge__ = _left(operator.ge, ">=")
-    __add__, __radd__ = _left(operator.add, "+"), _right(operator.add, "+")
-    __sub__, __rsub__ = _left(operator.sub, "-"), _right(operator.sub, "-")
-    __mul__, __rmul__ = _left(operator.mul, "*"), _right(operator.mul, "*")
-    __truediv__, __rtruediv__ = _left(operator.truediv, "/"), _right(operator.truediv, "/")
-    __floordiv__, __rfloordiv__ = _left(operator.floordiv, "//"), _right(operator.floordiv, "//")
-    __mod__, __rmod__ = _left(operator.mod, "%"), _right(operator.mod, "%")
-    __pow__, __rpow__ = _left(operator.pow, "**"), _right(operator.pow, "**")
+    __lt__, __gt__ = _binary(operator.lt, "<")[0], _binary(operator.gt, ">")[0]
+    __le__, __ge__ = _binary(operator.le, "<=")[0], _binary(operator.ge, ">=")[0]
+    __add__, __radd__ = _binary(operator.add, "+")
+    __sub__, __rsub__ = _binary(operator.sub, "-")
+    __mul__, __rmul__ = _binary(operator.mul, "*")
+    __truediv__, __rtruediv__ = _binary(operator.truediv, "/")
+    __floordiv__, __rfloordiv__ = _binary(operator.floordiv, "//")
+    __mod__, __rmod__ = _binary(operator.mod, "%")
+    __pow__, __rpow__ = _binary(operator.pow, "**")
+    # These two give values as `and` and `or` do: the second operand is read only where the first does not decide.
+    __and__, __rand__ = _binary(operator.and_, "&")
+    __or__, __ror__ = _binary(operator.or_, "|")
 
     def __neg__(self) -> Signal[Any]:
         return Expression(operator.neg, "-", self)
@@ -94,27 +93,15 @@ class Signal(Generic[T]):
     def __abs__(self) -> Signal[Any]:
         return Expression(abs, "abs", self)
 
-    def __and__(self, other: object) -> Signal[Any]:
-        return Both(None, "&", self, other)
-
-    def __rand__(self, other: object) -> Signal[Any]:
-        return Both(None, "&", other, self)
-
-    def __or__(self, other: object) -> Signal[Any]:
-        return Either(None, "|", self, other)
-
-    def __ror__(self, other: object) -> Signal[Any]:
-        return Either(None, "|", other, self)
-
     def __invert__(self) -> Signal[bool]:
         return Expression(operator.not_, "~", self)
 
     def changed(self) -> Signal[bool]:
-        """True when the value has changed since this was asked, or since the last wait for it ended."""
+        """Return a signal that is true when the value has changed, since now or since the last wait for it ended."""
         return Changed(self)
 
     def pulsed(self, missed: str = "once") -> Signal[bool]:
-        """True after a pulse of the fluent, or of one of those that an expression is made of; a change is a pulse.
+        """Return a signal that is true after a pulse of the fluent, or of one of an expression's; a change is a pulse.
 
         Pulses that come while nobody waits on this object are missed ("never" seen later), seen "once" for all, or
         "always": one wait for each.
@@ -152,6 +139,10 @@ class BaseFluent(Signal[T]):
         """Change the value."""
         raise NotImplementedError
 
+    def sample(self, step: int) -> bool:
+        """Read the world; True if those who wait should look. Of world fluents only."""
+        raise NotImplementedError
+
     def watch(self, wait: Wait) -> None:
         """Tell ``wait`` about changes."""
         self._waits[wait] = None
@@ -169,7 +160,7 @@ class BaseFluent(Signal[T]):
 class Expression(Signal[Any]):
     """An operation on fluents and plain values."""
 
-    def __init__(self, operation: Callable[..., Any] | None, symbol: str, *operands: object) -> None:
+    def __init__(self, operation: Callable[..., Any], symbol: str, *operands: object) -> None:
         self._operation = operation
         self._symbol = symbol
         self._operands = operands
@@ -180,18 +171,21 @@ class Expression(Signal[Any]):
         return self._compute(_value)
 
     def read(self) -> Any:
-        """Computed from operands read anew."""
+        """Return the value computed from operands that are read anew."""
         return self._compute(_read)
 
     def _compute(self, get: Callable[[object], Any]) -> Any:
-        assert self._operation is not None
+        if self._operation is operator.and_:
+            return get(self._operands[0]) and get(self._operands[1])
+        if self._operation is operator.or_:
+            return get(self._operands[0]) or get(self._operands[1])
         return self._operation(*map(get, self._operands))
 
     def sources(self) -> dict[BaseFluent[Any], None]:
-        """All fluents below, each once."""
+        """Return all fluents below, each once."""
         found: dict[BaseFluent[Any], None] = {}
         stack: list[object] = [self]
-        while stack:
+        while stack:  # no recursion: expressions that a loop has put together may be deeper than Python's stack
             one = stack.pop()
             if isinstance(one, Expression):
                 stack.extend(reversed(one._operands))
@@ -200,13 +194,13 @@ class Expression(Signal[Any]):
         return found
 
     def arm(self) -> None:
-        """A wait begins."""
+        """Take note that a wait begins."""
         for one in self._operands:
             if isinstance(one, Signal):
                 one.arm()
 
     def consume(self) -> None:
-        """A wait has ended with a value."""
+        """Take note that a wait has ended with a value."""
         for one in self._operands:
             if isinstance(one, Signal):
                 one.consume()
@@ -220,25 +214,22 @@ class Expression(Signal[Any]):
         return f"({self._operands[0]} {self._symbol} {self._operands[1]})"
 
 
-class Both(Expression):
-    """``a & b``: the value of ``a`` if false, else that of ``b``."""
-
-    def _compute(self, get: Callable[[object], Any]) -> Any:
-        return get(self._operands[0]) and get(self._operands[1])
-
-
-class Either(Expression):
-    """``a | b``: the value of ``a`` if true, else that of ``b``."""
-
-    def _compute(self, get: Callable[[object], Any]) -> Any:
-        return get(self._operands[0]) or get(self._operands[1])
-
-
-class Changed(Signal[bool]):
-    """A signal that is true when another has changed since a wait last looked at it."""
+class Derived(Signal[bool]):
+    """A signal that is true when something has happened to another since a wait last looked at it."""
 
     def __init__(self, signal: Signal[Any]) -> None:
         self._signal = signal
+
+    def sources(self) -> dict[BaseFluent[Any], None]:
+        """Return those of the signal."""
+        return self._signal.sources()
+
+
+class Changed(Derived):
+    """A signal that is true when another has changed."""
+
+    def __init__(self, signal: Signal[Any]) -> None:
+        super().__init__(signal)
         self._seen = signal.value
 
     @property
@@ -246,45 +237,37 @@ class Changed(Signal[bool]):
         """True if the value is another than the one seen."""
         return not same(self._seen, self._signal.value)
 
-    def sources(self) -> dict[BaseFluent[Any], None]:
-        """Return those of the signal."""
-        return self._signal.sources()
-
     def consume(self) -> None:
-        """The change has been seen."""
+        """Take the current value as seen."""
         self._seen = self._signal.value
 
     def __str__(self) -> str:
         return f"a change of {self._signal}"
 
 
-class Pulsed(Signal[bool]):
+class Pulsed(Derived):
     """A signal that is true when another was pulsed."""
 
     def __init__(self, signal: Signal[Any], missed: str) -> None:
-        self._signal = signal
+        super().__init__(signal)
         self._missed = missed
         self._seen = self._count()
 
     def _count(self) -> int:
-        return sum(source.pulses for source in self._signal.sources())
+        return sum(source.pulses for source in self.sources())
 
     @property
     def value(self) -> bool:
         """True if there is a pulse that was not seen."""
         return self._count() > self._seen
 
-    def sources(self) -> dict[BaseFluent[Any], None]:
-        """Return those of the signal."""
-        return self._signal.sources()
-
     def arm(self) -> None:
-        """What came before this wait is missed, if so chosen."""
+        """Miss what came before this wait, if so chosen."""
         if self._missed == "never":
             self._seen = self._count()
 
     def consume(self) -> None:
-        """One pulse, or all, have been seen."""
+        """Take one pulse, or all, as seen."""
         self._seen = self._seen + 1 if self._missed == "always" else self._count()
 
     def __str__(self) -> str:

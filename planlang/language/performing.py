@@ -17,8 +17,8 @@ from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.language.budgets import spend
 from planlang.language.executive import current, executive_for
+from planlang.language.plans import Handle, Restarting, join
 from planlang.language.resources import using
-from planlang.language.tags import Handle, Restarting, join
 from planlang.misuse import Usage, WrongType, contrast, written
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Plan functions: marked, named in the tree of a run, and the home of their tags."""
+"""Plan functions, named in the tree of a run; tasks tagged in them, and handles to observe and to stop them."""
 
 from __future__ import annotations
 
@@ -6,20 +6,27 @@ import dis
 import functools
 import inspect
 import itertools
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from contextlib import asynccontextmanager
+from contextvars import ContextVar
 from functools import partial
 from types import FunctionType, MethodType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
-from planlang.kernel.core import Task, here
+from planlang.failures import BranchEvaporated, PlanFailure
+from planlang.kernel import Fluent, PlanStructureError, Scheduler, Status, Task, cancel, wait_for
+from planlang.kernel.core import here, serving
 from planlang.kernel.primitives import called, node, record
+from planlang.kernel.scope import Single
+from planlang.kernel.signals import Expression, Signal, Wait
 from planlang.kernel.tree import name_of
-from planlang.language.tags import Frame, frame
+from planlang.language.branches import Branch
 from planlang.misuse import Usage, WrongType, contrast
 
 P = ParamSpec("P")
 Q = ParamSpec("Q")
 R = TypeVar("R")
+V = TypeVar("V")
 _PLAN = Usage("plan", {"function": "serve"}, {"iri": '"http://example.org/recipe#Serve"'})
 
 
@@ -107,3 +114,306 @@ def plan(what: Any = None, /) -> Any:
 
 def _marked(iri: str | None, function: Callable[P, Awaitable[R]]) -> Plan[P, R]:
     return Plan(function, iri)
+
+
+# -- tags
+
+_TAG = Usage("await tag", {"name": '"reach"', "body": "reach"})
+_HANDLE = Usage("Handle", {"name": '"reach"'})
+_TASK = Usage("task", {"name": '"reach"'})
+_ON_SUSPENSION = Usage("async with on_suspension", {"function": "stop"})
+
+
+class Frame:
+    """One entry of a plan function: the tags in it, and what plans inside it have asked for and nobody knew yet."""
+
+    __slots__ = ("asked", "outer", "tags")
+
+    def __init__(self, outer: Frame | None) -> None:
+        self.outer = outer
+        self.tags: dict[str, Handle] = {}
+        self.asked: dict[str, dict[Handle, None]] = {}
+
+    def leave(self) -> None:
+        """End the entry: nothing that the plan function has asked for has to be found any more."""
+        around = self.outer
+        while around is not None:
+            for name, handle in self.tags.items():
+                if name in around.asked:
+                    around.asked[name].pop(handle, None)
+            around = around.outer
+
+
+frame: ContextVar[Frame | None] = ContextVar("frame", default=None)
+
+
+class Handle:
+    """A task seen from elsewhere in the plan. It may be asked for before the task has begun."""
+
+    def __init__(self, name: str, task: Task | None = None) -> None:
+        _HANDLE.text("name", name)
+        self.name = name
+        self._task: Task | None = None
+        self.bindings = 0
+        """Number of tasks that it has stood for."""
+        self._status: Fluent[Status] = Fluent(Status.CREATED, f"the status of {name}")
+        self._suspensions = 0
+        self._evaporated = False
+        self.home: Frame | None = None
+        """The plan whose tag this stands for."""
+        self.joined = False
+        """True once the task's failure was raised in someone who waited for it."""
+        if task is not None:
+            self.bind(task)
+
+    def bind(self, task: Task) -> None:
+        """Stand for this task from now on."""
+        scheduler = here()[0]
+        self._task = task
+        self.bindings += 1
+        if task.watched is None:
+            task.watched = self._status
+        else:
+            task.watched.watch(_Mirror(scheduler, self, task))
+        self._status.set(task.status)
+        for _ in range(self._suspensions):
+            cancel.suspend(scheduler, task)
+        self._suspensions = 0
+        if self._evaporated:
+            self._evaporated = False
+            cancel.evaporate(scheduler, task)
+
+    @property
+    def status(self) -> Fluent[Status]:
+        """The task's state, as a fluent."""
+        return self._status
+
+    @property
+    def result(self) -> Any:
+        """The result of the task, None until it has succeeded."""
+        return None if self._task is None else self._task.result
+
+    @property
+    def failure(self) -> PlanFailure | None:
+        """The failure of the task, None if it has not failed."""
+        return None if self._task is None else self._task.failure
+
+    @property
+    def children(self) -> tuple[Handle, ...]:
+        """Handles of the live branches that the task waits for."""
+        if self._task is None or self._task.scope is None:
+            return ()
+        return tuple(Handle(task.name, task) for task in self._task.scope.live)
+
+    @property
+    def path(self) -> str | None:
+        """The task's path in the tree, None before it exists."""
+        return None if self._task is None else self._task.path
+
+    @property
+    def live(self) -> bool:
+        """True from start to end of the task."""
+        return self._task is not None and not self._task.dead
+
+    def __repr__(self) -> str:
+        return f"<task {self.path or self.name}, {self._status.value.value}>"
+
+
+class _Mirror(Wait):
+    """Shows the status of a task in a further handle of it."""
+
+    def __init__(self, scheduler: Scheduler, handle: Handle, task: Task) -> None:
+        self.scheduler = scheduler
+        self.handle = handle
+        self.task = task
+
+    def recheck(self) -> None:
+        """Show the status, as it has changed."""
+        if self.handle._task is self.task:
+            self.handle._status.set(self.task.status)
+
+
+class _Tag(Single):
+    transparent = True
+
+    def __init__(self, body: Branch, handle: Handle, home: Frame) -> None:
+        super().__init__("tag", body, body_name=handle.name)
+        self.handle = handle
+        self.home = home
+
+    def begin(self) -> None:
+        handle = self.handle
+        name = handle.name
+        if handle.live and handle.home is self.home:
+            raise PlanStructureError(
+                f"two live tasks tagged {name!r} in one plan; give them two names\n"
+                f'  wrong: par(partial(tag, "{name}", reach), partial(tag, "{name}", look))\n'
+                f'  right: par(partial(tag, "{name}", reach), partial(tag, "{name} 2", look))'
+            )
+        task = self.start(self.body, name, 0)
+        for one in (handle, *self.home.asked.pop(name, ())):
+            if one is handle or not one.live:
+                one.home = self.home
+                one.bind(task)
+
+
+async def tag(name: str, body: Callable[[], Awaitable[V]]) -> V:
+    """Run a body as a named task, whose handle ``task(name)`` gives in the same plan; returns its result."""
+    _TAG.branch("body", body)
+    _TAG.text("name", name)
+    own = _frame()
+    handle = own.tags.get(name)
+    if handle is None:
+        handle = own.tags[name] = Handle(name)
+    result: V = await _Tag(body, handle, own).execute()
+    return result
+
+
+def task(name: str) -> Handle:
+    """Return the handle of a tagged task: of the nearest enclosing plan that knows the name.
+
+    If none does yet, it will stand for the task that is first tagged so in this plan or one around it.
+    """
+    here()
+    _TASK.text("name", name)
+    own = _frame()
+    around: Frame | None = own
+    while around is not None:
+        if name in around.tags:
+            return around.tags[name]
+        around = around.outer
+    handle = own.tags[name] = Handle(name)
+    around = own.outer
+    while around is not None:
+        around.asked.setdefault(name, {})[handle] = None
+        around = around.outer
+    return handle
+
+
+async def join(handle: Handle) -> Any:
+    """Wait until the task has ended; returns its result, or raises its failure."""
+    _check_handle("await join", handle)
+    over: Signal[bool] = Expression(lambda status: status.final, "final", handle.status)
+    over.name = f"the end of task {handle.name!r}"
+    await wait_for(over)
+    if handle.status.value is Status.SUCCEEDED:
+        return handle.result
+    joined = handle._task
+    if joined is not None and joined.crash is not None:
+        raise joined.crash
+    if handle.failure is not None:
+        handle.joined = True
+        raise handle.failure
+    raise BranchEvaporated(path=handle.path)
+
+
+def suspend(handle: Handle) -> bool:
+    """Hold the task and all below it, at once; True if this changed something."""
+    _check_handle("suspend", handle)
+    if handle._task is not None:
+        return cancel.suspend(serving(), handle._task)
+    if handle._evaporated:
+        return False
+    handle._suspensions += 1
+    return True
+
+
+def wake_up(handle: Handle) -> bool:
+    """Undo one suspension of the task; True if this changed something."""
+    _check_handle("wake_up", handle)
+    if handle._task is not None:
+        return cancel.wake_up(serving(), handle._task)
+    if not handle._suspensions:
+        return False
+    handle._suspensions -= 1
+    return True
+
+
+def evaporate(handle: Handle) -> bool:
+    """Evaporate the task and all below it; True if this changed something."""
+    _check_handle("evaporate", handle)
+    if handle._task is not None:
+        return cancel.evaporate(serving(), handle._task)
+    changed, handle._evaporated, handle._suspensions = not handle._evaporated, True, 0
+    return changed
+
+
+@asynccontextmanager
+async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
+    """``async with task_suspended(h):`` holds the task while the block runs, and always wakes it up."""
+    _check_handle("async with task_suspended", handle)
+    # What is held is the task that the handle stands for, or the first that it will stand for. One that is tagged so
+    # later is not, and may be held by somebody else.
+    last = handle.bindings + (handle._task is None)
+    suspend(handle)
+    try:
+        yield handle
+    finally:
+        if handle.bindings <= last:
+            wake_up(handle)
+
+
+@asynccontextmanager
+async def on_suspension(function: Callable[[], object]) -> AsyncIterator[None]:
+    """``async with on_suspension(f):`` calls the plain function whenever the task gets held inside the block."""
+    _ON_SUSPENSION.plain("function", function, "a plain function, which is called at once by the suspender")
+    owner = here()[1]
+    if owner.hooks is None:
+        owner.hooks = []
+    owner.hooks.append(function)
+    try:
+        yield
+    finally:
+        owner.hooks.remove(function)
+
+
+def _check_handle(function: str, handle: object) -> None:
+    if not isinstance(handle, Handle):
+        raise Usage(function, {"handle": 'task("reach")'}).wrong("handle", handle, "the handle of a task")
+
+
+def _frame() -> Frame:
+    found = frame.get()
+    assert found is not None  # run() has set it
+    return found
+
+
+_RETRY_AFTER_SUSPENSION = Usage("await retry_after_suspension", {"body": "reach"})
+
+
+class Restarting(Single):
+    """One branch, evaporated with its cleanup when the owner is held, and started anew when it is woken up."""
+
+    interrupted = False
+
+    def begin(self) -> None:
+        hooks = self.owner.hooks
+        if hooks is None:
+            hooks = self.owner.hooks = []
+        hooks.append(self._held)
+        super().begin()
+
+    def _held(self) -> None:
+        for task in tuple(self.live):
+            self.interrupted = cancel.evaporate(self.scheduler, task) or self.interrupted
+
+    def decide(self, dead: list[Task]) -> None:
+        if self.interrupted and dead[0].outcome is Status.EVAPORATED:
+            self.interrupted = False
+            self.start(self.body, self.body_name, 0)  # held as long as the owner is
+            return
+        super().decide(dead)
+
+    async def execute(self) -> Any:
+        try:
+            return await super().execute()
+        finally:
+            if self.owner.hooks is not None and self._held in self.owner.hooks:
+                self.owner.hooks.remove(self._held)
+
+
+async def retry_after_suspension(body: Callable[[], Awaitable[V]]) -> V:
+    """Run a body; when it is suspended it is evaporated with its cleanup, and runs from the start when woken up."""
+    _RETRY_AFTER_SUSPENSION.branch("body", body)
+    result: V = await Restarting("retry_after_suspension", body).execute()
+    return result

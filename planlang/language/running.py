@@ -13,7 +13,7 @@ from planlang.kernel.schedule import Schedule, described, source_of
 from planlang.kernel.tree import Node, name_of
 from planlang.language.budgets import charge
 from planlang.language.executive import RecordedExecutive, current
-from planlang.language.tags import Frame, frame
+from planlang.language.plans import Frame, frame
 from planlang.misuse import Usage, WrongValue, whole_number
 from planlang.runs import Past, Trace, refuse_other
 from planlang.runs.journal import Journal

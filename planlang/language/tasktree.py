@@ -7,15 +7,14 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 from planlang.misuse import Usage
-from planlang.runs import Trace
+from planlang.runs import DamagedTrace, RecordedRun, Trace
+from planlang.runs.recorded_run import details
 
 _OF = Usage("TaskTree.of", {"trace": "trace"})
 _READ = Usage("TaskTree.read", {"path": '"run.jsonl"'})
-_KNOWN = ("step", "event", "node", "parent", "kind", "name")
 
 
 @dataclass(eq=False)
@@ -106,8 +105,10 @@ class TaskTree:
         _READ.instance("path", path, (str, os.PathLike), "the path of a trace file")
         if path == "":
             raise _READ.empty("path")
-        with Path(path).open(encoding="utf-8") as file:
-            return cls(_records(str(path), file))
+        try:
+            return cls(line.record for line in RecordedRun.read(path).lines)
+        except DamagedTrace as damage:
+            raise ValueError(f"{path}:{damage.line}: {damage}") from None
 
     @cached_property
     def nodes(self) -> dict[str, TaskNode]:
@@ -126,7 +127,7 @@ class TaskTree:
                 (self.roots if parent is None else parent.children).append(node)
             if kind == "started":
                 node.start = event["step"] / self._rate
-                node.parameters.update((key, value) for key, value in event.items() if key not in _KNOWN)
+                node.parameters.update(details(event))
             else:
                 node.end = event["step"] / self._rate
                 node.status = event["status"]
@@ -135,7 +136,7 @@ class TaskTree:
         elif kind == "plan" and event["node"] in self._numbered:
             node = self._numbered[event["node"]]
             node.kind = "plan"
-            node.parameters.update((key, value) for key, value in event.items() if key not in _KNOWN)
+            node.parameters.update(details(event))
 
     def __iter__(self) -> Iterator[TaskNode]:
         """Nodes from the root, children in order of beginning."""
@@ -194,16 +195,3 @@ def _mermaid_text(text: str) -> str:
     return "".join(
         one if one.isalnum() or one in " _-.,:/()" else "<br>" if one == "\n" else f"#{ord(one)};" for one in text
     )
-
-
-def _records(name: str, lines: Iterable[str]) -> Iterator[dict[str, Any]]:
-    for number, line in enumerate(lines, 1):
-        try:
-            record = json.loads(line)
-            if "event" not in record or (number == 1 and record["event"] != "header"):
-                raise ValueError
-        except (ValueError, TypeError):
-            if number > 1 and not line.endswith("\n"):
-                return
-            raise ValueError(f"{name}:{number}: this is no line of a trace") from None
-        yield record

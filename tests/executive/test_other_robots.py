@@ -18,7 +18,7 @@ from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
 from executive.robots import bind_robot
-from executive.robots.carrying import with_carrying
+from executive.robots.arms import with_carrying
 from executive.runs.assembly import mapped
 from planlang.protocols import Configuration
 from planlang.resources import bundled

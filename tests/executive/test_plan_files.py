@@ -11,10 +11,17 @@ import pytest
 
 from executive.belief import SemanticMap, read_map
 from executive.belief.semantic_map import default_environment
-from executive.cli.arguments import PlanFile, RecipeFile, read
+from executive.cli.inputs import PlanFile, RecipeFile, read
 from executive.robots import Availability, FindingKind, Missing
-from executive.runs.plan_files import bound_parameters, import_plan, main_plan
-from executive.runs.plan_requirements import Needs, assess, needs_of, required_of_plan
+from executive.runs.plan_files import (
+    Needs,
+    assess,
+    bound_parameters,
+    import_plan,
+    main_plan,
+    needs_of,
+    required_of_plan,
+)
 from executive.runs.plan_run import Outcome, RunOptions, run_plan_file
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Severity

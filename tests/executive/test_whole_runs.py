@@ -20,7 +20,7 @@ from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_fil
 from planlang import now, perform, pursue, sleep, wait_for
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, action, an_object, located
 from planlang.geometry import Pose
-from planlang.language.goals import holds
+from planlang.language.conditions import holds
 from planlang.protocols import Detection, Solution
 from planlang.resources import bundled
 from sim import Body, Scene

@@ -10,11 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planlang
-from executive.modules.grasping import Grasping
-from executive.modules.handover import Handover
-from executive.modules.head import Head
+from executive.modules.grasping import Grasping, Handover
 from executive.modules.navigation import Navigation
-from executive.modules.perception import Perception
+from executive.modules.perception import Head, Perception
 from executive.modules.reaching import Reaching
 from executive.runs.robot_executive import RobotExecutive
 from planlang.failures import LowLevelFailure, PlanFailure

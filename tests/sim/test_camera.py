@@ -47,7 +47,7 @@ def test_object_behind_a_screen_is_not_seen(make_world: MakeWorld) -> None:
     world = make_world(extra=(SCREEN,))
     world.set_configuration(Configuration((-1.1, 0.9, 1.5708), LOOKING))
     assert "bottle" not in _seen(world)
-    assert world.visible("bottle") == 0.0
+    assert world.sight("bottle")[0] == 0.0
     world.remove("screen")
     assert "bottle" in _seen(world)
 
@@ -57,7 +57,7 @@ def test_half_covered_object_is_half_visible_to_picture_and_rays(make_world: Mak
     world = make_world(extra=(cover,))
     world.set_configuration(Configuration((-1.1, 0.9, 1.5708), LOOKING))
     assert _seen(world)["bottle"] == pytest.approx(0.5, abs=0.2)
-    assert world.visible("bottle") == pytest.approx(0.5, abs=0.15)
+    assert world.sight("bottle")[0] == pytest.approx(0.5, abs=0.15)
 
 
 def test_picture_and_rays_agree_on_what_is_in_view(looking: PyBulletWorld) -> None:
@@ -65,7 +65,7 @@ def test_picture_and_rays_agree_on_what_is_in_view(looking: PyBulletWorld) -> No
         looking.set_configuration(Configuration((-0.8, 0.9, yaw), LOOKING))
         seen = _seen(looking)
         for name in ("bed", "patient", "cabinet", "bottle"):
-            assert looking.visible(name) == pytest.approx(seen.get(name, 0.0), abs=0.2), (name, yaw)
+            assert looking.sight(name)[0] == pytest.approx(seen.get(name, 0.0), abs=0.2), (name, yaw)
 
 
 def test_too_near_and_too_far_objects_are_not_recognised(make_world: MakeWorld) -> None:
@@ -73,34 +73,25 @@ def test_too_near_and_too_far_objects_are_not_recognised(make_world: MakeWorld) 
         world = make_world(robot=replace(AMIGO, camera=camera))
         world.set_configuration(Configuration((-1.1, 0.9, 1.5708), LOOKING))
         assert "bottle" not in _seen(world)
-        assert world.visible("bottle") == 0.0
-
-
-def test_robot_hides_nothing_from_a_camera_pose_but_does_from_its_own_camera(looking: PyBulletWorld) -> None:
-    pose = looking.link_pose(LINK)
-    looking.attach("hand_right", "cup")
-    assert looking.visible("bottle", pose) > 0.9
-    looking.set_configuration(Configuration((-1.1, -0.5, 1.5708), LOOKING))
-    assert looking.visible("bottle", pose) > 0.9
+        assert world.sight("bottle")[0] == 0.0
 
 
 def test_visibility_from_another_configuration_leaves_the_robot_where_it_is(looking: PyBulletWorld) -> None:
     before = looking.state()
-    assert looking.visible("bottle", configuration=Configuration((-1.1, 0.9, -1.5708), LOOKING)) == 0.0
-    assert looking.visible("bottle") > 0.9
+    assert looking.sight("bottle", Configuration((-1.1, 0.9, -1.5708), LOOKING))[0] == 0.0
+    assert looking.sight("bottle")[0] > 0.9
     assert looking.state() == before
 
 
-def test_rays_name_what_they_hit_first(looking: PyBulletWorld) -> None:
-    assert looking.ray((-1.1, 1.5, 0.9), (-1.1, 2.4, 0.9)) == "bottle"
-    assert looking.ray((-1.1, 1.5, 0.6), (-1.1, 2.4, 0.6)) == "cabinet"
-    assert looking.ray((-1.1, 1.5, 1.5), (-1.1, 2.4, 1.5)) is None
-    assert looking.ray((-1.1, 1.5, 0.4), (-1.1, 0.5, 0.4)) == "base"
-
-
-def test_more_rays_than_a_batch_takes_are_all_answered(looking: PyBulletWorld) -> None:
-    starts = np.tile([-1.1, 1.5, 0.9], (17_000, 1))
-    assert looking.rays(starts, np.add(starts, (0.0, 1.0, 0.0))) == ("bottle",) * 17_000
+def test_lines_of_sight_name_what_they_hit_first(make_world: MakeWorld) -> None:
+    world = make_world(extra=(SCREEN,))
+    world.set_configuration(Configuration((-1.1, 0.9, 1.5708), LOOKING))
+    share, lines = world.sight("bottle")
+    assert (share, set(lines)) == (0.0, {"screen"})
+    world.remove("screen")
+    share, lines = world.sight("bottle")
+    assert share > 0.9
+    assert max(lines, key=lambda name: lines[name]) == "bottle"
 
 
 def test_picture_is_a_valid_png_of_the_right_size(looking: PyBulletWorld, tmp_path: Path) -> None:

@@ -356,7 +356,7 @@ QUESTIONS: dict[str, Callable[[PlanningWorld], object]] = {
     "link pose": lambda world: world.link_pose("grippoint_left", ELSEWHERE),
     "silhouette": lambda world: world.silhouette(),
     "outlines": lambda world: world.outlines(),
-    "sight": lambda world: world.visible("cup", configuration=ELSEWHERE),
+    "sight": lambda world: world.sight("cup", ELSEWHERE),
 }
 
 

@@ -13,13 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.belief import SemanticMap, default_starts, read_map, scene_of, support_of
-from executive.belief.scene import footprint
 from executive.belief.stated_values import EXTENTS, rigid
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.geometry import Pose
+from planlang.geometry.outline import footprint
 from planlang.ontology import load
 from planlang.resources import bundled
-from sim import Body, PlanningWorld, Scene, reach_of
+from sim import Body, PlanningWorld, Scene
+from sim.people import figure_of, reach_from
 
 Read = Callable[..., SemanticMap]
 Write = Callable[..., str]
@@ -260,14 +261,14 @@ def test_everything_in_the_hospital_room_stands_on_something(room: Scene) -> Non
 def test_nothing_in_the_hospital_room_sticks_in_a_wall(room: Scene) -> None:
     x_min, y_min, x_max, y_max = room.bounds
     for body in room.bodies:
-        outline = footprint(body)
+        outline = footprint(body.pose, body.size)
         assert (outline >= (x_min - 1e-6, y_min - 1e-6)).all(), body.name
         assert (outline <= (x_max + 1e-6, y_max + 1e-6)).all(), body.name
 
 
 def test_the_patient_sits_facing_the_foot_of_the_bed_and_reaches_the_free_side(room: Scene) -> None:
     patient, bed = room.body("patient1"), room.body("bed1")
-    reach = reach_of(patient)
+    reach = reach_from(figure_of(patient), patient.pose)
     assert np.allclose(reach.facing, bed.pose.matrix()[:3, 0], atol=1e-6)
     free_side = bed.pose.position[1] - bed.size[1] / 2
     assert reach.comfortable((reach.shoulders[1][0] - 0.35, free_side + 0.05, reach.shoulders[1][2]))

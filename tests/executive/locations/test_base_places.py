@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from executive.belief.free_floor import BasePose
+from executive.belief.scene_collisions import BasePose
 from executive.locations.demands import base_demand
 from executive.locations.floor_search import HEADINGS, MOST_CELLS, sample_anywhere
 from planlang.designators import Location, Relation, a_device, a_location, a_person, an_object

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.belief.free_floor import CELL, Floor
+from executive.belief.scene_collisions import CELL, Floor
 from executive.locations.base_candidates import FINER, BaseCandidates, moved_to_room
 from executive.locations.reachability import YAWS
 from executive.motion.clearance import Boxes
@@ -37,7 +37,6 @@ from tests.support.locations.rooms import (
     THE_BOTTLE,
     Room,
     asked,
-    asked_between,
     box,
     mirrored,
     room_of,
@@ -307,9 +306,9 @@ def test_a_place_is_found_where_the_base_has_only_centimetres_and_the_maps_have_
     room, robot = room_of("hard", 31), robot_of("amigo")
     stage, oracle = Stage(room, robot), Oracle(room, robot)
     try:
-        answer = stage.ask(asked_between(room))
+        answer = stage.ask(asked(room))
         assert answer.solved, answer.failure
-        assert judged(stage, oracle, answer, asked_between(room)) is None
+        assert judged(stage, oracle, answer, asked(room)) is None
     finally:
         stage.close()
         oracle.close()

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from executive.robots import Robot, bind_robot
-from executive.robots.arms import arm_models, gaze_of
-from executive.robots.carrying import with_carrying
+from executive.robots.arms import arm_models, gaze_of, with_carrying
 from planlang import at_location, perform
 from planlang.designators import Location, a_device, a_location, a_person, action, an_object
 from planlang.failures import LocationUnresolvable

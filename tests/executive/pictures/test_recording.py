@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from executive.pictures import recording
-from executive.pictures.recording import Recording, drawn_in, link_shapes
+from executive.pictures.recording import Recording, drawn_in
 from planlang.diagnostics import BadInput
 from planlang.geometry import Pose
 from planlang.resources import bundled
@@ -41,10 +41,11 @@ def test_a_saved_recording_passes_the_viewers_verification(tmp_path: Path) -> No
     )
     urdf = bundled("ontologies") / "robots" / "amigo.urdf"
     world = PyBulletWorld(room, RobotBody(urdf, CameraModel("base_link")))
-    kept = Recording(world.rate, drawn_in(world, urdf))
+    kept = Recording(world.rate, drawn_in(world))
     for step in range(60):
         world.set_pose("bottle 1", Pose((0.01 * step, 0.0, 1.0)))
         kept.frame(step)
+    link = next(iter(world.robot.looks()))
     world.close()
     kept.event(0, "serve_a_drink started")
     path = tmp_path / "run.rrd"
@@ -56,14 +57,13 @@ def test_a_saved_recording_passes_the_viewers_verification(tmp_path: Path) -> No
     verified = subprocess.run([rerun, "rrd", "verify", str(path)], capture_output=True, text=True, check=False)
     assert verified.returncode == 0, verified.stderr
     printed = subprocess.run([rerun, "rrd", "print", "-vvv", str(path)], capture_output=True, text=True, check=False)
-    link = next(iter(link_shapes(urdf)))
     for entity in ("bodies/bottle\\ 1", "bodies/bed1/box", "bodies/patient1/limb", f"robot/{link}/", "plan"):
         assert entity in printed.stdout
     assert recording.TIME_LINE in printed.stdout
     assert "serve_a_drink started" in printed.stdout
 
 
-def test_primitives_of_links_are_read_with_their_place_and_colour(tmp_path: Path) -> None:
+def test_primitives_of_links_are_drawn_with_their_place_and_colour(tmp_path: Path) -> None:
     urdf = tmp_path / "robot.urdf"
     urdf.write_text(
         """<robot name="r"><material name="red"><color rgba="1 0 0 1"/></material>
@@ -71,12 +71,16 @@ def test_primitives_of_links_are_read_with_their_place_and_colour(tmp_path: Path
           <geometry><cylinder radius="0.05" length="0.4"/></geometry><material name="red"/></visual></link>
         <link name="hand"><visual><geometry><mesh filename="hand.dae"/></geometry></visual>
           <collision><geometry><box size="0.1 0.2 0.3"/></geometry></collision></link>
-        <link name="frame"/></robot>"""
+        <link name="frame"/>
+        <joint name="wrist" type="fixed"><parent link="arm"/><child link="hand"/></joint>
+        <joint name="mount" type="fixed"><parent link="hand"/><child link="frame"/></joint></robot>"""
     )
-    shapes = link_shapes(urdf)
-    assert list(shapes) == ["arm", "hand"]
-    (arm,) = shapes["arm"]
+    world = PyBulletWorld(Scene(()), RobotBody(urdf, CameraModel("arm")))
+    drawn = {thing.path[1]: thing.shapes for thing in drawn_in(world)}
+    world.close()
+    assert list(drawn) == ["arm", "hand"]
+    (arm,) = drawn["arm"]
     assert (arm.kind, arm.size, arm.colour) == ("cylinder", (0.1, 0.1, 0.4), (255, 0, 0, 255))
     assert arm.pose.position == (0.0, 0.0, 1.0)
     assert arm.pose.yaw == pytest.approx(3.14159265)
-    assert shapes["hand"][0].size == (0.1, 0.2, 0.3)
+    assert drawn["hand"][0].size == pytest.approx((0.1, 0.2, 0.3))

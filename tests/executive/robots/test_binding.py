@@ -13,7 +13,7 @@ import pytest
 
 from executive.motion import Chain
 from executive.robots import Robot, bind_robot, robots
-from executive.robots.urdf_source import Mount, composed
+from executive.robots.mechanism import Mount, composed
 from planlang.designators import Device
 from planlang.diagnostics import BadInput
 from planlang.geometry import Pose

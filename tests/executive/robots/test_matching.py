@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.robots import FindingKind, Robot, Semantics, bind_robot, missing_capabilities, requirements
-from executive.robots.closed_world import ClosedWorld, compared
-from executive.robots.matching import Judge, Possessions
+from executive.robots.matching import ClosedWorld, Judge, Possessions, compared
 from executive.robots.self_model import Part, claims_of, parts_of, read_self_model
 from executive.robots.tasks import Match, match, with_remedies
 from planlang.diagnostics import Span

@@ -22,7 +22,7 @@ from typing import Any
 
 import hypothesis
 import pytest
-from hypothesis import given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 from random_trees import FLUENTS, SLOT, TAGS, Grower, outcome_of, tags_of
 from reference_model import Tree, World
@@ -154,7 +154,7 @@ def fluents_of(tree: Tree) -> list[bool]:
 
 
 @settings(max_examples=max(10, EXAMPLES // 10), deadline=None)
-@given(trees, st.lists(st.integers(0, 10**6), min_size=1, max_size=4))
+@hypothesis.given(trees, st.lists(st.integers(0, 10**6), min_size=1, max_size=4))
 def test_branches_that_share_nothing_have_the_same_outcome_under_every_schedule(
     tree: Tree, schedules: list[int]
 ) -> None:
@@ -165,7 +165,7 @@ def test_branches_that_share_nothing_have_the_same_outcome_under_every_schedule(
 
 
 @settings(max_examples=max(10, EXAMPLES // 10), deadline=None)
-@given(trees)
+@hypothesis.given(trees)
 def test_the_outcome_of_a_tree_is_what_the_model_computes(tree: Tree) -> None:
     values = fluents_of(tree)
     world = World(tree, list(values))
@@ -174,7 +174,7 @@ def test_the_outcome_of_a_tree_is_what_the_model_computes(tree: Tree) -> None:
 
 
 @settings(max_examples=max(10, EXAMPLES // 10), deadline=None)
-@given(trees, schedules)
+@hypothesis.given(trees, schedules)
 def test_every_node_of_the_tree_starts_and_ends_once_within_its_parent(tree: Tree, schedule: int | None) -> None:
     trace = Trace()
     outcome_of(tree, fluents_of(tree), schedule=schedule, trace=trace)
@@ -197,7 +197,7 @@ def test_every_node_of_the_tree_starts_and_ends_once_within_its_parent(tree: Tre
 
 
 @settings(max_examples=max(10, EXAMPLES // 20), deadline=None)
-@given(trees)
+@hypothesis.given(trees)
 def test_written_order_is_the_order_of_beginning(tree: Tree) -> None:
     trace = Trace()
     outcome_of(tree, fluents_of(tree), trace=trace)

@@ -1,0 +1,166 @@
+"""The files that arguments name: robots, maps, recipes and plans; a plan is parsed, never executed."""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
+from planlang.files import open_regular
+from planlang.plan_header import PlanHeader, header
+from planlang.resources import Bundled
+
+
+def chosen(
+    kind: Bundled, given: str | None, default: str | None, problems: list[Diagnostic], *, needs: str = "this plan"
+) -> Path | None:
+    """Return the file of a robot or environment that the user named, or the default's; appends what is wrong."""
+    if given is None and default is None:
+        option = f"--{kind.value}"
+        advice = f"add {option} FILE, or a bundled one: {', '.join(kind.names())}"
+        problems.append(error("C008", f"{needs} needs {option}", help=advice))
+        return None
+    try:
+        return kind.find(given or default or "")
+    except BadInput as bad:
+        problems.extend(bad.diagnostics)
+        return None
+
+
+def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | None) -> None:
+    """Append an error for each named file that is not there or is no regular file."""
+    for name, given in files.items():
+        for path in [given] if isinstance(given, Path) else given or ():
+            try:
+                is_file = path.is_file()
+            except (OSError, ValueError):  # a null character, or a name too long
+                is_file = False
+            if not is_file:
+                what = "URDF file" if name == "urdf" else f"--{name} file"
+                problems.append(error("C001", f"no such {what}: {path}"))
+
+
+def refuse(problems: Sequence[Diagnostic]) -> None:
+    """Raise BadInput if there are errors among the problems."""
+    if has_errors(problems):
+        raise BadInput(problems)
+
+
+def planar(text: str | None) -> tuple[float, float, float] | None:
+    """Return the pose in "x,y,yaw"; raises a usage error."""
+    if text is None:
+        return None
+    try:
+        x, y, yaw = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not x,y,yaw; write for example --start 1.5,-0.2,3.14") from None
+    if not all(map(math.isfinite, (x, y, yaw))):
+        raise typer.BadParameter(f"{text!r} has a number that is not finite")
+    return x, y, yaw
+
+
+LARGEST_PLAN = 10_000_000
+"""Bytes of a plan that are read at most; recipes are bounded by their own reader."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFile:
+    """A plan's source, parsed but never executed. ``header`` is None when a person wrote the plan."""
+
+    path: Path
+    source: str
+    header: PlanHeader | None
+
+
+@dataclass(frozen=True, slots=True)
+class RecipeFile:
+    """A file that holds a recipe, as far as its first characters show."""
+
+    path: Path
+
+    @property
+    def is_bundled(self) -> bool:
+        """True if the recipe came with planlang."""
+        return self.path.resolve().is_relative_to(Bundled.RECIPE.folder.resolve())
+
+
+def read(name: str) -> PlanFile | RecipeFile:
+    """Return the plan or recipe that the user named.
+
+    Raises BadInput when there is no such file, it cannot be read, or it is neither.
+    """
+    path = Bundled.RECIPE.find(name)
+    try:
+        with open_regular(path) as file:
+            content = file.read(LARGEST_PLAN + 1)
+    except OSError as problem:
+        raise BadInput([error("C001", f"{name} cannot be read: {problem.strerror}")]) from None
+    text = content.decode("utf-8", errors="replace").lstrip("\ufeff")
+    if _starts_like_owl(text) or _is_utf16(content):
+        return RecipeFile(path)
+    return _plan(path, text, is_whole=len(content) <= LARGEST_PLAN)
+
+
+def read_recipe_file(name: str) -> RecipeFile:
+    """Return the recipe that the user named; raises BadInput for a plan."""
+    found = read(name)
+    if isinstance(found, PlanFile):
+        advice = f"planlang check {name} checks a plan, planlang run {name} runs it"
+        raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(str(found.path)), advice)])
+    return found
+
+
+def _is_utf16(content: bytes) -> bool:
+    return content[:2] in (b"\xff\xfe", b"\xfe\xff")
+
+
+_OWL_START = re.compile(
+    r"(<|@prefix\b|@base\b|PREFIX\b|BASE\b|(Prefix|Ontology|Namespace|Import|Individual|Class)\s*:)"
+)
+_PYTHON_START = re.compile(
+    r"""("{3}|'{3}|["']|@\w|\w+\s*=|(from|import|async|def|class|if|try|for|while|with|raise|assert)\b)"""
+)
+
+
+def _starts_like_owl(text: str) -> bool:
+    """Return True for RDF/XML, Manchester syntax, Turtle, and all but Python: their reader says what is wrong."""
+    for line in text.splitlines():
+        line = line.strip()
+        if line and not line.startswith("#"):
+            return _OWL_START.match(line) is not None or _PYTHON_START.match(line) is None
+    return True
+
+
+def _plan(path: Path, text: str, *, is_whole: bool) -> PlanFile:
+    if not is_whole:
+        raise BadInput([error("C002", f"this plan is larger than {LARGEST_PLAN // 1_000_000} MB", Span(str(path)))])
+    try:
+        module = ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
+        line = getattr(problem, "lineno", None) or 1
+        column = getattr(problem, "offset", None) or 1
+        reason = getattr(problem, "msg", None) or str(problem)
+        advice = "a plan is Python source; a recipe starts with an XML declaration, Prefix: or Ontology:"
+        found = error("C002", f"neither a recipe nor a plan: {reason}", Span(str(path), line, column), advice)
+        raise BadInput([found]) from None
+    if not _imports_planlang(module.body):
+        advice = "a plan imports its constructs: from planlang import plan, perform, ..."
+        message = "Python source, but no plan: it does not import planlang"
+        raise BadInput([error("C003", message, Span(str(path)), advice)])
+    return PlanFile(path, text, header(text))
+
+
+def _imports_planlang(statements: Iterable[ast.stmt]) -> bool:
+    for statement in statements:
+        match statement:
+            case ast.ImportFrom(module=str(module)) if module.split(".")[0] == "planlang":
+                return True
+            case ast.Import(names=aliases) if any(alias.name.split(".")[0] == "planlang" for alias in aliases):
+                return True
+    return False
