@@ -21,7 +21,6 @@ from planlang.compiler.layout import (
 )
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.names import Names, Symbols, quoted, snake_case
-from planlang.compiler.passing import Passing, uses_kept
 from planlang.compiler.structure import DONE, FALSE, TRUE
 from planlang.compiler.tree import (
     Achieve,
@@ -36,11 +35,13 @@ from planlang.compiler.tree import (
     Parallel,
     PartialOrder,
     Passed,
+    Passing,
     Perform,
     PlaceUse,
     Scope,
     Series,
     State,
+    uses_kept,
 )
 from planlang.designators import local_name
 

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 
-import networkx as nx
-
 from planlang.compiler.names import snake_case
 from planlang.compiler.recoveries import Recoveries
-from planlang.compiler.roles import Roles
 from planlang.compiler.structure import Overlaps, machine, structured
-from planlang.compiler.terms import HandUse, Renaming, Terms, callees_first
+from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, callees_first
 from planlang.compiler.tree import (
     Achieve,
     Call,
@@ -34,8 +31,8 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order.graph import Precedence, order_graph
-from planlang.recipe.order.scopes import Unit, scopes_of, single_steps
+from planlang.recipe.order import Precedence
+from planlang.recipe.scopes import Unit, scopes_of, single_steps
 
 
 class Lowering:
@@ -49,7 +46,6 @@ class Lowering:
         self._roles = Roles(recipes, actions, self._terms)
         self._steps = Steps(recipes, actions, self._terms, self._roles)
         self._bases: list[tuple[PlaceUse, list[HandUse]]] = []
-        self._small: dict[str, nx.DiGraph] = {}
         self.diagnostics: list[Diagnostic] = []
         self.added: dict[str, tuple[tuple[str, str], ...]] = {}
 
@@ -88,7 +84,7 @@ class Lowering:
         self.added[recipe.iri] = found.added
         self.diagnostics += added_orders(recipe, found.added)
         if found.added:
-            order = Precedence.of(order.nodes, [*order.reduction(), *found.added])
+            order = order.extended(found.added)
         overlaps = Overlaps(recipe, order)
         holding = self._roles.held(recipe, order)
 
@@ -106,17 +102,15 @@ class Lowering:
             return overlaps.gated(iri, made)
 
         nodes = [unit_node(unit) for unit in found.units]
-        return structured(found.graph, nodes, [self._name(recipe, unit.members()[0]) for unit in found.units])
+        return structured(found.order, nodes, [self._name(recipe, unit.members()[0]) for unit in found.units])
 
     def _scope(self, recipe: Recipe, unit: Unit, nodes: list[Node]) -> Node:
         assert unit.base is not None
-        small = self._reduced(recipe)
         base = self._terms.step(recipe, unit.base)
         steps = [self._terms.step(recipe, iri) for iri in unit.steps]
-        index = {step: number for number, step in enumerate(unit.steps)}
-        pairs = [(index[a], index[b]) for a in unit.steps for b in small.successors(a) if b in index]
-        names = [self._name(recipe, iri) for iri in unit.steps]
-        body = structured(order_graph(index.values(), pairs), nodes, names)
+        order = self._terms.order(recipe)
+        inner = Precedence(unit.steps, ((one, other) for one in unit.steps for other in order.covers(one)))
+        body = structured(inner, nodes, [self._name(recipe, iri) for iri in unit.steps])
         inside = frozenset(unit.steps)
         uses = list(self._terms.hand_uses(recipe, [s for s in self._terms.steps(recipe) if s.iri in inside]))
         use = self._terms.use(_destination(base))
@@ -126,12 +120,6 @@ class Lowering:
         where = self._terms.place(recipe, base, use.place)
         scope = Scope(base.name, where, reaching, attempts, body, base.label)
         return self._steps.with_looking(recipe, scope, [base, *steps])
-
-    def _reduced(self, recipe: Recipe) -> nx.DiGraph:
-        if recipe.iri not in self._small:
-            order = self._terms.order(recipe)
-            self._small[recipe.iri] = order_graph(order.nodes, order.reduction())
-        return self._small[recipe.iri]
 
     def _name(self, recipe: Recipe, iri: str) -> str:
         """Return the name of a step's branch; no function's name if others take the branch's result by this name."""

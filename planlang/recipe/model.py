@@ -330,7 +330,7 @@ class Recipe:
     machine: StateMachine | None = None
     cls: str | None = None
     derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """Results that were computed from the rest; see :mod:`planlang.recipe.order.graph`."""
+    """Results that were computed from the rest; see :mod:`planlang.recipe.order`."""
 
     @property
     def name(self) -> str:

@@ -15,7 +15,7 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.checks import check
 from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
-from planlang.recipe.order.intervals import implied_by_overlaps
+from planlang.recipe.order import implied_by_overlaps
 from planlang.recipe.readers import loose_parts, tasks_of
 from planlang.recipe.readers.data_flow import made
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
@@ -140,6 +140,13 @@ def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None
     if iri not in actions.performers:
         actions.performers[iri] = _performers(actions, iri)
     return actions.performers[iri]
+
+
+def statements_for(actions: Actions, iri: str) -> Statements:
+    """Return what the file states about a task with a recipe, or about the class that it inherits the recipe from."""
+    statements = actions.statements(recipes_for(actions, iri)[0][0])
+    assert statements is not None
+    return statements
 
 
 def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:

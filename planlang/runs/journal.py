@@ -8,7 +8,7 @@ states and steps are steps too. Nothing deeper is: what has not completed runs a
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -60,15 +60,15 @@ class Journal(RecordedInputs):
         *,
         snapshot: Callable[[], Any] | None = None,
         past: Past | None = None,
-        account: Callable[[Mapping[str, int], Mapping[str, int]], None],
+        charge: Callable[[str, str, int], None],
     ) -> None:
-        """``snapshot`` gives the state of the world and the robot's belief as JSON. ``account`` charges the budgets
-        around the running task with what a step that is taken over has used.
+        """``snapshot`` gives the state of the world and the robot's belief as JSON. ``charge`` charges the budgets
+        around the running task with what a step that is taken over has spent and used.
         """
         super().__init__(scheduler, trace if past is None else ResumedTrace(trace, past), past)
         self._snapshot = snapshot
         self._left: Any = None
-        self._account = account
+        self._charge = charge
         self._spine: dict[Node, bool] = {}
         self._opened: dict[Node, _Open] = {}
         self._given: set[Node] = set()
@@ -83,12 +83,12 @@ class Journal(RecordedInputs):
     # -- Observer
 
     def begin(self, root: Node, fail: Callable[[BaseException], object]) -> None:
-        """The run begins."""
+        """Hear that the run begins."""
         self._trace.begin(root, fail)
         self._spine[root] = True
 
     def started(self, step: int, node: Node, /, **details: object) -> None:
-        """A node begins, in its task. Raises Different where a resumed plan does not repeat what it did."""
+        """Hear that a node begins, in its task. Raises Different where a resumed plan does not repeat what it did."""
         self._trace.started(step, node, **details)
         if self._ahead is not None and self._ahead.problem is not None:
             raise self._ahead.problem
@@ -98,7 +98,7 @@ class Journal(RecordedInputs):
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
     ) -> None:
-        """A node ends; a step has completed if it ended with a result or a plan failure."""
+        """Hear that a node ends; a step has completed if it ended with a result or a plan failure."""
         self._spine.pop(node, None)
         opened = self._opened.pop(node, None)
         if opened is not None and outcome is not EVAPORATED and (failure is None or isinstance(failure, PlanFailure)):
@@ -109,7 +109,7 @@ class Journal(RecordedInputs):
         self._given.discard(node)
 
     def write(self, step: int, event: str, node: Node | None = None, /, **details: Any) -> None:
-        """Something else has happened."""
+        """Hear of anything else."""
         if event == "plan" and node is not None and self._spine.get(node):  # a branch turns out to be the plan function
             self._spine[node] = False
         elif event == "returned" and node is not None:
@@ -117,7 +117,7 @@ class Journal(RecordedInputs):
         self._trace.write(step, event, node, **details)
 
     def changed(self, fluent: BaseFluent[Any]) -> None:
-        """A task sets a fluent; statuses of tasks come about by themselves."""
+        """Note that a task sets a fluent; statuses of tasks come about by themselves."""
         task = self._scheduler.current
         if task is not None and isinstance(fluent, Fluent) and not isinstance(fluent.value, Status):
             for opened in self._around(task.node):
@@ -130,7 +130,7 @@ class Journal(RecordedInputs):
             counts[part] = counts.get(part, 0) + number
 
     def end(self) -> None:
-        """The run is over."""
+        """Hear that the run is over."""
         self._trace.end()
 
     # -- which nodes are steps
@@ -141,6 +141,8 @@ class Journal(RecordedInputs):
         if outer is None or parent is None:
             return
         is_branch = isinstance(node, Task)
+        # A budget or timeout around the plan is a node with one branch: both are looked through. In the plan itself,
+        # which is the first plan function met, every node is a step, also a budget.
         if outer and (parent.kind in AROUND if is_branch else node.kind in AROUND):
             self._spine[node] = True
         elif outer and node.kind == "plan":
@@ -225,6 +227,7 @@ class Journal(RecordedInputs):
         scheduler, task = here()
         if done.step > scheduler.now:
             await pause(done.step - scheduler.now, done.path)
+        # Steps that ended at the same time did so in an order, on which fluents and budgets may depend.
         while self._due is not done:
             self._waiting[done.path] = task
             await park(f"the end of {self._due.path if self._due else 'the run'}, which was before its own")
@@ -238,7 +241,9 @@ class Journal(RecordedInputs):
             if fluent is None:
                 raise PlanStructureError(f"{done.path} has set the fluent {name}, which there is not")
             fluent.set(value)
-        self._account(done.spent, done.used)
+        for kind, counts in (("spent", done.spent), ("used", done.used)):
+            for part, number in counts.items():
+                self._charge(kind, part, number)
         if self._due is None:
             self._go_on()
         if done.failure is not None:
@@ -260,7 +265,7 @@ class Journal(RecordedInputs):
             self._scheduler.wake(task)
 
     def step_ends(self, step: int) -> bool:
-        """True while the run repeats what it takes over; raises Different if something recorded has not happened."""
+        """Return True while the run repeats what it takes over; raises Different if something is missing."""
         if self._ahead is not None:
             self._ahead.check(step)
         return self._ahead is not None

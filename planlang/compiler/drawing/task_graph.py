@@ -7,7 +7,6 @@ import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from html import escape
 from itertools import count
 from textwrap import wrap
 
@@ -28,7 +27,7 @@ from planlang.recipe.model import (
     Thing,
     Transition,
 )
-from planlang.recipe.order.graph import recipe_order
+from planlang.recipe.order import recipe_order
 from planlang.relations import RELATIONS
 
 
@@ -292,8 +291,6 @@ _SPACE = re.compile(r"\s+")
 _HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn"})
 """Categories of what is not shown as itself: controls, marks that turn the writing direction, surrogates, ..."""
 
-_PLAIN = frozenset(" _-.,/=+")
-
 
 def shown(text: str, longest: int = LONGEST_TEXT) -> str:
     """Return the text on one line, with ``\N{REPLACEMENT CHARACTER}`` for characters that have no glyph."""
@@ -312,21 +309,6 @@ def broken(text: str) -> list[str]:
     if len(parts) > MOST_LINES:
         parts = [*parts[: MOST_LINES - 1], f"{parts[MOST_LINES - 1]} …"]
     return [*parts[:1], *(INDENT + part for part in parts[1:])]
-
-
-def for_xml(text: str) -> str:
-    """Return the text as content or attribute of an XML or HTML element."""
-    return escape(text, quote=True)
-
-
-def for_dot(text: str) -> str:
-    """Return the text inside of a quoted string of Graphviz, which reads escapes and HTML entities in labels."""
-    return text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
-
-
-def for_mermaid(text: str) -> str:
-    """Return the text as a quoted label of Mermaid; possible syntax or HTML is written as character numbers."""
-    return "".join(c if c.isalnum() or c in _PLAIN else f"#{ord(c)};" for c in text)
 
 
 _WIDTHS = (

@@ -17,7 +17,7 @@ from typing import Generic, ParamSpec, TypeVar
 from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Recipe, RecipeSet, Step
-from planlang.recipe.order.scopes import added_by_scopes
+from planlang.recipe.scopes import added_by_scopes
 from planlang.recipe.statements import Statements
 
 _Asked = ParamSpec("_Asked")

@@ -12,8 +12,7 @@ from planlang.ontology import Ontology
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.misspellings import guess
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe
-from planlang.recipe.order.graph import Precedence, recipe_cycle, recipe_order
-from planlang.recipe.order.intervals import Intervals
+from planlang.recipe.order import Intervals, Precedence, recipe_cycle, recipe_order
 from planlang.recipe.statements import LooseEnd, Statements
 
 

@@ -8,7 +8,7 @@ from itertools import combinations
 
 from planlang.diagnostics import Diagnostic, note
 from planlang.ontology import Ontology, expand
-from planlang.ontology.terms import RANGE
+from planlang.ontology.terms import RDFS
 from planlang.recipe.checks import check
 from planlang.recipe.fillers import is_of_unknown_kind
 from planlang.recipe.model import Kind, Parameter, Place, Recipe, RecipeSet, Thing
@@ -47,7 +47,7 @@ def ranges_of(ontology: Ontology, property_name: str) -> list[str]:
     """Return the classes (IRIs) in the range of a property."""
     return [
         triple.object
-        for triple in ontology.triples(s=expand(property_name), p=RANGE)
+        for triple in ontology.triples(s=expand(property_name), p=RDFS.range)
         if isinstance(triple.object, str) and ontology.is_class(triple.object)
     ]
 

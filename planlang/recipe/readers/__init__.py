@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error
 from planlang.ontology import Ontology
-from planlang.ontology.terms import ON_PROPERTY
+from planlang.ontology.terms import OWL
 from planlang.recipe.readers import action_table, finite_state, partial_order, workflow
 from planlang.recipe.readers.data_flow import read_data_flow
 from planlang.recipe.statements import REGISTERED_WORDS, Statements
@@ -126,7 +126,7 @@ def loose_parts(ontology: Ontology) -> list[Diagnostic]:
     used |= {
         local_name(triple.object)
         for triple in own
-        if triple.predicate == ON_PROPERTY and isinstance(triple.object, str)
+        if triple.predicate == OWL.onProperty and isinstance(triple.object, str)
     }
     for loose in (reader.loose for reader in READERS if reader.loose is not None):
         spans = [triple.span for triple in own if local_name(triple.predicate) in loose.marks]

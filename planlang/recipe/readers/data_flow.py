@@ -14,7 +14,7 @@ import networkx as nx
 
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, shorten
-from planlang.ontology.terms import ON_PROPERTY
+from planlang.ontology.terms import OWL
 from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Flow, Ordering, Reason
 from planlang.recipe.statements import Filling, LooseEnd, Statements, SubAction, facts, filled, is_word, named
@@ -119,7 +119,7 @@ def _says_outputs(ontology: Ontology) -> bool:
     """Return True if any document states what something creates."""
     if "says outputs" not in ontology.kept:
         store = ontology.store
-        restricted = map(store.name, set(map(store.objects.__getitem__, store.by(ON_PROPERTY))))
+        restricted = map(store.name, set(map(store.objects.__getitem__, store.by(OWL.onProperty))))
         is_restricted = any(name is not None and is_word(name, *OUTPUTS) for name in restricted)
         ontology.kept["says outputs"] = is_restricted or bool(ontology.properties_named(*OUTPUTS))
     return bool(ontology.kept["says outputs"])

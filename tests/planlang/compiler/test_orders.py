@@ -27,8 +27,8 @@ from planlang.protocols import Solution
 from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
 from planlang.recipe.actions import Movers
 from planlang.recipe.model import Kind
-from planlang.recipe.order.graph import Precedence, order_graph
-from planlang.recipe.order.scopes import scoping
+from planlang.recipe.order import Precedence, order_graph
+from planlang.recipe.scopes import scoping
 from planlang.testing import all_linear_extensions
 
 BASE = "http://planlang.org/test#"
@@ -116,7 +116,7 @@ def test_scopes_add_only_the_orders_that_they_tell(
         for name in graph.nodes
     ]
     happening = read_plan(compiled(looks_and_drives, steps, list(graph.edges))).orders("task")
-    added = scoping(Precedence(graph), Movers(frozenset(moving)), placed).added
+    added = scoping(Precedence(graph.nodes, graph.edges), Movers(frozenset(moving)), placed).added
     expected = nx.transitive_closure_dag(order_graph(graph.nodes, [*graph.edges, *added]))
     assert sorted(map(step_of, happening.steps)) == sorted(graph.nodes)
     assert {(step_of(a), step_of(b)) for a, b in happening.before} == set(expected.edges)
@@ -135,7 +135,7 @@ def test_a_step_is_in_the_scope_of_the_last_base_motion_before_it(
 ) -> None:
     graph, moving, placed = case
     closure = nx.transitive_closure_dag(graph)
-    for unit in scoping(Precedence(graph), Movers(frozenset(moving)), placed).units:
+    for unit in scoping(Precedence(graph.nodes, graph.edges), Movers(frozenset(moving)), placed).units:
         for step in unit.steps:
             if unit.base is not None:
                 assert closure.has_edge(unit.base, step)

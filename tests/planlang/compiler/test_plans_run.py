@@ -395,7 +395,7 @@ def test_steps_overlap_as_the_recipe_says_however_long_they_take(
     if relation in (Allen.EQUALS, Allen.FINISHES):
         assert one.end == other.end
     if relation is Allen.DURING:
-        assert done.steps("One")[0].begin >= done.steps("Other")[0].begin
+        assert done.steps("One")[0].start >= done.steps("Other")[0].start
         assert one.end <= other.end
 
 
@@ -436,7 +436,7 @@ def test_a_step_that_starts_the_recipe_begins_before_all_others(compiled: Callab
         )
     )
     done = performed(source, ["Wait", "Look", "Pour"], Script().on("Pour", after=9.0))
-    assert done.steps("Wait")[0].begin <= done.steps("Look")[0].begin
+    assert done.steps("Wait")[0].start <= done.steps("Look")[0].start
     assert done.steps("wait")[0].end == done.steps("Pour")[0].end
 
 

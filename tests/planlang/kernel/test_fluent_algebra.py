@@ -11,6 +11,7 @@ import hypothesis
 import numpy as np
 import pytest
 from hypothesis import strategies as st
+from virtual_time import go
 
 from planlang import *
 
@@ -29,10 +30,6 @@ BINARY: list[Callable[[Any, Any], Any]] = [
     operator.gt,
     operator.ge,
 ]
-
-
-def go(body: Any, **options: Any) -> Any:
-    return run(body, host=VirtualHost(), **options)
 
 
 def outcome(compute: Callable[[], Any]) -> Any:

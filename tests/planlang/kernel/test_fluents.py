@@ -7,12 +7,9 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import *
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 async def set_later(fluent: Fluent[Any], value: Any, after: float = 1.0) -> None:

@@ -11,13 +11,10 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import *
 from planlang.failures import BranchEvaporated, GraspMissed
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 class World:

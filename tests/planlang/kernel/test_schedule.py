@@ -12,6 +12,7 @@ from random import Random
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import *
 from planlang.kernel import Task
@@ -167,10 +168,6 @@ class CountingWorld:
 
     def step(self) -> None:
         self.steps += 1
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 def test_sleep_takes_the_exact_number_of_steps() -> None:

@@ -9,12 +9,9 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import *
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 class World:

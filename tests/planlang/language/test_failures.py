@@ -16,11 +16,15 @@ from virtual_time import go
 from planlang import *
 from planlang import (
     PlanFailure,
+    PlanStructureError,
     VirtualHost,
     achieve,
     explain,
     failures,
+    in_thread,
     par,
+    plan,
+    pursue,
     race,
     run,
     sleep,
@@ -208,10 +212,6 @@ def test_every_public_name_has_a_docstring_and_is_listed_once() -> None:
         assert construct.__name__ in planlang.__all__
 
 
-def ran(body: Any, **options: Any) -> Any:
-    return run(body, host=VirtualHost(), **options)
-
-
 async def reach() -> None:
     await sleep(1)
 
@@ -260,7 +260,7 @@ async def in_a_list() -> None:
 )
 def test_a_call_without_await_is_an_error_with_its_line(body: Callable[[], Any], line: str, name: str) -> None:
     with pytest.raises(PlanStructureError) as caught:
-        ran(body)
+        go(body)
     first, wrong, right = str(caught.value).splitlines()
     assert first.startswith("test_failures.py:")
     assert first.endswith(f"calls {name}() without await, so nothing was done")
@@ -273,7 +273,7 @@ def test_all_lines_are_named() -> None:
         serve("b")
 
     with pytest.raises(PlanStructureError, match=r"calls reach\(\)") as caught:
-        ran(body)
+        go(body)
     assert [note.rpartition(" calls ")[2] for note in caught.value.__notes__] == ["serve() without await"]
 
 
@@ -281,7 +281,7 @@ def test_code_without_a_source_is_named_by_file_and_line() -> None:
     space: dict[str, Any] = {"reach": reach}
     exec(compile("async def body():\n    reach()\n", "nowhere.py", "exec"), space)
     with pytest.raises(PlanStructureError, match=r"nowhere\.py:2 calls reach\(\)(.|\n)*wrong: reach\(\.\.\.\)"):
-        ran(space["body"])
+        go(space["body"])
 
 
 def test_what_the_run_fails_with_comes_first_and_nothing_is_printed() -> None:
@@ -290,7 +290,7 @@ def test_what_the_run_fails_with_comes_first_and_nothing_is_printed() -> None:
         raise GraspMissed
 
     with pytest.raises(GraspMissed):
-        ran(body)
+        go(body)
 
 
 def test_what_outlives_the_run_is_pythons_warning() -> None:
@@ -300,7 +300,7 @@ def test_what_outlives_the_run_is_pythons_warning() -> None:
         kept.append(reach())
         await sleep(1)
 
-    ran(body)
+    go(body)
     with pytest.warns(RuntimeWarning, match="'reach' was never awaited"):
         kept.clear()
 
@@ -313,7 +313,7 @@ def test_what_was_made_before_the_run_is_pythons_warning() -> None:
         await sleep(1)
 
     with pytest.warns(RuntimeWarning, match="'reach' was never awaited"):
-        ran(body)
+        go(body)
 
 
 def test_other_warnings_and_those_of_other_threads_are_told_as_ever() -> None:
@@ -325,7 +325,7 @@ def test_other_warnings_and_those_of_other_threads_are_told_as_ever() -> None:
         await in_thread(reading)
 
     with pytest.warns() as told:
-        ran(body)
+        go(body)
     assert [one.category for one in told] == [UserWarning, RuntimeWarning]
 
 
@@ -335,9 +335,9 @@ def test_a_run_leaves_filters_and_tracking_as_they_were() -> None:
 
     async def body() -> None:
         within.append(sys.get_coroutine_origin_tracking_depth())
-        await in_thread(partial(ran, partial(sleep, 1)))
+        await in_thread(partial(go, partial(sleep, 1)))
 
-    ran(body)
+    go(body)
     assert within[0] > 0
     assert (warnings.filters[:], warnings.showwarning, sys.get_coroutine_origin_tracking_depth()) == before
 
@@ -350,7 +350,7 @@ def test_a_cleanup_that_was_cut_short_is_warned_of_in_the_same_run() -> None:
             await sleep(1)
 
     with pytest.warns(CutShort):
-        ran(partial(pursue, body, partial(sleep, 1)))
+        go(partial(pursue, body, partial(sleep, 1)))
 
 
 def test_a_branch_that_returns_a_coroutine_is_told_what_to_return() -> None:
@@ -358,7 +358,7 @@ def test_a_branch_that_returns_a_coroutine_is_told_what_to_return() -> None:
         return reach()
 
     with pytest.raises(PlanStructureError) as caught:
-        ran(partial(par, body))
+        go(partial(par, body))
     assert str(caught.value).splitlines() == [
         "branch par/par/body returned a call of reach() that was not awaited, so nothing was done",
         "  wrong: return reach(...)",

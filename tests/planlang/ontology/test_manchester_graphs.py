@@ -17,7 +17,7 @@ from planlang.diagnostics import BadInput, Diagnostic
 from planlang.ontology import BNode, Literal, Term, Triple
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.rdfxml import read_rdfxml
-from planlang.ontology.terms import CLASS, FIRST, NIL, OWL, REST, RESTRICTION, STRING, SUBCLASS_OF, TYPE
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD
 from planlang.ontology.turtle import read_turtle
 from planlang.ontology.writing import Target, write
 from planlang.ontology.writing.nodes import differences, statements
@@ -50,7 +50,7 @@ def by_horned_owl(text: str) -> list[Triple]:
 def typed(triples: list[Triple]) -> list[Triple]:
     """Plain texts as xsd:string, which RDF 1.1 says that they are."""
     return [
-        Triple(t.subject, t.predicate, Literal(t.object.value, STRING), t.span)
+        Triple(t.subject, t.predicate, Literal(t.object.value, XSD.string), t.span)
         if isinstance(t.object, Literal) and t.object.datatype is None and t.object.language is None
         else t
         for t in triples
@@ -407,31 +407,31 @@ class Reader:
         if isinstance(term, Literal):
             return ("integer" if term.datatype else "text", term.value)
         said = self.said[term]
-        if said[TYPE] == RESTRICTION:
+        if said[RDF.type] == OWL.Restriction:
             return self.restriction(said)
-        assert said[TYPE] == CLASS
+        assert said[RDF.type] == OWL.Class
         for word, predicate in (("and", "intersectionOf"), ("or", "unionOf"), ("one of", "oneOf")):
             if OWL + predicate in said:
                 return (word, self.items(said[OWL + predicate]))
-        return ("not", self.expression(said[OWL + "complementOf"]))
+        return ("not", self.expression(said[OWL.complementOf]))
 
     def restriction(self, said: dict[str, Term]) -> Expression:
-        prop = self.expression(said[OWL + "onProperty"])
+        prop = self.expression(said[OWL.onProperty])
         for word, predicate in (("some", "someValuesFrom"), ("only", "allValuesFrom"), ("value", "hasValue")):
             if OWL + predicate in said:
                 return (word, prop, self.expression(said[OWL + predicate]))
         for word, predicate in (("min", "minQ"), ("max", "maxQ"), ("exactly", "q")):
             number = said.get(f"{OWL}{predicate}ualifiedCardinality")
             if isinstance(number, Literal):
-                return (word, prop, int(number.value), self.expression(said[OWL + "onClass"]))
+                return (word, prop, int(number.value), self.expression(said[OWL.onClass]))
         raise AssertionError(said)
 
     def items(self, cell: Term) -> tuple[Expression, ...]:
         found = []
-        while cell != NIL:
+        while cell != RDF.nil:
             assert isinstance(cell, BNode)
-            found.append(self.expression(self.said[cell][FIRST]))
-            cell = self.said[cell][REST]
+            found.append(self.expression(self.said[cell][RDF.first]))
+            cell = self.said[cell][RDF.rest]
         return tuple(found)
 
 
@@ -441,7 +441,7 @@ def test_expressions_survive_writing_and_reading(generated: list[Expression]) ->
     text = f"Prefix: : <{T}>\nClass: subject\n    SubClassOf: {', '.join(map(written, generated))}\n"
     triples = read_manchester(text.encode(), "t.omn", base="http://example.org/base").triples
     reader = Reader(triples)
-    read = [t.object for t in triples if t.subject == T + "subject" and t.predicate == SUBCLASS_OF]
+    read = [t.object for t in triples if t.subject == T + "subject" and t.predicate == RDFS.subClassOf]
     assert [reader.expression(term) for term in read] == generated
 
 

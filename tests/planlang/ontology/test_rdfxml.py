@@ -14,7 +14,7 @@ from rdflib.compare import isomorphic
 from planlang.ontology import BNode, Literal, Ontology, Term, Triple, load
 from planlang.ontology.rdfxml import read_rdfxml
 from planlang.ontology.repairs import canonical
-from planlang.ontology.terms import IMPORTS, LABEL
+from planlang.ontology.terms import OWL, RDFS
 
 BASE = "http://example.org/base.owl"
 REPAIRED = {"acat-adt_example_pipetting@master.owl": 1, "exploration-recipe@hydro.owl": 1}
@@ -224,7 +224,7 @@ def test_every_repair_is_reported_and_no_other(read: Read) -> None:
 def test_every_import_is_found(read: Read) -> None:
     for name, (truth, ontology) in read.items():
         if "imports" in truth:
-            found = sorted({str(t.object) for t in main_triples(ontology) if t.predicate == IMPORTS})
+            found = sorted({str(t.object) for t in main_triples(ontology) if t.predicate == OWL.imports})
             expected = sorted(canonical(address) for address in truth["imports"])
             assert filled(found) == filled(expected), name
 
@@ -246,7 +246,7 @@ def test_every_action_has_the_superclasses_labels_and_parameters_that_the_truth_
                     continue
                 above = {canonical(cls) for cls in action["superclasses"] if cls.startswith("http")}
                 assert above <= set(ontology.parents(canonical(iri))), (name, iri)
-                labels = {v.value for v in ontology.values(canonical(iri), LABEL) if isinstance(v, Literal)}
+                labels = {v.value for v in ontology.values(canonical(iri), RDFS.label) if isinstance(v, Literal)}
                 assert set(action["label"]) <= labels, (name, iri)
                 found = {
                     (restriction.property, KINDS.get(restriction.kind), said(restriction.filler))

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planlang.diagnostics import BadInput, Diagnostic
-from planlang.ontology import Ontology, expressions, load, rdfxml, turtle
+from planlang.ontology import Ontology, load, rdfxml, triples, turtle
 from planlang.ontology.rdfxml import read_rdfxml
 from planlang.ontology.terms import VOCABULARIES
 
@@ -391,9 +391,11 @@ def test_lists_and_intersections_that_contain_themselves_are_walked_once(tmp_pat
     [
         (rdfxml, RDF + "<e:A/>" * 12 + "</rdf:RDF>"),
         (turtle, "<#a> a <#B> .\n" * 12),
-        (expressions, "".join(f"Class: <http://x.org/{n}>\n" for n in range(12))),
+        (triples, "".join(f"Class: <http://x.org/{n}>\n" for n in range(12))),
+        (triples, "".join(f"Class: c{n}\n" for n in range(12))),
+        (triples, f"Class: c SubClassOf: {', '.join(f'c{n}' for n in range(12))}"),
     ],
-    ids=["rdf/xml", "turtle", "manchester"],
+    ids=["rdf/xml", "turtle", "manchester", "simple frames", "simple descriptions"],
 )
 def test_a_file_has_only_so_many_triples(
     tmp_path: Path, module: ModuleType, text: str, monkeypatch: pytest.MonkeyPatch

@@ -22,7 +22,7 @@ from planlang.ontology import BNode, Literal, Ontology, Term, Triple, expand, lo
 from planlang.recipe import Actions, Recipe, read_recipe, stated_tasks
 from planlang.recipe.fillers import fillings, is_place, read_place, read_thing
 from planlang.recipe.model import Reason
-from planlang.recipe.order.graph import Precedence, recipe_graph, recipe_order
+from planlang.recipe.order import Precedence, recipe_graph, recipe_order
 from planlang.recipe.readers import workflow
 from planlang.recipe.tasks import read_recipe_of, recipes_for
 
@@ -210,7 +210,7 @@ def facts_of(actions: Actions, task: dict[str, Any]) -> Iterator[tuple[str, obje
     yield "number of constraints", task["n_constraints_asserted"], len(orders)
     whole = nx.DiGraph((one.before, one.after) for one in orders)
     whole.add_nodes_from(statements.names)
-    order: Precedence[str] = Precedence(whole)
+    order: Precedence[str] = Precedence(whole.nodes, whole.edges)
     yield "reduction", pairs(task["transitive_reduction"]), set(order.reduction())
     yield "closure", task["closure_pairs"], order.number_of_pairs()
     yield "linear extensions", task["linear_extensions"], linear_extensions(whole)
@@ -345,7 +345,7 @@ def test_the_relations_of_a_workflow_are_what_the_truth_holds(corpus: Path) -> N
     orders = [one for one in recipe.orderings if one.reason is Reason.CONSTRAINT]
     precedence = {(local_name(one.before), local_name(one.after)) for one in orders}
     assert precedence == {tuple(pair) for pair in known["precedence"]}
-    order: Precedence[str] = Precedence(recipe_graph(recipe))
+    order: Precedence[str] = recipe_order(recipe)
     reduction = {(local_name(a), local_name(b)) for a, b in order.reduction()}
     assert reduction == {tuple(pair) for pair in known["transitive_reduction"]}
     assert {(local_name(one.first), one.relation.value) for one in recipe.overlaps} == {

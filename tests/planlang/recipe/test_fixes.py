@@ -11,7 +11,8 @@ import pytest
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import CODES, BadInput
 from planlang.ontology.writing import Target, convert
-from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT, Fixed, fix_recipe
+from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT
+from planlang.recipe.fixes.fixing import Fixed, fix_recipe
 
 MANCHESTER = """\
 Prefix: : <http://planlang.org/test#>

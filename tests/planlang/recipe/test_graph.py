@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-import random
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,8 +21,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import CODES, Diagnostic, Rename, Severity
 from planlang.recipe import reading
 from planlang.recipe.checks import Check
-from planlang.recipe.order.decomposition import Parallel, Part, Prime, Serial, decomposed
-from planlang.recipe.order.graph import (
+from planlang.recipe.order import (
     Precedence,
     order_graph,
     shortest_cycle,
@@ -42,14 +40,14 @@ def partial_orders(draw: st.DrawFn) -> nx.DiGraph:
 
 @given(partial_orders())
 def test_the_reduction_is_that_of_networkx(graph: nx.DiGraph) -> None:
-    order: Precedence[int] = Precedence(graph)
+    order: Precedence[int] = Precedence(graph.nodes, graph.edges)
     assert set(order.reduction()) == set(nx.transitive_reduction(graph).edges)
     assert order.size_of_reduction() == len(set(order.reduction()))
 
 
 @given(partial_orders())
 def test_precedence_answers_as_the_closure_does(graph: nx.DiGraph) -> None:
-    order: Precedence[int] = Precedence(graph)
+    order: Precedence[int] = Precedence(graph.nodes, graph.edges)
     closure = nx.transitive_closure_dag(graph)
     assert order.number_of_pairs() == closure.number_of_edges()
     for one in graph.nodes:
@@ -60,7 +58,7 @@ def test_precedence_answers_as_the_closure_does(graph: nx.DiGraph) -> None:
 
 def test_a_cycle_is_no_order() -> None:
     with pytest.raises(ValueError, match="cycle"):
-        Precedence(order_graph("AB", [("A", "B"), ("B", "A")]))
+        Precedence("AB", [("A", "B"), ("B", "A")])
 
 
 @st.composite
@@ -88,7 +86,7 @@ def test_one_long_cycle_is_found_in_time_linear_in_its_length() -> None:
 @given(partial_orders())
 def test_the_linear_extension_keeps_file_order_among_the_ready_ones(graph: nx.DiGraph) -> None:
     done: set[int] = set()
-    for node in Precedence(graph).extension:
+    for node in Precedence(graph.nodes, graph.edges).extension:
         ready = [other for other in graph.nodes if other not in done and set(graph.predecessors(other)) <= done]
         assert node == ready[0]
         done.add(node)
@@ -112,107 +110,6 @@ def test_acyclic_orders_have_no_shortest_cycle(graph: nx.DiGraph) -> None:
 def test_orderings_of_strangers_are_left_out(edges: list[tuple[str, str]]) -> None:
     graph = order_graph("AB", [*edges, ("A", "Z"), ("Z", "B")])
     assert list(graph.edges) == edges
-
-
-Order = tuple[list[int], set[tuple[int, int]]]
-
-
-def reduced(graph: nx.DiGraph) -> nx.DiGraph:
-    order: Precedence[int] = Precedence(graph)
-    return order_graph(graph.nodes, order.reduction())
-
-
-def order_of(part: Part) -> Order:
-    """Leaves and all pairs of them that a part puts in order."""
-    if isinstance(part, int):
-        return [part], set()
-    found = [order_of(inner) for inner in part.parts]
-    numbers = range(len(found))
-    if isinstance(part, Serial):
-        between = [(a, b) for a in numbers for b in numbers if a < b]
-    elif isinstance(part, Prime):
-        between = list(nx.transitive_closure_dag(order_graph(numbers, part.orderings)).edges)
-    else:
-        between = []
-    pairs = {pair for _, inside in found for pair in inside}
-    pairs |= {(x, y) for a, b in between for x in found[a][0] for y in found[b][0]}
-    return [leaf for leaves, _ in found for leaf in leaves], pairs
-
-
-def has_prime(part: Part) -> bool:
-    return not isinstance(part, int) and (isinstance(part, Prime) or any(map(has_prime, part.parts)))
-
-
-def series_parallel(rng: random.Random, leaves: list[int]) -> Order:
-    """A random series-parallel order."""
-    if len(leaves) == 1:
-        return leaves, set()
-    cut = rng.randint(1, len(leaves) - 1)
-    (first, one), (second, other) = series_parallel(rng, leaves[:cut]), series_parallel(rng, leaves[cut:])
-    across = {(a, b) for a in first for b in second} if rng.random() < 0.5 else set()
-    return leaves, one | other | across
-
-
-@st.composite
-def any_orders(draw: st.DrawFn) -> nx.DiGraph:
-    size = draw(st.integers(1, 12))
-    hidden = draw(st.permutations(range(size)))
-    pairs = [(a, b) for index, a in enumerate(hidden) for b in hidden[index + 1 :]]
-    return order_graph(range(size), draw(st.lists(st.sampled_from(pairs), unique=True)) if pairs else [])
-
-
-@given(any_orders())
-def test_decomposition_says_exactly_the_order(graph: nx.DiGraph) -> None:
-    part = decomposed(reduced(graph))
-    assert part is not None
-    leaves, pairs = order_of(part)
-    assert sorted(leaves) == list(graph.nodes)
-    assert pairs == set(nx.transitive_closure_dag(graph).edges)
-
-
-@given(st.integers(0, 2**32), st.integers(1, 40))
-def test_series_parallel_orders_have_no_prime_part(seed: int, size: int) -> None:
-    rng = random.Random(seed)
-    leaves = list(range(size))
-    rng.shuffle(leaves)
-    _, pairs = series_parallel(rng, leaves)
-    part = decomposed(reduced(order_graph(range(size), pairs)))
-    assert part is not None
-    assert not has_prime(part)
-    assert order_of(part)[1] == pairs
-
-
-def test_an_n_is_prime() -> None:
-    part = decomposed(order_graph(range(4), [(0, 2), (1, 2), (1, 3)]))
-    assert part == Prime((0, 1, 2, 3), ((0, 2), (1, 2), (1, 3)))
-
-
-def test_a_prime_part_stands_inside_of_series_and_parallel() -> None:
-    n = [(1, 3), (2, 3), (2, 4)]
-    graph = order_graph(range(7), [*n, (3, 5), (4, 5), (0, 1), (0, 2)])
-    part = decomposed(reduced(graph))
-    assert part == Parallel((Serial((0, Prime((1, 2, 3, 4), ((0, 2), (1, 2), (1, 3))), 5)), 6))
-
-
-@pytest.mark.parametrize("size", [1, 2, 3000])
-def test_chains_and_antichains_are_one_part(size: int) -> None:
-    chain = decomposed(order_graph(range(size), [(node, node + 1) for node in range(size - 1)]))
-    free = decomposed(order_graph(range(size), []))
-    assert chain == (0 if size == 1 else Serial(tuple(range(size))))
-    assert free == (0 if size == 1 else Parallel(tuple(range(size))))
-
-
-def test_nothing_has_no_decomposition() -> None:
-    assert decomposed(nx.DiGraph()) is None
-
-
-@given(any_orders(), st.integers(0, 3))
-def test_splitting_no_deeper_says_the_same_order(graph: nx.DiGraph, deepest: int) -> None:
-    part = decomposed(reduced(graph), deepest)
-    assert part is not None
-    leaves, pairs = order_of(part)
-    assert sorted(leaves) == list(graph.nodes)
-    assert pairs == set(nx.transitive_closure_dag(graph).edges)
 
 
 RUN = {name: value for name, value in vars(reading).items() if name.isupper() and isinstance(value, tuple)}

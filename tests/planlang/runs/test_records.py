@@ -280,7 +280,7 @@ def test_a_torn_last_line_is_left_out_and_a_whole_one_without_its_end_is_not(wri
         (3, '{"step": true, "event": "x"}', "no record"),
         (3, '{"step": 0}', "no record"),
         (4, '{"step": 0, "event": "x", "node": 99, "name": "y"}', "has not started"),
-        (4, '{"step": 0, "event": "x", "node": [], "name": "y"}', "told by its number"),
+        (4, '{"step": 0, "event": "x", "node": [], "name": "y"}', "given by its number"),
         (4, '{"step": 0, "event": "started", "node": 99, "parent": 98, "name": "y"}', "has not started"),
         (1, '{"step": 0, "event": "started"}', "begins with its header"),
         (1, '{"step": 0, "event": "header", "schema": 1}', "schema 1"),
@@ -347,7 +347,7 @@ def test_what_should_be_told_by_its_number_and_is_not_is_told_with_its_line(
     number = next(number for number, line in enumerate(lines) if '"event": "started"' in line)
     lines[number] = json.dumps({**json.loads(lines[number]), "event": event, key: value})
     written.write_text("\n".join(lines) + "\n")
-    with pytest.raises(DamagedTrace, match="is told by its number") as damage:
+    with pytest.raises(DamagedTrace, match="is given by its number") as damage:
         Past(RecordedRun.read(written))
     assert damage.value.line == number + 1
 

@@ -20,7 +20,7 @@ from planlang.ontology import load
 from planlang.recipe import Actions, read_recipe
 from planlang.resources import bundled
 from planlang.testing import PlanRun, ScheduleDependence, all_linear_extensions, compiled, explore, run_plan
-from planlang.testing.schedules import Priorities, Recorder, Shrinker, continued, trimmed
+from planlang.testing.exploring import Priorities, Recorder, Shrinker, continued, trimmed
 
 
 async def check_then_act() -> list[str]:

@@ -65,7 +65,7 @@ def test_a_step_fails_some_time_after_it_began_with_its_children_evaporated_and_
     assert log == ["put back at 3", "put back at 6.5"]
     assert run.evaporated("carry/par/base")
     first, second = run.steps("carry")
-    assert (first.status, first.end, second.begin) == ("failed", 3.0, 3.0)
+    assert (first.status, first.end, second.start) == ("failed", 3.0, 3.0)
 
 
 def test_a_step_fails_at_a_plan_time_if_it_runs_then() -> None:

@@ -1,21 +1,29 @@
-"""The dependency graph of a recipe: the partial order that it stands for, and its shortest cycle if it is none."""
+"""The order of a recipe's steps: the partial order, its shortest cycle if it is none, and what overlaps imply.
+
+Overlaps are decided on the beginnings and ends of steps. Each step is two points, its beginning before its end. Every
+relation is a set of ``<`` and ``=`` between points (:meth:`planlang.recipe.model.Allen.endpoints`), an order is
+"end < beginning", and no step begins before the recipe or ends after it. The statements hold together exactly if no
+cycle of the graph of these has a ``<`` in it (P. van Beek, 1992, for the relations that have no "or" in them).
+"""
 
 from __future__ import annotations
 
 import heapq
 from collections.abc import Hashable, Iterable, Iterator
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import networkx as nx
 
-from planlang.recipe.model import Recipe
+from planlang.recipe.model import End, Ordering, Overlap, Recipe
 
 Node = TypeVar("Node", bound=Hashable)
 
 
 class Precedence(Generic[Node]):
-    """The strict partial order that an acyclic graph stands for. Raises ValueError if the graph has a cycle.
+    """The strict partial order of nodes in which the first of each pair comes before the second.
+
+    Pairs with other nodes are ignored. Raises ValueError if the pairs have a cycle.
 
     Each node has its successors as one set of bits: bit i stands for the i-th node of a fixed linear extension. The
     sets are filled from the last node to the first; an edge is kept in the reduction exactly when the edges kept before
@@ -24,20 +32,7 @@ class Precedence(Generic[Node]):
     nodes may have 50 million edges.
     """
 
-    def __init__(self, graph: nx.DiGraph) -> None:
-        self._work_out(graph.nodes, graph.edges)
-
-    @classmethod
-    def of(cls, nodes: Iterable[Node], pairs: Iterable[tuple[Node, Node]]) -> Precedence[Node]:
-        """Return the order in which the first node of each pair precedes the second; pairs of other nodes are ignored.
-
-        It equals the order of the graph with these edges, and raises ValueError as that does.
-        """
-        order = cls.__new__(cls)
-        order._work_out(nodes, pairs)
-        return order
-
-    def _work_out(self, nodes: Iterable[Node], pairs: Iterable[tuple[Node, Node]]) -> None:
+    def __init__(self, nodes: Iterable[Node], pairs: Iterable[tuple[Node, Node]]) -> None:
         self.nodes: tuple[Node, ...] = tuple(nodes)
         """The nodes in the order of the graph."""
         number = {node: index for index, node in enumerate(self.nodes)}
@@ -67,6 +62,10 @@ class Precedence(Generic[Node]):
                     self._covers[position].append(after)
                     reached |= self._later[after] | 1 << after
             self._later[position] = reached
+
+    def extended(self, pairs: Iterable[tuple[Node, Node]]) -> Precedence[Node]:
+        """Return this order with further pairs."""
+        return Precedence(self.nodes, [*self.reduction(), *pairs])
 
     def before(self, first: Node, second: Node) -> bool:
         """Return True if the first comes before the second in every linear extension."""
@@ -103,12 +102,15 @@ class Precedence(Generic[Node]):
         """Return the number of pairs that follow from no others."""
         return sum(map(len, self._covers))
 
+    def covers(self, node: Node) -> Iterator[Node]:
+        """Yield the nodes that come after a node with none between, in the order of the linear extension."""
+        return (self.extension[position] for position in self._covers[self._position[node]])
+
     def reduction(self) -> Iterator[tuple[Node, Node]]:
         """Yield the pairs that follow from no others, sorted by the nodes of the graph."""
         rank = {node: index for index, node in enumerate(self.nodes)}
         for node in self.nodes:
-            after = [self.extension[position] for position in self._covers[self._position[node]]]
-            yield from ((node, other) for other in sorted(after, key=rank.__getitem__))
+            yield from ((node, other) for other in sorted(self.covers(node), key=rank.__getitem__))
 
     @cached_property
     def _earlier(self) -> list[int]:
@@ -164,7 +166,7 @@ def recipe_order(recipe: Recipe) -> Precedence[str]:
     """Return the order of the graph of a recipe, computed once. Raises ValueError if it has a cycle."""
     if "order" not in recipe.derived:
         pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
-        recipe.derived["order"] = Precedence.of((step.iri for step in recipe.steps), pairs)
+        recipe.derived["order"] = Precedence((step.iri for step in recipe.steps), pairs)
     order: Precedence[str] = recipe.derived["order"]
     return order
 
@@ -238,3 +240,83 @@ def _take_out(node: Node, after: Links[Node], before: Links[Node]) -> None:
                     del backward[other][one]
                     if not backward[other]:
                         waiting.append(other)
+
+
+class Point(NamedTuple):
+    """The beginning or the end of a step (IRI)."""
+
+    step: str
+    is_end: bool
+
+
+class Intervals:
+    """The points of the steps of a recipe and of the recipe itself, in one graph."""
+
+    def __init__(self, recipe: Recipe) -> None:
+        self._steps = [step.iri for step in recipe.steps]
+        self._graph = nx.DiGraph()
+        known = {recipe.iri, *self._steps}
+        for name in (*self._steps, recipe.iri):
+            self._add(Point(name, False), Point(name, True), None, is_strict=True)
+        for name in self._steps:
+            self._add(Point(recipe.iri, False), Point(name, False), None)
+            self._add(Point(name, True), Point(recipe.iri, True), None)
+        for ordering in recipe.orderings:
+            if {ordering.before, ordering.after} <= known - {recipe.iri}:
+                self._add(Point(ordering.before, True), Point(ordering.after, False), ordering, is_strict=True)
+        for overlap in recipe.overlaps:
+            if {overlap.first, overlap.second} <= known:
+                self._overlap(overlap)
+
+    def contradiction(self) -> tuple[Ordering | Overlap, ...]:
+        """Statements that cannot hold together, each once; empty if all can."""
+        for component in nx.strongly_connected_components(self._graph):
+            inside = self._graph.subgraph(component)
+            strict = sorted((a, b) for a, b, is_strict in inside.edges(data="strict") if is_strict)
+            cycles = [nx.shortest_path(inside, b, a) for a, b in strict]
+            if cycles:
+                cycle = min(cycles, key=len)
+                pairs = zip(cycle, [*cycle[1:], cycle[0]], strict=True)
+                reasons = (self._graph.edges[a, b]["because"] for a, b in pairs)
+                return tuple(dict.fromkeys(reason for reason in reasons if reason is not None))
+        return ()
+
+    def implied(self) -> Iterator[tuple[str, str]]:
+        """Pairs (before, after) of steps of which one ends before the other begins, stated or not.
+
+        Means nothing if there is a contradiction.
+        """
+        for first in self._steps:
+            later = nx.descendants(self._graph, Point(first, True))
+            yield from ((first, other) for other in self._steps if other != first and Point(other, False) in later)
+
+    def _overlap(self, overlap: Overlap) -> None:
+        points = {
+            End.FIRST_BEGINS: Point(overlap.first, False),
+            End.FIRST_ENDS: Point(overlap.first, True),
+            End.SECOND_BEGINS: Point(overlap.second, False),
+            End.SECOND_ENDS: Point(overlap.second, True),
+        }
+        for earlier, sign, later in overlap.relation.endpoints():
+            self._add(points[earlier], points[later], overlap, is_strict=sign == "<")
+            if sign == "=":
+                self._add(points[later], points[earlier], overlap)
+
+    def _add(
+        self, earlier: Point, later: Point, because: Ordering | Overlap | None, *, is_strict: bool = False
+    ) -> None:
+        known = self._graph.get_edge_data(earlier, later)
+        if known is None or (is_strict and not known["strict"]):
+            self._graph.add_edge(earlier, later, strict=is_strict, because=because)
+
+
+def implied_by_overlaps(recipe: Recipe) -> Iterable[tuple[str, str]]:
+    """Return the orders of steps that only overlaps and orders together imply; none if they contradict each other."""
+    if not recipe.overlaps:
+        return ()
+    intervals = Intervals(recipe)
+    if intervals.contradiction():
+        return ()
+    graph = nx.DiGraph((ordering.before, ordering.after) for ordering in recipe.orderings)
+    graph.add_nodes_from(step.iri for step in recipe.steps)
+    return [pair for pair in intervals.implied() if not nx.has_path(graph, *pair)]

@@ -11,12 +11,11 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-
-import networkx as nx
+from typing import Any
 
 from planlang.recipe.actions import Actions, Movers
 from planlang.recipe.model import Place, Recipe, RecipeSet, Thing
-from planlang.recipe.order.graph import Precedence, order_graph, recipe_order
+from planlang.recipe.order import Precedence, recipe_order
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,21 +32,19 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Scoping:
-    """Units in the order of the graph, the reduced graph of their indices, and the orders that were added among steps.
+    """Units, an order of as many nodes in which these stand, and the orders that were added among steps.
 
     From ``added`` and the stated orders all orders of the scoped plan follow.
     """
 
     units: tuple[Unit, ...]
-    graph: nx.DiGraph
+    order: Precedence[Any]
     added: tuple[tuple[str, str], ...]
 
 
 def single_steps(stated: Precedence[str]) -> Scoping:
     """Each step a unit of its own."""
-    index = {step: number for number, step in enumerate(stated.nodes)}
-    units = tuple(Unit(None, (step,)) for step in stated.nodes)
-    return Scoping(units, order_graph(index.values(), ((index[a], index[b]) for a, b in stated.reduction())), ())
+    return Scoping(tuple(Unit(None, (step,)) for step in stated.nodes), stated, ())
 
 
 def scopes_of(actions: Actions, recipe: Recipe, recipes: RecipeSet, stated: Precedence[str]) -> Scoping:
@@ -88,7 +85,7 @@ def scoping(stated: Precedence[str], movers: Movers, placed: frozenset[str]) -> 
     is_moving = movers.opening | movers.ending
     moving = [step for step in stated.extension if step in is_moving]
     before_next = _put_before_next_motion(stated, moving, movers, placed)
-    order = Precedence.of(stated.nodes, [*stated.reduction(), *before_next])
+    order = stated.extended(before_next)
     inside: dict[str, list[str]] = {}
     outside: set[str] = set()
     for step in stated.nodes:
@@ -105,19 +102,18 @@ def scoping(stated: Precedence[str], movers: Movers, placed: frozenset[str]) -> 
             units.append(Unit(None, (step,)))
     unit_of = {member: index for index, unit in enumerate(units) for member in unit.members()}
     pairs = ((unit_of[a], unit_of[b]) for a, b in order.reduction())
-    between = Precedence.of(range(len(units)), ((a, b) for a, b in pairs if a != b))
-    unit_graph = order_graph(between.nodes, between.reduction())
-    return Scoping(tuple(units), unit_graph, _added(stated, order, units, unit_graph))
+    between = Precedence(range(len(units)), ((a, b) for a, b in pairs if a != b))
+    return Scoping(tuple(units), between, _added(stated, order, units, between))
 
 
 def _added(
-    stated: Precedence[str], order: Precedence[str], units: Sequence[Unit], unit_graph: nx.DiGraph
+    stated: Precedence[str], order: Precedence[str], units: Sequence[Unit], between: Precedence[int]
 ) -> tuple[tuple[str, str], ...]:
     """Return the unstated orders between units: from each last step of one to the first step of the next."""
     rank = {step: number for number, step in enumerate(stated.nodes)}
     added = []
     lasts: dict[int, list[str]] = {}
-    for first, second in unit_graph.edges:
+    for first, second in between.reduction():
         if first not in lasts:
             members = units[first].members()
             own = sum(order.bit(step) for step in members)

@@ -1,10 +1,10 @@
-"""The graph for Graphviz."""
+"""The graph as text that other programs lay out: DOT for Graphviz, a flowchart for Mermaid."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from planlang.compiler.drawing.task_graph import Arrow, Box, Group, Order, TaskGraph, for_dot
+from planlang.compiler.drawing.task_graph import LONGEST_LINE, Arrow, Box, Group, Order, TaskGraph, shown
 
 _ATTRIBUTES = """\
     compound=true; rankdir=TB; newrank=true; nodesep=0.35; ranksep=0.45;
@@ -85,3 +85,59 @@ def _end(box: Box, *, last: bool) -> str:
         free = [inner for inner in group.boxes if inner.key not in taken] or list(group.boxes)
         box = free[-1 if last else 0]
     return box.key
+
+
+def for_dot(text: str) -> str:
+    """Return the text inside of a quoted string of Graphviz, which reads escapes and HTML entities in labels."""
+    return text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
+
+
+_PLAIN = frozenset(" _-.,/=+")
+"""Characters that mean nothing to Mermaid."""
+
+_LINKS = {Order.STATED: "-->", Order.ADDED: "-.->", Order.TRANSITION: "-->", Order.OVERLAP: "-.-"}
+
+
+def mermaid(graph: TaskGraph) -> str:
+    """Return the graph as a flowchart: nested recipes are subgraphs, implied orders are left out, labels hold lines.
+
+    Tooltips need a script in Mermaid, so that there are none.
+    """
+    title = f"{for_mermaid(graph.title)}<br/>{for_mermaid(graph.subtitle)}"
+    lines = ["flowchart TD", f'    subgraph {graph.group.key}["{title}"]']
+    lines += _flowchart_group(graph.group, "        ")
+    lines += ["    end", "    classDef abstract stroke-dasharray: 4 3"]
+    unperformed = [box.key for group in graph.groups() for box in group.boxes if box.is_abstract]
+    if unperformed:
+        lines.append(f"    class {','.join(unperformed)} abstract")
+    return "\n".join([*lines, ""])
+
+
+def _flowchart_group(group: Group, indent: str) -> Iterator[str]:
+    for box in group.boxes:
+        yield from _flowchart_box(box, indent)
+    for arrow in group.of(*_LINKS):
+        label = f'|"{for_mermaid(arrow.label)}"|' if arrow.label else ""
+        yield f"{indent}{arrow.before} {_LINKS[arrow.order]}{label} {arrow.after}"
+
+
+def _flowchart_box(box: Box, indent: str) -> Iterator[str]:
+    lines = [*box.text(), *([f"line {box.line}"] if box.line is not None else [])]
+    label = "<br/>".join(map(for_mermaid, lines))
+    if not box.groups:
+        yield f'{indent}{box.key}["{label}"]'
+        return
+    yield f'{indent}subgraph {box.key}["{label}"]'
+    if len(box.groups) == 1:
+        yield from _flowchart_group(box.groups[0], indent + "    ")
+    else:
+        for group in box.groups:
+            yield f'{indent}    subgraph {group.key}["one way: {for_mermaid(shown(group.name, LONGEST_LINE))}"]'
+            yield from _flowchart_group(group, indent + "        ")
+            yield f"{indent}    end"
+    yield f"{indent}end"
+
+
+def for_mermaid(text: str) -> str:
+    """Return the text as a quoted label of Mermaid; possible syntax or HTML is written as character numbers."""
+    return "".join(c if c.isalnum() or c in _PLAIN else f"#{ord(c)};" for c in text)
