@@ -19,7 +19,6 @@ from typer.testing import CliRunner, Result
 from executive.cli.app import app
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
-from executive.runs.assembly import mapped
 from planlang.protocols import Configuration
 from planlang.resources import bundled
 from sim import PlanningWorld, Scene
@@ -270,9 +269,3 @@ def test_without_the_package_a_recording_is_refused_with_how_to_get_it(
     result = inspected("amigo", "--record", tmp_path / "reach.rrd")
     assert result.exit_code == 2
     assert "pip install 'planlang[record]'" in result.output
-
-
-def test_maps_are_built_with_a_line_each_also_where_stderr_is_no_terminal() -> None:
-    said: list[str] = []
-    mapped(said.append, 2, 6, "left, side")
-    assert said == ["building reachability maps, once for this robot: 2 of 6 done, left, side"]

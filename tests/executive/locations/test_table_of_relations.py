@@ -363,7 +363,7 @@ def shown(title: str) -> str:
 def output(command: str) -> str:
     """What the command prints, stderr too, but for what only a first run prints."""
     lines = CliRunner().invoke(app, shlex.split(command)).output.splitlines(keepends=True)
-    return "".join(line for line in lines if not line.startswith("building reachability maps"))
+    return "".join(line for line in lines if not line.startswith("building the reachability map"))
 
 
 @pytest.mark.parametrize("title", TABLES)
