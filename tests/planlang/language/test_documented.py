@@ -1,4 +1,4 @@
-"""The examples of docs/language.md run as they are written there."""
+"""The examples of docs/language.md and docs/resuming.md run as they are written there."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import planlang
+from planlang import *
 from planlang import failures
+from planlang.diagnostics import CODES
+from planlang.runs.recorded_run import BOOKKEEPING
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "language.md"
 
@@ -49,3 +52,18 @@ def test_every_function_of_the_language_stands_in_the_page() -> None:
     names = [name for name in planlang.__all__ if name.islower()]
     missing = [name for name in [*names, "changed", "pulsed", "post"] if not re.search(rf"\b{name}\b", page)]
     assert missing == ["a_device", "a_person", "located"]  # descriptions: in docs/locations.md, and compiled plans
+
+
+RESUMING = (Path(__file__).resolve().parents[3] / "docs" / "resuming.md").read_text(encoding="utf-8")
+
+
+def test_the_example_of_the_page_holds() -> None:
+    (block,) = re.findall(r"^```python\n(.*?)^```$", RESUMING, re.M | re.S)
+    space: dict[str, Any] = {"__name__": "documented"}
+    exec(compile(block, "<resuming>", "exec"), space)
+    assert len(space["done"]) == 3, "once in the run, not in the resumed one, and once in each replay"
+
+
+def test_the_page_tells_of_codes_that_exist_and_of_all_records() -> None:
+    assert set(re.findall(r"`(X\d+)`", RESUMING)) <= set(CODES)
+    assert set(re.findall(r"^\| `(\w+)` \|", RESUMING, re.M)) == set(BOOKKEEPING)
