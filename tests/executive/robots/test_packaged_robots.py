@@ -9,7 +9,7 @@ import pytest
 
 from executive.motion import Chain
 from executive.robots import Robot, bind_robot
-from executive.robots.mechanism import Mount, composed
+from executive.robots.mechanism import Mount, mounted
 from planlang.diagnostics import BadInput
 from sim import PlanningWorld, Scene
 
@@ -62,11 +62,11 @@ def test_a_base_of_a_primitive_shape_is_put_under_the_root(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (tmp_path / "arm.urdf").write_text(ARM)
-    made = composed(tmp_path / "arm.urdf", Mount(size, (0.1, 0.0, 0.6)))
+    made = mounted(tmp_path / "arm.urdf", Mount(size, (0.1, 0.0, 0.6)))
     assert made != tmp_path / "arm.urdf"
     assert f"<{shape}" in made.read_text()
-    assert composed(tmp_path / "arm.urdf", Mount(size, (0.1, 0.0, 0.6))) == made
-    assert composed(tmp_path / "arm.urdf", Mount(size, (0.2, 0.0, 0.6))) != made
+    assert mounted(tmp_path / "arm.urdf", Mount(size, (0.1, 0.0, 0.6))) == made
+    assert mounted(tmp_path / "arm.urdf", Mount(size, (0.2, 0.0, 0.6))) != made
 
 
 @pytest.mark.parametrize(
