@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pybullet_data
 import pytest
+from robot_files import BASE, PANDA_ARM
 from typer.testing import CliRunner
 
 from executive.cli.app import app
@@ -22,32 +23,6 @@ from sim import PlanningWorld, Scene
 
 ROOM = bundled("ontologies") / "environments" / "hospital_room.omn"
 
-BASE = """
-name = "mine"
-urdf = "robot.urdf"
-[base]
-radius = 0.36
-speed = 0.5
-acceleration = 0.5
-turn_speed = 1.0
-turn_acceleration = 1.0
-jerk = 5.0
-"""
-PANDA = (
-    BASE
-    + """
-[arms.arm]
-tip = "panda_grasptarget"
-hand = "panda_hand"
-approach = [0, 0, 1]
-closing = [0, 1, 0]
-[arms.arm.gripper]
-opened = { panda_finger_joint1 = 0.04, panda_finger_joint2 = 0.04 }
-closed = { panda_finger_joint1 = 0.0, panda_finger_joint2 = 0.0 }
-fingers = ["panda_leftfinger", "panda_rightfinger"]
-max_opening = 0.075
-"""
-)
 BOX = """<link name="base"><collision><origin xyz="0 0 0.25"/><geometry><box size="0.5 0.5 0.5"/></geometry></collision>
 </link>"""
 MOUNT = """<joint name="mount" type="fixed"><parent link="base"/><child link="panda_link0"/><origin xyz="0 0 0.5"/>
@@ -128,7 +103,7 @@ def panda(tmp_path: Path) -> Path:
     text = (folder / "panda.urdf").read_text()
     first = text.index('<link name="panda_link0"')
     (folder / "robot.urdf").write_text(text[:first] + BOX + MOUNT + text[first:])
-    (folder / "robot.toml").write_text(PANDA)
+    (folder / "robot.toml").write_text(BASE + PANDA_ARM)
     return folder / "robot.toml"
 
 

@@ -10,23 +10,11 @@ import numpy as np
 import pybullet_data
 import pytest
 from PIL import Image
+from robot_files import cart_in
 from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
 from executive.runs.assembly import mapped
-
-CART = """<robot name="cart"><link name="base"><collision><geometry><box size="0.5 0.5 0.5"/></geometry></collision>
-</link></robot>"""
-NUMBERS = """name = "cart"
-urdf = "cart.urdf"
-[base]
-radius = 0.36
-speed = 0.5
-acceleration = 0.5
-turn_speed = 1.0
-turn_acceleration = 1.0
-jerk = 5.0
-"""
 
 
 def inspected(*arguments: str | Path) -> Result:
@@ -46,9 +34,7 @@ def test_it_tells_chains_limits_postures_and_draws_what_the_arms_reach(tmp_path:
 
 
 def test_what_a_robot_lacks_is_listed(tmp_path: Path) -> None:
-    (tmp_path / "cart.urdf").write_text(CART)
-    (tmp_path / "cart.toml").write_text(NUMBERS)
-    result = inspected(tmp_path / "cart.toml", "--json")
+    result = inspected(cart_in(tmp_path), "--json")
     assert result.exit_code == 3, result.output
     missing = json.loads(result.stdout)["missing"]
     assert missing[0] == "arms"
@@ -57,9 +43,7 @@ def test_what_a_robot_lacks_is_listed(tmp_path: Path) -> None:
 
 
 def test_a_picture_of_no_arms_and_a_robot_that_is_not_there_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "cart.urdf").write_text(CART)
-    (tmp_path / "cart.toml").write_text(NUMBERS)
-    result = inspected(tmp_path / "cart.toml", "--picture", tmp_path / "reach.png")
+    result = inspected(cart_in(tmp_path), "--picture", tmp_path / "reach.png")
     assert (result.exit_code, (tmp_path / "reach.png").exists()) == (2, False)
     assert inspected("no_such_robot").exit_code == 2
     assert inspected("amigo", "--picture", tmp_path / "reach.jpg").exit_code == 2
