@@ -19,7 +19,8 @@ from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
 from planlang.outputs import check_outputs, replace
 from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES, PlanHeader, header
-from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT, Fix, Fixed, fix_recipe
+from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT, Fix
+from planlang.recipe.fixes.fixing import Fixed, fix_recipe
 from planlang.resources import SUFFIXES
 
 

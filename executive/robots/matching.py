@@ -24,7 +24,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Ontology, Term, expand
 from planlang.ontology.expressions import Expression
-from planlang.ontology.terms import EQUIVALENT_CLASS, OWL, RDFS, XSD
+from planlang.ontology.terms import OWL, RDFS, XSD
 from planlang.ontology.writing.expression_text import expression_of
 
 DEEPEST = 30
@@ -117,8 +117,8 @@ class ClosedWorld:
     def _named(self, thing: Term, cls: Term | None, depth: int) -> bool | None:
         if isinstance(thing, Literal):
             return _of_datatype(thing, str(cls))
-        if cls in (OWL + "Thing", OWL + "Nothing"):
-            return cls == OWL + "Thing"
+        if cls in (OWL.Thing, OWL.Nothing):
+            return cls == OWL.Thing
         if not isinstance(cls, str):
             return None
         if any(self.is_below(kind, cls) for kind in self.types(thing)):
@@ -126,7 +126,7 @@ class ClosedWorld:
         definitions = [
             expression_of(one, triple.object, triple.span)
             for one in self.ontologies
-            for triple in one.triples(cls, EQUIVALENT_CLASS)
+            for triple in one.triples(cls, OWL.equivalentClass)
             if isinstance(triple.object, BNode)
         ]
         defined = [self.satisfies(thing, known, depth - 1) for known in definitions if known is not None]
@@ -174,18 +174,18 @@ def _same(one: Term, other: Term | None) -> bool:
 
 
 def _of_datatype(value: Literal, datatype: str) -> bool | None:
-    if datatype in (RDFS + "Literal", value.datatype):
+    if datatype in (RDFS.Literal, value.datatype):
         return True
-    stated = value.datatype or XSD + "string"
-    if datatype == XSD + "string" or not datatype.startswith(XSD):
+    stated = value.datatype or XSD.string
+    if datatype == XSD.string or not datatype.startswith(XSD):
         return stated == datatype if datatype.startswith(XSD) else None
-    if stated in _WHOLE and (datatype in _FRACTIONS or datatype == XSD + "integer"):
+    if stated in _WHOLE and (datatype in _FRACTIONS or datatype == XSD.integer):
         return True
     if stated in _FRACTIONS and datatype in _FRACTIONS:
         return True
-    if datatype in (XSD + "nonNegativeInteger", XSD + "positiveInteger") and stated in _WHOLE:
+    if datatype in (XSD.nonNegativeInteger, XSD.positiveInteger) and stated in _WHOLE:
         try:
-            return value.number() >= (datatype == XSD + "positiveInteger")
+            return value.number() >= (datatype == XSD.positiveInteger)
         except ValueError:
             return False
     return False

@@ -1,107 +1,196 @@
 """Convert orders, overlaps and transitions to constructs of the plan language.
 
 An order becomes what is one after another, side by side, or a partial order of its own. Steps that overlap run side by
-side: what a relation says about their beginnings and ends (:meth:`planlang.recipe.model.Allen.endpoints`) becomes
+side: what a relation states about their beginnings and ends (:meth:`planlang.recipe.model.Allen.endpoints`) becomes
 gates: a step begins, or counts as ended, only after the events that it has to wait for; two that begin or end together
 each signal that they are ready, and wait for the other. States and transitions become a state machine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-
-import networkx as nx
+from typing import TypeVar
 
 from planlang.compiler.names import Names, snake_case
 from planlang.compiler.tree import Case, Event, Gate, Handle, Machine, Node, Parallel, PartialOrder, Series, State
 from planlang.designators import local_name
 from planlang.failures import ObjectNotFound, PlanFailure
 from planlang.recipe.model import End, Ending, Recipe, Step, Transition
-from planlang.recipe.order.decomposition import Parallel as ParallelPart
-from planlang.recipe.order.decomposition import Part, Prime, Serial, decomposed
-from planlang.recipe.order.graph import Precedence
+from planlang.recipe.order import Precedence
 
 MOST_NESTED = 3
 """Greatest depth of nested constructs, for readers: deeper ones become one partial order, which means the same."""
 
+MOST_ROUNDS = 50
+"""Rounds in which modules of an order are merged: one finds all of a level, and what is nested deeper than
+``MOST_NESTED`` is flattened in any case. It bounds the time that an order of 10,000 steps in 5,000 levels takes."""
+
 LONGEST_NAME = 50
 """Characters in the name of a branch of several steps."""
 
+_N = TypeVar("_N", bound=Hashable)
 
-def structured(small: nx.DiGraph, nodes: Sequence[Node], names: Sequence[str]) -> Series:
-    """Nodes in the order of a reduced graph of their indices; ``names`` are what branches are called by.
 
-    The constructs allow exactly the orders that the graph allows.
+@dataclass(frozen=True, slots=True)
+class SerialPart:
+    """Parts one after another: all of one come before all of the next."""
+
+    parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ParallelPart:
+    """Parts side by side, by their first leaves: nothing orders one with another."""
+
+    parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PrimePart:
+    """Parts, by their first leaves, whose order has neither form; ``orderings`` are pairs of their numbers."""
+
+    parts: tuple[Part, ...]
+    orderings: tuple[tuple[int, int], ...]
+
+
+Part = SerialPart | ParallelPart | PrimePart | int
+"""A leaf is a node, given by its number in the order of the nodes."""
+
+
+def decomposed(order: Precedence[_N], deepest: int = MOST_NESTED + 1) -> Part | None:
+    """Return what is one after another, what side by side, and what is neither, ``deepest`` levels deep; None if empty.
+
+    A part of a SerialPart is never a SerialPart, one of a ParallelPart never a ParallelPart. What is nested deeper is
+    one PrimePart of leaves. This is the modular decomposition of an order (R. H. Möhring, F. J. Radermacher, 1984), but
+    that within a prime part only modules of series-parallel form are found.
     """
-    return _Structure(small, nodes, names).series(decomposed(small, MOST_NESTED + 1))
+    if not order.nodes:
+        return None
+    number = {node: index for index, node in enumerate(order.nodes)}
+
+    def part(inside: int, deepest: int) -> Part:
+        leaves = [number[node] for node in order.members(inside)]
+        if len(leaves) == 1:
+            return leaves[0]
+        is_parallel = len(groups := list(_components(order, inside))) > 1
+        is_serial = not is_parallel and len(groups := _series(order, inside)) > 1
+        if not is_parallel and not is_serial:
+            groups = _modules(order, inside)
+        if not deepest and len(groups) < len(leaves):
+            groups, is_parallel, is_serial = list(map(order.bit, order.members(inside))), False, False
+        if not is_serial:
+            groups.sort(key=lambda group: min(number[node] for node in order.members(group)))
+        parts = tuple(part(group, deepest - 1) for group in groups)
+        if is_serial or is_parallel:
+            return SerialPart(parts) if is_serial else ParallelPart(parts)
+        place = {node: index for index, group in enumerate(groups) for node in order.members(group)}
+        pairs = {(place[one], place[other]) for one in place for other in order.covers(one) if other in place}
+        return PrimePart(parts, tuple(sorted(pair for pair in pairs if pair[0] != pair[1])))
+
+    return part(sum(map(order.bit, order.nodes)), deepest)
 
 
-class _Structure:
-    def __init__(self, small: nx.DiGraph, nodes: Sequence[Node], names: Sequence[str]) -> None:
-        self._small = small
-        self._nodes = nodes
-        known = Names()
-        self._names = [known.claim(snake_case(name), is_key=True) for name in names]
-        self._known = known
+def _components(order: Precedence[_N], inside: int) -> Iterator[int]:
+    """Yield the sets of nodes (as bits) between which nothing is ordered."""
+    while inside:
+        group = waiting = inside & -inside
+        while waiting:
+            node = next(order.members(waiting))
+            new = (order.later(node) | order.earlier(node)) & inside & ~group
+            group |= new
+            waiting = (waiting & waiting - 1) | new
+        yield group
+        inside &= ~group
 
-    def series(self, part: Part | None) -> Series:
-        """Return the statements of a whole order."""
-        if part is None:
-            return Series(())
-        node = self._node(part, 0)
-        return node if isinstance(node, Series) else Series((node,))
 
-    def _node(self, part: Part, depth: int) -> Node:
-        if isinstance(part, int):
-            return self._nodes[part]
-        if depth > MOST_NESTED and not all(isinstance(inner, int) for inner in part.parts):
-            return self._flat(part)
-        match part:
-            case Serial(parts):
-                return Series(tuple(self._node(inner, depth + 1) for inner in parts))
-            case ParallelPart(parts):
-                return Parallel(tuple((self._name(inner), self._node(inner, depth + 1)) for inner in parts))
-            case Prime(parts, orderings):
-                names = [self._name(inner) for inner in parts]
-                branches = tuple(zip(names, (self._node(inner, depth + 1) for inner in parts), strict=True))
-                return PartialOrder(branches, tuple((names[a], names[b]) for a, b in orderings))
-        raise TypeError(f"no part of an order: {part}")
+def _series(order: Precedence[_N], inside: int) -> list[int]:
+    """Return the longest series of sets of nodes such that all of one come before all of the next.
 
-    def _flat(self, part: Part) -> Node:
-        """All leaves of a part in one construct."""
-        leaves = sorted(_leaves(part))
-        inside = frozenset(leaves)
-        branches = tuple((self._names[leaf], self._nodes[leaf]) for leaf in leaves)
-        pairs = [(a, b) for a in leaves for b in sorted(self._small.successors(a)) if b in inside]
-        if not pairs:
-            return Parallel(branches)
-        return PartialOrder(branches, tuple((self._names[a], self._names[b]) for a, b in pairs))
+    A linear extension can be cut where exactly the nodes before the cut are those that come before every node after it.
+    """
+    groups: list[int] = []
+    before_all, tail, left = inside, 0, inside
+    for node in reversed(list(order.members(inside))):
+        before_all &= order.earlier(node)
+        tail |= order.bit(node)
+        left ^= order.bit(node)
+        if before_all == left:
+            groups.append(tail)
+            tail = 0
+    return groups[::-1]
 
-    def _name(self, part: Part) -> str:
+
+def _modules(order: Precedence[_N], inside: int) -> list[int]:
+    """Return sets of nodes of series-parallel form that stand in one relation to every other node.
+
+    Two nodes are made one, for which the first stands, if the same nodes come before and after both, or if nothing else
+    does between them.
+    """
+    groups = {node: order.bit(node) for node in order.members(inside)}
+    for _ in range(MOST_ROUNDS):
+        known = len(groups)
+        mask = sum(map(order.bit, groups))
+        first: dict[tuple[int, int], _N] = {}
+        for node in list(groups):
+            same = first.setdefault((order.earlier(node) & mask, order.later(node) & mask), node)
+            if same != node:
+                groups[same] |= groups.pop(node)
+        mask = sum(map(order.bit, groups))
+        for node in reversed(list(groups)):  # the last first, so that a chain becomes one in a single round
+            following = order.later(node) & mask
+            if not following:
+                continue
+            after = next(order.members(following))
+            is_only_one_after = following == order.later(after) & mask | order.bit(after)
+            if is_only_one_after and order.earlier(after) & mask == order.earlier(node) & mask | order.bit(node):
+                groups[node] |= groups.pop(after)
+        if len(groups) == known:
+            break
+    return list(groups.values())
+
+
+def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str]) -> Series:
+    """Return nodes in an order of as many; ``names`` are what branches are called by.
+
+    The constructs allow exactly the orders that the order allows.
+    """
+    part = decomposed(order)
+    if part is None:
+        return Series(())
+    known = Names()
+    own = [known.claim(snake_case(name), is_key=True) for name in names]
+
+    def called(part: Part) -> str:
         """Return the name of a branch: of its step, or made of the names of its first and last ones."""
         if isinstance(part, int):
-            return self._names[part]
+            return own[part]
         leaves = _leaves(part)
-        first, last = self._names[leaves[0]], self._names[leaves[-1]]
-        if isinstance(part, Serial):
+        first, last = own[leaves[0]], own[leaves[-1]]
+        if isinstance(part, SerialPart):
             name = f"{first}_then_{last}" if len(leaves) == 2 else f"{first}_to_{last}"
         else:
             name = f"{first}_and_{last}" if len(leaves) == 2 else f"{first}_and_others"
-        return self._known.claim(name if len(name) <= LONGEST_NAME else f"{first}_and_more", is_key=True)
+        return known.claim(name if len(name) <= LONGEST_NAME else f"{first}_and_more", is_key=True)
+
+    def made(part: Part) -> Node:
+        if isinstance(part, int):
+            return nodes[part]
+        if isinstance(part, SerialPart):
+            return Series(tuple(map(made, part.parts)))
+        if isinstance(part, ParallelPart):
+            return Parallel(tuple((called(inner), made(inner)) for inner in part.parts))
+        keys = [called(inner) for inner in part.parts]
+        orderings = tuple((keys[one], keys[other]) for one, other in part.orderings)
+        return PartialOrder(tuple(zip(keys, map(made, part.parts), strict=True)), orderings)
+
+    whole = made(part)
+    return whole if isinstance(whole, Series) else Series((whole,))
 
 
 def _leaves(part: Part) -> list[int]:
     """Return the leaves of a part, in the order of its parts."""
-    found: list[int] = []
-    waiting = [part]
-    while waiting:
-        one = waiting.pop()
-        if isinstance(one, int):
-            found.append(one)
-        else:
-            waiting += reversed(one.parts)
-    return found
+    return [part] if isinstance(part, int) else [leaf for inner in part.parts for leaf in _leaves(inner)]
 
 
 BEGINS, ENDS = "begins", "ends"
@@ -123,13 +212,13 @@ class Overlaps:
 
     def __init__(self, recipe: Recipe, order: Precedence[str]) -> None:
         self._points: dict[tuple[str, str], _Point] = {}
-        self._told: set[Event] = set()
-        self._said: dict[str, str] = {}
+        self._signalled: set[Event] = set()
+        self._in_words: dict[str, str] = {}
         """What the recipe states about how a step overlaps others, in words, by step."""
         known = {step.iri for step in recipe.steps}
         for overlap in recipe.overlaps:
-            said = f"{overlap.relation.value} {local_name(overlap.second)}"
-            self._said[overlap.first] = ", ".join(filter(None, (self._said.get(overlap.first), said)))
+            text = f"{overlap.relation.value} {local_name(overlap.second)}"
+            self._in_words[overlap.first] = ", ".join(filter(None, (self._in_words.get(overlap.first), text)))
             points = {
                 End.FIRST_BEGINS: (overlap.first, BEGINS),
                 End.FIRST_ENDS: (overlap.first, ENDS),
@@ -146,20 +235,20 @@ class Overlaps:
 
     def gated(self, step: str, node: Node) -> Node:
         """Return the node of a step between its gates, or the node itself if nothing overlaps the step."""
-        if not self._points and not self._told:
+        if not self._points and not self._signalled:
             return node
         opens, closes = self._gates(step, BEGINS), self._gates(step, ENDS)
-        return Gate(local_name(step), opens, node, closes, self._said.get(step, "")) if opens or closes else node
+        return Gate(local_name(step), opens, node, closes, self._in_words.get(step, "")) if opens or closes else node
 
     def _gates(self, step: str, moment: str) -> tuple[Event | tuple[Event, ...], ...]:
-        """First wait, then meet those that are ready, then tell."""
+        """Return the gates at one end of a step: first wait, then meet the steps that are ready, then signal."""
         point = self._points.get((step, moment), _Point())
         gates: list[Event | tuple[Event, ...]] = []
         if point.waits:
             gates.append(tuple(point.waits))
         if point.together:
             gates += [Event(step, _READY[moment]), tuple(point.together)]
-        if Event(step, moment) in self._told:
+        if Event(step, moment) in self._signalled:
             gates.append(Event(step, moment))
         return tuple(gates)
 
@@ -171,7 +260,7 @@ class Overlaps:
                 self._point(mine).together[Event(theirs[0], _READY[theirs[1]])] = None
         else:
             event = Event(*one)
-            self._told.add(event)
+            self._signalled.add(event)
             self._point(other).waits[event] = None
 
     def _with_recipe(
@@ -194,7 +283,7 @@ class Overlaps:
 DONE, TRUE, FALSE = "done", "true", "false"
 
 NOT_SEEN = ObjectNotFound.__name__
-"""The failure by which a step that checks whether something is seen says that it is not."""
+"""The failure by which a step that checks whether something is seen reports that it is not."""
 
 
 def machine(

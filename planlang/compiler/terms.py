@@ -1,4 +1,9 @@
-"""The things that steps are about, in terms of plan functions: parameters, arguments of calls, devices, places."""
+"""The things that steps are about, in terms of plan functions, and the roles (resources) that steps hold.
+
+A role is one of base, torso, arm, gripper, head. A step with a recipe holds the roles of all its primitives from its
+first to its last one where it is unordered with a step that shares a role with it; that one waits, and so holds its
+own. Unordered primitives need no such order: process modules take turns by themselves.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +16,7 @@ from planlang.designators import local_name
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Description, Filler, Flow, Kind, Name, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order.graph import Precedence, recipe_order
+from planlang.recipe.order import Precedence, recipe_order
 
 _T = Thing | PlaceUse | Name | str | int | float | bool
 
@@ -39,8 +44,6 @@ class Terms:
         self._actions = actions
         self._parameters: dict[str, tuple[Thing, ...]] = {}
         self._steps: dict[str, tuple[Step, ...]] = {}
-        self._by_iri: dict[str, dict[str, Step]] = {}
-        self._orders: dict[str, Precedence[str]] = {}
         self._passed: dict[str, dict[tuple[str, str], list[Flow]]] = {}
         self._uses: dict[str, tuple[HandUse, ...]] = {}
         self._devices = self._effective_devices()
@@ -49,24 +52,11 @@ class Terms:
         for recipe in callees_first(recipes):
             self._uses[recipe.iri] = tuple(dict.fromkeys(self.hand_uses(recipe, self.steps(recipe))))
 
-    def order(self, recipe: Recipe) -> Precedence[str]:
-        """Return the order of a recipe's steps (IRIs) as the recipe states it."""
-        if recipe.iri not in self._orders:
-            self._orders[recipe.iri] = recipe_order(recipe)
-        return self._orders[recipe.iri]
-
     def steps(self, recipe: Recipe) -> Sequence[Step]:
         """Return the steps of a recipe in the order in which the plan names them."""
         if recipe.iri not in self._steps:
-            by_iri = self._by_iri[recipe.iri] = {step.iri: step for step in recipe.steps}
-            self._steps[recipe.iri] = tuple(by_iri[iri] for iri in self.order(recipe).extension)
+            self._steps[recipe.iri] = tuple(map(recipe.step, recipe_order(recipe).extension))
         return self._steps[recipe.iri]
-
-    def step(self, recipe: Recipe, iri: str) -> Step:
-        """Return a step of a recipe."""
-        if recipe.iri not in self._by_iri:
-            self.steps(recipe)
-        return self._by_iri[recipe.iri][iri]
 
     def parameters(self, recipe: Recipe) -> tuple[Thing, ...]:
         """Return the objects and persons that a recipe uses, itself or in what it calls, by first use."""
@@ -131,7 +121,7 @@ class Terms:
                 flows.setdefault((flow.consumer, flow.consumes or ""), []).append(flow)
             self._passed[recipe.iri] = flows
         found = self._passed[recipe.iri].get((step.iri, property_name), ())
-        order = self.order(recipe)
+        order = recipe_order(recipe)
         makers = [
             flow.producer for flow in found if flow.resource in _names(filler) and order.before(flow.producer, step.iri)
         ]
@@ -194,10 +184,8 @@ class Terms:
         return Passed(producer, own) if producer is not None else None
 
     def _takes(self, recipe: Recipe, flow: Flow) -> bool:
-        consumer = next((step for step in recipe.steps if step.iri == flow.consumer), None)
-        return consumer is not None and any(
-            flow.resource in _names(filler) for filler in consumer.fillers(flow.consumes or "")
-        )
+        consumers = (step for step in recipe.steps if step.iri == flow.consumer)
+        return any(flow.resource in _names(filler) for one in consumers for filler in one.fillers(flow.consumes or ""))
 
     def use(self, place: Place, renaming: Renaming | None = None) -> PlaceUse:
         """Return a place with the things that it depends on, renamed."""
@@ -282,7 +270,7 @@ def renamed(where: PlaceUse | Thing, renaming: Renaming) -> PlaceUse | Thing:
 
 
 def callees_first(recipes: RecipeSet) -> list[Recipe]:
-    """All recipes, called ones before their callers, the task last; nothing recurses."""
+    """Return all recipes, called ones before their callers, the task last; nothing recurses."""
     done: dict[str, Recipe] = {}
     waiting = [recipes.task]
     while waiting:
@@ -340,3 +328,91 @@ def _unclashed(key: str, taken: Iterable[str]) -> str:
         number += 1
         name = f"{key}_{number}"
     return name
+
+
+ROLES = ("base", "torso", "arm", "gripper", "head")
+"""The order in which a plan names roles; others follow by name."""
+
+SIDED = frozenset({"arm", "gripper"})
+"""Roles of which a robot has one on each side."""
+
+SIDES = ("left", "right")
+
+Role = tuple[str, str | None]
+"""A role and its side; None where any side may be meant."""
+
+
+class Roles:
+    """The roles of one set of recipes. Sides only count if a device of one side is used."""
+
+    def __init__(self, recipes: RecipeSet, actions: Actions, terms: Terms) -> None:
+        self._recipes = recipes
+        self._actions = actions
+        self._terms = terms
+        self._known: dict[tuple[str, str], frozenset[Role]] = {}
+        for recipe in callees_first(recipes):
+            for step in recipe.steps:
+                self._roles(recipe, step)
+        used = {role for step in recipes.main.steps for role in self._roles(recipes.main, step)}
+        self._has_sides = any(side for _, side in used)
+
+    def of(self, recipe: Recipe, step: Step) -> tuple[str, ...]:
+        """Return the names of all roles that a step holds, ``left_arm`` and ``right_arm`` where sides count."""
+        names = {name for role in self._roles(recipe, step) for name in self._names(*role)}
+        return tuple(sorted(names, key=_rank))
+
+    def held(self, recipe: Recipe, order: Precedence[str]) -> frozenset[str]:
+        """Return the steps (IRIs) that hold their roles; ``order`` has all orders of the recipe's steps."""
+        users: dict[str, int] = {}
+        for step in recipe.steps:
+            for name in self.of(recipe, step):
+                users[name] = users.get(name, 0) | order.bit(step.iri)
+        found = 0
+        for step in recipe.steps:
+            if step.recipes:
+                sharing = 0
+                for name in self.of(recipe, step):
+                    sharing |= users[name]
+                own = order.bit(step.iri)
+                sharing &= ~(order.later(step.iri) | order.earlier(step.iri) | own)
+                if sharing:
+                    found |= sharing | own
+        return frozenset(order.members(found))
+
+    def _roles(self, recipe: Recipe, step: Step) -> frozenset[Role]:
+        key = recipe.iri, step.iri
+        if key not in self._known:
+            self._known[key] = frozenset(self._found(recipe, step))
+        return self._known[key]
+
+    def _found(self, recipe: Recipe, step: Step) -> set[Role]:
+        found: set[Role] = set()
+        for callee in step.recipes:
+            below = self._recipes.recipes[callee]
+            found |= {role for inner in below.steps for role in self._roles(below, inner)}
+        primitive = self._actions.primitive(step)
+        if primitive is not None:
+            side = _side(self._terms.device(recipe, step))
+            found |= {(role, side if role in SIDED else None) for role in primitive.resources}
+            implied = (self._actions.primitives.get(action) for action in primitive.implies)
+            found |= {(role, None) for other in implied if other is not None for role in other.resources}
+        return found
+
+    def _names(self, role: str, side: str | None) -> tuple[str, ...]:
+        if role not in SIDED or not self._has_sides:
+            return (role,)
+        return tuple(f"{one}_{role}" for one in SIDES if side in (one, None))
+
+
+def _side(device: Thing | None) -> str | None:
+    """Return the side in a device's name or its class in the vocabulary; None if neither, or both, are named."""
+    if device is None:
+        return None
+    words = {word for name in (device.iri, device.type) if name for word in snake_case(local_name(name)).split("_")}
+    named = [side for side in SIDES if side in words]
+    return named[0] if len(named) == 1 else None
+
+
+def _rank(name: str) -> tuple[int, str]:
+    role = name.rsplit("_", 1)[-1]
+    return (ROLES.index(role) if role in ROLES else len(ROLES)), name

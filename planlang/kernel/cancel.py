@@ -42,8 +42,7 @@ def evaporate(scheduler: Scheduler, root: Task, through_shields: bool = False) -
         if not task.cancelled:
             task.cancelled = changed = True
             unhold(scheduler, task)
-            if task.watched is not None:
-                task.watched.set(Status.EVAPORATING)
+            task.show(Status.EVAPORATING)
         if not task.begun:
             scheduler.finish(task, EVAPORATED)
             continue
@@ -200,8 +199,7 @@ def suspend(scheduler: Scheduler, task: Task) -> bool:
         one.holds += 1
         if one.holds == 1:  # not held by a suspension of an ancestor before
             held.append(one)
-            if one.watched is not None:
-                one.watched.set(Status.SUSPENDED)
+            one.show(Status.SUSPENDED)
             for timer in one.timers or ():
                 timer.freeze()
     for one in reversed(held):  # children first
@@ -257,10 +255,10 @@ def _must_be_seen(task: Task) -> bool:
 def _let_go(scheduler: Scheduler, task: Task) -> None:
     """Let a task go on that nothing holds any more."""
     for timer in task.timers or ():
-        if not timer.passed and timer.due is None:  # one made while the task was held by nobody runs already
+        if not timer.passed and timer.due is None:  # it has not fired, and stands still
             timer.thaw()
-    if task.watched is not None and not task.cancelled:
-        task.watched.set(task.status)
+    if not task.cancelled:
+        task.show(task.status)
     if task.woken:
         if not task.in_queue:
             scheduler.enqueue(task)

@@ -95,8 +95,8 @@ class Task(Node):
     generators: list[Any] | None
     """Async generators that it has iterated, to be closed before it counts as dead."""
     stream: Random | None
-    watched: BaseFluent[Status] | None
-    """The status as a fluent, once someone asked for it."""
+    watched: list[BaseFluent[Status]] | None
+    """Fluents that show the status, once someone has asked for one."""
 
     # Slots that are all filled: in Python 3.11 a default on the class is read ten times slower than a slot.
     __slots__ = tuple(__annotations__)
@@ -110,7 +110,7 @@ class Task(Node):
         self.base_name = name
         self.ordinal = 1
         self.number = 0
-        self.told = ""
+        self.written = ""
         if parent is not None:
             counts = parent._counts
             if counts is None:
@@ -144,6 +144,11 @@ class Task(Node):
         if self.holds:
             return Status.SUSPENDED
         return Status.RUNNING if self.begun else Status.CREATED
+
+    def show(self, status: Status) -> None:
+        """Set the fluents that show the status."""
+        for fluent in self.watched or ():
+            fluent.set(status)
 
 
 class BaseScope(Node):
@@ -315,7 +320,7 @@ class Scheduler:
             if not group.dirty:
                 group.stir()
         if task.watched is not None:
-            task.watched.set(outcome)
+            task.show(outcome)
 
     def service(self, kind: type[S]) -> S:
         """Return the one object of a class that belongs to this run."""

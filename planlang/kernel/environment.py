@@ -195,7 +195,7 @@ class Watch:
         return 1.0 if period is None else min(1.0, period / 10)
 
     def _processor_time(self) -> float:
-        """Of the thread that the run is in [s]; 0 where it cannot be told: then only time that passes counts."""
+        """Return that of the run's thread [s]; 0 where it is unknown: then only time that passes counts."""
         if not hasattr(time, "pthread_getcpuclockid"):
             return 0.0
         return time.clock_gettime(time.pthread_getcpuclockid(self._thread))  # it lives as long as it is watched

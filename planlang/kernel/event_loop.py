@@ -225,7 +225,7 @@ def step_task(scheduler: Scheduler, task: Task) -> None:
         if coroutine is None:
             task.begun = True
             if task.watched is not None:
-                task.watched.set(Status.RUNNING)
+                task.show(Status.RUNNING)
             if scheduler.observer is not None:
                 scheduler.observer.started(scheduler.timers.now, task)
             if scheduler.on_start is not None:

@@ -1,4 +1,4 @@
-"""The two interfaces through which the kernel is recorded: one is told what happened, one is asked before it does.
+"""The two interfaces through which the kernel is recorded: one hears what happened, one is asked before it does.
 
 The kernel imports nothing that implements them: traces, journals and replays are in :mod:`planlang.runs`.
 """
@@ -18,27 +18,27 @@ class Observer(Protocol):
     """Told what happens in a run, in order. ``step`` is plan time in world steps."""
 
     def begin(self, root: Node, fail: Callable[[BaseException], object]) -> None:
-        """The run begins with its top-level task; ``fail(error)`` ends it if it cannot be observed any further."""
+        """Hear that the run begins, with its top-level task; ``fail(error)`` ends it if it cannot be observed."""
 
     def started(self, step: int, node: Node, /, **details: object) -> None:
-        """A node of the tree begins, in its task; what this raises, the node fails with."""
+        """Hear that a node of the tree begins, in its task; what this raises, the node fails with."""
 
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
     ) -> None:
-        """A node of the tree has ended."""
+        """Hear that a node of the tree has ended."""
 
     def write(self, step: int, event: str, node: Node | None = None, /, **details: object) -> None:
-        """Something else has happened, in a node of the tree or to the run as a whole."""
+        """Hear of anything else, in a node of the tree or about the run as a whole."""
 
     def changed(self, fluent: BaseFluent[Any]) -> None:
-        """A fluent was set."""
+        """Hear that a fluent was set."""
 
     def charged(self, kind: str, part: str, number: int) -> None:
-        """Something is charged to the budgets around the running task: world steps "spent", or attempts "used"."""
+        """Hear what is charged to the budgets around the running task: world steps "spent", or attempts "used"."""
 
     def end(self) -> None:
-        """The run is over."""
+        """Hear that the run is over."""
 
 
 class Recorded(Protocol):
@@ -63,8 +63,7 @@ class Recorded(Protocol):
         """Return the number of a call in a thread, and what is called in place of the function."""
 
     def step_ends(self, step: int) -> bool:
-        """Nothing more can happen in this step: may it end?
+        """Return True if the host is not asked to let time pass, since the run is still in what it takes over.
 
-        Raises what tells that the run does not repeat the recorded one. True if the host is not asked to let time
-        pass, since the run is still in the part that it takes over.
+        Asked when nothing more can happen in a step. Raises if the run does not repeat the recorded one.
         """

@@ -76,8 +76,8 @@ def charge(kind: str, part: str, number: int) -> None:
 async def node(kind: str, name: str, body: Body, /, **details: object) -> Any:
     """Run ``body`` as a node of the tree that is no task of its own; returns its result.
 
-    ``details`` are told of its beginning. In a resumed run the body of a node that has completed before is not run: the
-    node gives what it gave then.
+    ``details`` are recorded with its beginning. In a resumed run the body of a node that has completed before is not
+    run: the node gives what it gave then.
     """
     return await in_node(Node(here()[1].node, kind, name), body, **details)
 

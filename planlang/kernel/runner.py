@@ -62,7 +62,7 @@ def _watched(scheduler: Scheduler, root: Task) -> None:
 
 
 def _spoil(scheduler: Scheduler, error: BaseException) -> None:
-    """The run cannot be observed any further: it ends, for nobody could tell what it did."""
+    """End a run that cannot be observed any further, for nobody could tell what it did."""
     error.add_note(f"raised by the trace at world step {scheduler.now}; the run was ended")
     scheduler.spoilt = scheduler.spoilt or error
 
@@ -78,7 +78,7 @@ def _interrupt(scheduler: Scheduler, watch: Watch, frame: FrameType | None) -> N
 
 def _outcome(scheduler: Scheduler, root: Task) -> Any:
     """Return what the run returns or raises, when its top-level task is dead."""
-    if root.crash is not None:
+    if root.crash is not None:  # a programming error beats the Ctrl-C that may have brought it to light
         raise root.crash
     if scheduler.interrupts:
         raise KeyboardInterrupt

@@ -81,7 +81,7 @@ Schedule = int | Sequence[int] | ChoiceSource | None
 
 
 def checked_draws(draws: Any) -> tuple[int, float | None]:
-    """Return what ``CountedRandom.draws`` has told: words, and the number that is ready; raises ValueError."""
+    """Return words and ready number from a value of ``CountedRandom.draws``; raises ValueError for what is none."""
     ready: float | None = None
     if isinstance(draws, list) and len(draws) == 2 and isinstance(draws[1], float):
         draws, ready = draws

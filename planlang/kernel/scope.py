@@ -27,11 +27,11 @@ class Scope(BaseScope):
 
     def __init__(self, kind: str, name: str | None = None) -> None:
         self.scheduler, self.owner = here()
-        if self.transparent:  # a node without a name of its own under its parent, and never told of
+        if self.transparent:  # a node without a name of its own under its parent, and never recorded
             self.parent, self.kind, self.base_name, self.ordinal = self.owner.node, kind, kind, 1
             self._counts = self._path = None
             self.number = 0
-            self.told = ""
+            self.written = ""
         else:
             Node.__init__(self, self.owner.node, kind, name or kind)
         self.above: Node = self.owner.node if self.transparent else self
@@ -57,7 +57,7 @@ class Scope(BaseScope):
         raise NotImplementedError
 
     def details(self) -> dict[str, object]:
-        """Return what is told of the start."""
+        """Return what is recorded with the start."""
         return {}
 
     def decide(self, dead: list[Task]) -> None:

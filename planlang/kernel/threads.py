@@ -70,6 +70,7 @@ class Call(Wait):
     def hand_over(self) -> None:
         """Let the caller go on with what the call gave. One that was evaporated is evaporated, the result is late."""
         scheduler, task = self.scheduler, self.task
+        # The result is late if the caller has left, is being evaporated, or was woken by something before.
         taken = self.waiting and not task.doomed and not task.woken
         if scheduler.observer is not None:
             outcome = {"result": self._value} if self._error is None else {"failure": self._error}
@@ -130,7 +131,7 @@ class Calls:
     def _start(self) -> None:
         while self._queued and self._threads < MOST_THREADS:
             call = self._queued.popleft()
-            if call in self._flying and not call.task.doomed:
+            if call in self._flying and not call.task.doomed:  # else nobody waits for what it would give
                 self._threads += 1
                 call.start()
 
@@ -139,7 +140,7 @@ class Calls:
         return call in self._flying
 
     def abandon(self, call: Call) -> None:
-        """The caller does not wait any more. The thread goes on; its place is taken by another."""
+        """Stop waiting for a call. Its thread goes on; another may take its place."""
         call.waiting = False
         self._land(call)
         self._threads -= call.started
@@ -150,12 +151,12 @@ class Calls:
         call.scheduler.awaits_threads = bool(self._flying)
 
     def arrived(self, call: Call) -> None:
-        """A call has returned. In real time its caller goes on at once."""
+        """Take note that a call has returned. In real time its caller goes on at once."""
         if call in self._flying:
             self._threads -= 1
             self._start()
             if call.scheduler.live is None:
-                return
+                return  # collect() hands all of a step over at once, in order of submission
             self._land(call)
         if not call.scheduler.over:
             call.hand_over()
@@ -196,7 +197,7 @@ async def in_thread(function: Callable[..., R], /, *arguments: Any, **named: Any
 
     In simulation the call takes no plan time: the world stands still until all calls in flight have returned, callers
     go on in order of submission, and an evaporated caller is released when its call has returned. In real time an
-    evaporated caller leaves its call behind on a daemon thread; a late result is told in the trace only. At most 256
+    evaporated caller leaves its call behind on a daemon thread; a late result stands in the trace only. At most 256
     calls of a run are executed at the same time.
 
     Raises TypeError if ``function`` is async or not callable, before or after the call.

@@ -37,7 +37,7 @@ _FINAL = frozenset({SUCCEEDED, FAILED, EVAPORATED})
 class Node:
     """A place in the tree of a run. Its name is unique under its parent: later ones get ``#2``, ``#3``."""
 
-    __slots__ = ("_counts", "_path", "base_name", "kind", "number", "ordinal", "parent", "told")
+    __slots__ = ("_counts", "_path", "base_name", "kind", "number", "ordinal", "parent", "written")
 
     def __init__(self, parent: Node, kind: str, name: str) -> None:
         self.parent: Node | None = parent
@@ -47,8 +47,8 @@ class Node:
         self._counts: dict[str, int] | None = None
         self._path: str | None = None
         self.number = 0
-        """How the trace calls it; 0 before it is told of."""
-        self.told = ""
+        """Its number in the trace; 0 before it is written there."""
+        self.written = ""
         """How records of its start and end continue after ``"node": ``, once that was written."""
         counts = parent._counts
         if counts is None:

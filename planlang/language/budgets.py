@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterator
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -133,13 +133,6 @@ async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None,
     return result
 
 
-def spend(part: str, steps: int) -> None:
-    """Note in the budgets around the running task where time went."""
-    note_charge("spent", part, steps)
-    for around in _around():
-        around.spent[part] = around.spent.get(part, 0) + steps
-
-
 async def take_attempt(construct: str) -> None:
     """Take an attempt from the budgets around the running task; evaporates the task when none is left.
 
@@ -150,7 +143,7 @@ async def take_attempt(construct: str) -> None:
     while empty := [around for around in _around() if around.left == 0 and around not in passed]:
         await _pass(empty)
         passed += empty
-    _charge({construct: 1})
+    charge("used", construct, 1)
 
 
 async def _pass(empty: list[_Budget]) -> None:
@@ -179,19 +172,14 @@ def _around() -> Iterator[_Budget]:
         around = around.outer
 
 
-def charge(spent: Mapping[str, int], used: Mapping[str, int]) -> None:
-    """Take from the budgets around the running task what a step of a resumed run used before."""
-    for part, steps in spent.items():
-        spend(part, steps)
-    _charge(used)
+def charge(kind: str, part: str, number: int) -> None:
+    """Charge the budgets around the running task: world steps "spent" by an action, or attempts "used" by a construct.
 
-
-def _charge(used: Mapping[str, int]) -> None:
-    """Take attempts, by construct, from the budgets around the running task; one that is used up has none to give."""
-    for construct, number in used.items():
-        note_charge("used", construct, number)
+    A budget that is used up has no attempts to give: what goes on under a shield takes none from it.
+    """
+    note_charge(kind, part, number)
     for around in _around():
-        for construct, number in used.items():
-            around.used[construct] = around.used.get(construct, 0) + number
-        if around.left is not None:
-            around.left = max(0, around.left - sum(used.values()))
+        counts = around.spent if kind == "spent" else around.used
+        counts[part] = counts.get(part, 0) + number
+        if kind == "used" and around.left is not None:
+            around.left = max(0, around.left - number)

@@ -15,7 +15,7 @@ from planlang.kernel.primitives import called, node, record
 from planlang.kernel.signals import Expression
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
-from planlang.language.budgets import spend
+from planlang.language.budgets import charge
 from planlang.language.executive import current, executive_for
 from planlang.language.plans import Handle, Restarting, join
 from planlang.language.resources import using
@@ -149,7 +149,7 @@ class _Perform(Restarting):
         try:
             return await super().execute()
         finally:
-            spend(self.base_name, self.scheduler.now - began)
+            charge("spent", self.base_name, self.scheduler.now - began)
 
     def details(self) -> dict[str, object]:
         return {"action": self.action}

@@ -14,11 +14,11 @@ from types import FunctionType, MethodType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 from planlang.failures import BranchEvaporated, PlanFailure
-from planlang.kernel import Fluent, PlanStructureError, Scheduler, Status, Task, cancel, wait_for
+from planlang.kernel import Fluent, PlanStructureError, Status, Task, cancel, wait_for
 from planlang.kernel.core import here, serving
 from planlang.kernel.primitives import called, node, record
 from planlang.kernel.scope import Single
-from planlang.kernel.signals import Expression, Signal, Wait
+from planlang.kernel.signals import Expression, Signal
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.misuse import Usage, WrongType, contrast
@@ -171,10 +171,7 @@ class Handle:
         scheduler = here()[0]
         self._task = task
         self.bindings += 1
-        if task.watched is None:
-            task.watched = self._status
-        else:
-            task.watched.watch(_Mirror(scheduler, self, task))
+        task.watched = [*(task.watched or ()), self._status]
         self._status.set(task.status)
         for _ in range(self._suspensions):
             cancel.suspend(scheduler, task)
@@ -217,20 +214,6 @@ class Handle:
 
     def __repr__(self) -> str:
         return f"<task {self.path or self.name}, {self._status.value.value}>"
-
-
-class _Mirror(Wait):
-    """Shows the status of a task in a further handle of it."""
-
-    def __init__(self, scheduler: Scheduler, handle: Handle, task: Task) -> None:
-        self.scheduler = scheduler
-        self.handle = handle
-        self.task = task
-
-    def recheck(self) -> None:
-        """Show the status, as it has changed."""
-        if self.handle._task is self.task:
-            self.handle._status.set(self.task.status)
 
 
 class _Tag(Single):

@@ -1,4 +1,4 @@
-"""Replaying a run from its trace: the plan decides anew, and is told what it was told before.
+"""Replaying a run from its trace: the plan decides anew, on the inputs that it was given before.
 
 Nothing moves and no time passes: what the executive answered, what process modules did and returned, what the world
 was read to be and what calls in threads gave is taken from the trace. The first record that the plan does not write
@@ -17,7 +17,7 @@ from planlang.designators import Action
 from planlang.kernel import Scheduler, shield
 from planlang.kernel.core import here, park
 from planlang.kernel.errors import DeadlockError, Evaporated
-from planlang.language.budgets import spend
+from planlang.language.budgets import charge
 from planlang.language.executive import Executive, RecordedExecutive
 from planlang.language.resources import Arbiter, Lease, holding
 from planlang.language.running import inside_of
@@ -62,7 +62,7 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     header = recorded.header
     rate, seed, schedule = header.get("rate"), header.get("seed"), header.get("schedule")
     if header.get("resumable") is not True:
-        raise ValueError("the trace does not tell what the plan was told: it was not written with resumable=True")
+        raise ValueError("the trace has not the plan's inputs: it was not written with resumable=True")
     if header.get("real_time"):
         raise ValueError("a run in real time can be resumed, not replayed: what threads did to it is not in its trace")
     if type(rate) is not int or type(seed) is not int:
@@ -194,7 +194,7 @@ class _Work:
                     self._begun[line.path] = line.step
                 else:
                     name = str(line.record.get("name")).partition("#")[0]
-                    spend(name, line.step - self._begun.get(line.path, line.step))
+                    charge("spent", name, line.step - self._begun.get(line.path, line.step))
 
     async def _acquire(self, line: Line) -> None:
         scheduler, task = here()

@@ -91,7 +91,7 @@ def run(
     if not resumable and resume is None:
         return _inside(scheduler, plan, executive)  # type: ignore[no-any-return]
     journal = Journal(
-        scheduler, trace or Trace([]), snapshot=getattr(executive, "snapshot", None), past=resume, account=charge
+        scheduler, trace or Trace([]), snapshot=getattr(executive, "snapshot", None), past=resume, charge=charge
     )
     scheduler.observer = scheduler.recorded = journal
     recording = None

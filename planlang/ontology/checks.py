@@ -11,22 +11,7 @@ from typing import Protocol
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
-from planlang.ontology.terms import (
-    FIRST,
-    KNOWROB,
-    NIL,
-    ON_PROPERTY,
-    OWL,
-    RDF,
-    RDFS,
-    REST,
-    SUBCLASS_OF,
-    XSD,
-    BNode,
-    Literal,
-    Term,
-    Triple,
-)
+from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.ontology.triples import Triples, counted
 from planlang.resources import bundled
 
@@ -43,11 +28,11 @@ _DOUBLE = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?
 _FORMS = {
     **{XSD + name: _INTEGER for name in ("integer", "int", "long", "short", "byte")},
     **{XSD + name: _NATURAL for name in ("nonNegativeInteger", "unsignedInt", "unsignedLong", "unsignedShort")},
-    XSD + "positiveInteger": re.compile(r"\+?0*[1-9][0-9]*"),
-    XSD + "decimal": re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)"),
-    XSD + "double": _DOUBLE,
-    XSD + "float": _DOUBLE,
-    XSD + "boolean": re.compile("true|false|0|1"),
+    XSD.positiveInteger: re.compile(r"\+?0*[1-9][0-9]*"),
+    XSD.decimal: re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)"),
+    XSD.double: _DOUBLE,
+    XSD.float: _DOUBLE,
+    XSD.boolean: re.compile("true|false|0|1"),
 }
 """Datatype -> what its values look like, after blanks at the ends are taken away."""
 
@@ -91,7 +76,7 @@ def _column(column: Sequence[int], rows: Iterable[int]) -> set[int]:
 
 
 def _restrictions(triples: Triples) -> Iterator[Diagnostic]:
-    properties, fillers, numbers = triples.by(ON_PROPERTY), triples.by(*_FILLERS, *_NUMBERS), triples.by(*_NUMBERS)
+    properties, fillers, numbers = triples.by(OWL.onProperty), triples.by(*_FILLERS, *_NUMBERS), triples.by(*_NUMBERS)
     odd = _not_once(triples, properties, fillers)
     values = {number for number in _column(triples.objects, properties) if isinstance(triples.terms[number], Literal)}
     if values:
@@ -102,8 +87,8 @@ def _restrictions(triples: Triples) -> Iterator[Diagnostic]:
 
 
 def _restriction(triples: list[Triple]) -> Iterator[Diagnostic]:
-    properties = [t for t in triples if t.predicate == ON_PROPERTY]
-    fillers = [t for t in triples if t.predicate != ON_PROPERTY]
+    properties = [t for t in triples if t.predicate == OWL.onProperty]
+    fillers = [t for t in triples if t.predicate != OWL.onProperty]
     if not properties and fillers and isinstance(fillers[0].subject, BNode):
         what = f"a restriction with {local_name(fillers[0].predicate)} names no property and is left out"
         yield warning("O017", what, fillers[0].span, "add owl:onProperty")
@@ -131,8 +116,8 @@ def _is_number(term: Term) -> bool:
 
 
 def _lists(triples: Triples) -> Iterator[Diagnostic]:
-    firsts, rests = triples.by(FIRST), triples.by(REST)
-    known = {triples.numbers.get(NIL, -1), *_column(triples.subjects, firsts)}
+    firsts, rests = triples.by(RDF.first), triples.by(RDF.rest)
+    known = {triples.numbers.get(RDF.nil, -1), *_column(triples.subjects, firsts)}
     known.update(map(triples.subjects.__getitem__, rests))
     odd = _not_once(triples, firsts, rests)
     if not known.issuperset(map(triples.objects.__getitem__, rests)):
@@ -144,8 +129,8 @@ def _lists(triples: Triples) -> Iterator[Diagnostic]:
 
 def _list(triples: list[Triple], is_list: Callable[[Term], bool]) -> Iterator[Diagnostic]:
     """Judge one cell of a list."""
-    firsts = [t for t in triples if t.predicate == FIRST]
-    rests = [t for t in triples if t.predicate == REST]
+    firsts = [t for t in triples if t.predicate == RDF.first]
+    rests = [t for t in triples if t.predicate == RDF.rest]
     at = triples[0].span
     if len(firsts) > 1:
         yield warning("O018", "one cell of a list has several items", firsts[1].span, "write a cell for each")
@@ -162,7 +147,7 @@ def _list(triples: list[Triple], is_list: Callable[[Term], bool]) -> Iterator[Di
 
 def _circles(triples: Triples, rests: Sequence[int]) -> Iterator[Diagnostic]:
     """Yield a warning for each list that comes back to a cell of its own."""
-    end = triples.numbers.get(NIL, -1)
+    end = triples.numbers.get(RDF.nil, -1)
     if all(triples.subjects[row] < triples.objects[row] or triples.objects[row] == end for row in rests):
         return  # every list goes on with a cell that was met later
     following = {triples.subjects[row]: row for row in reversed(rests)}
@@ -210,7 +195,9 @@ _W3C = (OWL, RDF, RDFS, XSD)
 
 
 class Declarations(Protocol):
-    """The declarations of all documents together."""
+    """The triples of all documents together, and what they declare."""
+
+    store: Triples
 
     def is_class(self, iri: str) -> bool: ...
     def is_individual(self, iri: str) -> bool: ...
@@ -218,37 +205,37 @@ class Declarations(Protocol):
     def class_names(self) -> tuple[str, ...]: ...
 
 
-def check(ontology: Declarations, documents: Iterable[tuple[Path, Triples]]) -> Iterator[Diagnostic]:
-    """Yield diagnostics about every document that is not bundled; ``documents`` are their paths and triples."""
+def check(ontology: Declarations, paths: Iterable[Path]) -> Iterator[Diagnostic]:
+    """Yield diagnostics about every document that is not bundled; ``paths`` are those of all documents."""
     ours = bundled("ontologies").resolve()
     has_vocabulary = ontology.is_class(KNOWROB + "Action")
-    for path, triples in documents:
+    for path, rows in zip(paths, ontology.store.ranges, strict=True):
         if not path.resolve().is_relative_to(ours):
             if has_vocabulary:
-                yield from _undefined_superclasses(ontology, triples)
-            yield from _individuals_as_classes(ontology, triples)
-            yield from _classes_as_individuals(ontology, triples)
+                yield from _undefined_superclasses(ontology, rows)
+            yield from _individuals_as_classes(ontology, rows)
+            yield from _classes_as_individuals(ontology, rows)
 
 
-def _named_objects(triples: Triples, predicate: str) -> dict[str, int]:
-    """Return the IRIs that are objects of a predicate, each with the first row that has it."""
+def _named_objects(triples: Triples, predicate: str, rows: range) -> dict[str, int]:
+    """Return the IRIs that are objects of a predicate in some rows, each with the first row that has it."""
     found: dict[int, int] = {}
     for row in triples.by(predicate):
-        found.setdefault(triples.objects[row], row)
-    return {name: row for number, row in found.items() if (name := triples.name(number)) is not None}
+        if row in rows:
+            found.setdefault(triples.objects[row], row)
+    return {name: row for number, row in found.items() if isinstance(name := triples.terms[number], str)}
 
 
-def _undefined_superclasses(ontology: Declarations, triples: Triples) -> Iterator[Diagnostic]:
-    named = _named_objects(triples, SUBCLASS_OF)
-    first = {name: row for name, row in named.items() if not name.startswith(_W3C)}
-    undefined = [name for name in first if not ontology.defined(name)]
+def _undefined_superclasses(ontology: Declarations, rows: range) -> Iterator[Diagnostic]:
+    first = _named_objects(ontology.store, RDFS.subClassOf, rows)
+    undefined = [name for name in first if not name.startswith(_W3C) and not ontology.defined(name)]
     for place, name in enumerate(undefined[:MOST_WARNINGS]):
         advice = "import the file that defines it, or correct the name"
         similar = _similar(ontology, name) if place < MOST_SUGGESTIONS else None
         if similar:
             advice = f"did you mean {similar}? {advice}"
         message = f"nothing defines the superclass {local_name(name)} ({name})"
-        yield warning("O041", message, triples.span(first[name]), advice)
+        yield warning("O041", message, ontology.store.span(first[name]), advice)
 
 
 def _similar(ontology: Declarations, name: str) -> str | None:
@@ -259,20 +246,20 @@ def _similar(ontology: Declarations, name: str) -> str | None:
     return next(iter(get_close_matches(local, others, n=1, cutoff=0.75)), None)
 
 
-def _individuals_as_classes(ontology: Declarations, triples: Triples) -> Iterator[Diagnostic]:
-    named = _named_objects(triples, OWL + "someValuesFrom")
-    found = [name for name in named if ontology.is_individual(name) and not ontology.is_class(name)]
+def _individuals_as_classes(ontology: Declarations, rows: range) -> Iterator[Diagnostic]:
+    named = _named_objects(ontology.store, OWL.someValuesFrom, rows)
+    found = [name for name in named if not ontology.is_class(name) and ontology.is_individual(name)]
     if found:
         message = f"someValuesFrom with an individual is read as hasValue: {_names(found)}"
-        yield note("O042", message, triples.span(named[found[0]]))
+        yield note("O042", message, ontology.store.span(named[found[0]]))
 
 
-def _classes_as_individuals(ontology: Declarations, triples: Triples) -> Iterator[Diagnostic]:
-    named = _named_objects(triples, OWL + "hasValue")
+def _classes_as_individuals(ontology: Declarations, rows: range) -> Iterator[Diagnostic]:
+    named = _named_objects(ontology.store, OWL.hasValue, rows)
     found = [name for name in named if ontology.is_class(name) and not ontology.is_individual(name)]
     if found:
         message = f"hasValue with a class is read as someValuesFrom: {_names(found)}"
-        yield note("O043", message, triples.span(named[found[0]]))
+        yield note("O043", message, ontology.store.span(named[found[0]]))
 
 
 def _names(iris: Sequence[str]) -> str:

@@ -6,21 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from planlang.diagnostics import Span
-from planlang.ontology.terms import (
-    EQUIVALENT_CLASS,
-    FIRST,
-    INTERSECTION_OF,
-    KNOWROB,
-    NIL,
-    ON_PROPERTY,
-    OWL,
-    REST,
-    ROBOEARTH,
-    SUBCLASS_OF,
-    THING,
-    Literal,
-    Term,
-)
+from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, ROBOEARTH, Literal, Term
 from planlang.ontology.triples import Triples
 
 
@@ -73,19 +59,19 @@ def by_distance(start: str, neighbours: Mapping[str, Iterable[str]]) -> tuple[st
     return tuple(queue)
 
 
-_FILLERS = {OWL + "someValuesFrom": "some", OWL + "hasValue": "value", OWL + "allValuesFrom": "only"}
+_FILLERS = {OWL.someValuesFrom: "some", OWL.hasValue: "value", OWL.allValuesFrom: "only"}
 _CARDINALITIES = {
-    OWL + "minCardinality": "min",
-    OWL + "maxCardinality": "max",
-    OWL + "cardinality": "exactly",
-    OWL + "minQualifiedCardinality": "min",
-    OWL + "maxQualifiedCardinality": "max",
-    OWL + "qualifiedCardinality": "exactly",
+    OWL.minCardinality: "min",
+    OWL.maxCardinality: "max",
+    OWL.cardinality: "exactly",
+    OWL.minQualifiedCardinality: "min",
+    OWL.maxQualifiedCardinality: "max",
+    OWL.qualifiedCardinality: "exactly",
 }
 RESTRICTING = (*_FILLERS, *_CARDINALITIES)
 """The words of OWL whose triples say what a restriction asks for; where they stand is the restriction's span."""
 
-_SUPERCLASS_FORMS = {SUBCLASS_OF: "flat", EQUIVALENT_CLASS: "equivalent", INTERSECTION_OF: "equivalent"}
+_SUPERCLASS_FORMS = {RDFS.subClassOf: "flat", OWL.equivalentClass: "equivalent", OWL.intersectionOf: "equivalent"}
 
 
 class Restriction(NamedTuple):
@@ -142,11 +128,11 @@ class Words(NamedTuple):
 
         return Words(
             used(_SUPERCLASS_FORMS),
-            number.get(INTERSECTION_OF, -1),
-            number.get(ON_PROPERTY, -1),
+            number.get(OWL.intersectionOf, -1),
+            number.get(OWL.onProperty, -1),
             used(_FILLERS),
             used(_CARDINALITIES),
-            frozenset(number[word] for word in (OWL + "onClass", OWL + "onDataRange") if word in number),
+            frozenset(number[word] for word in (OWL.onClass, OWL.onDataRange) if word in number),
         )
 
 
@@ -174,7 +160,7 @@ def _restriction(triples: Triples, node: int, form: str, words: Words) -> Sequen
             number = _whole(filler)
             if number is None:
                 continue
-            filler = triples.term(objects[within[0]]) if within else THING
+            filler = triples.term(objects[within[0]]) if within else OWL.Thing
         found.append(Restriction(prop or "", kind, filler, number, triples.span(row), form))
     return found
 
@@ -210,7 +196,7 @@ def _opened(triples: Triples, expressions: Iterable[int]) -> Iterator[int]:
 
 def items(triples: Triples, cell: int) -> Iterator[int]:
     """Yield the items of an RDF list; a cyclic list ends where it repeats. Terms by number."""
-    first, rest, end = triples.find(FIRST), triples.find(REST), triples.find(NIL)
+    first, rest, end = triples.find(RDF.first), triples.find(RDF.rest), triples.find(RDF.nil)
     predicates, objects, (rows, next_row) = triples.predicates, triples.objects, triples.by_subject
     seen: set[int] = set()
     while cell != end and cell not in seen:
@@ -230,7 +216,7 @@ def items(triples: Triples, cell: int) -> Iterator[int]:
 
 def edges(triples: Triples) -> Iterator[tuple[str, str]]:
     """Pairs (class, superclass) of named classes, in document order; equivalent names are below each other."""
-    intersection, equivalent = triples.find(INTERSECTION_OF), triples.find(EQUIVALENT_CLASS)
+    intersection, equivalent = triples.find(OWL.intersectionOf), triples.find(OWL.equivalentClass)
     for row in triples.by(*_SUPERCLASS_FORMS):
         lower, value = triples.name(triples.subjects[row]), triples.objects[row]
         if lower is None:

@@ -16,7 +16,7 @@ from planlang.files import read_file
 from planlang.ontology.checks import malformed
 from planlang.ontology.imports import ImportMap
 from planlang.ontology.repairs import repair, use_canonical_names
-from planlang.ontology.terms import IMPORTS, ONTOLOGY, TYPE, BNode, Triple
+from planlang.ontology.terms import OWL, RDF, BNode, Triple
 from planlang.ontology.triples import Parsed, Triples
 from planlang.ontology.xml_text import LARGEST_FILE, decode
 from planlang.resources import bundled
@@ -149,8 +149,8 @@ def _is_ours(path: Path) -> bool:
 
 
 def _own_iri(triples: Triples) -> str | None:
-    ontology = triples.find(ONTOLOGY)
-    rows = (row for row in triples.by(TYPE) if triples.objects[row] == ontology) if ontology is not None else ()
+    ontology = triples.find(OWL.Ontology)
+    rows = (row for row in triples.by(RDF.type) if triples.objects[row] == ontology) if ontology is not None else ()
     names = (triples.name(triples.subjects[row]) for row in rows)
     return next((name for name in names if name is not None), None)
 
@@ -206,7 +206,7 @@ def read_all(path: Path, folders: Sequence[Path], *, builtin: bool) -> list[Read
 
 def _imports(reading: Reading) -> Iterator[Triple]:
     seen: set[str] = set()
-    for row in reading.triples.by(IMPORTS):
+    for row in reading.triples.by(OWL.imports):
         triple = reading.triples.triple(row)
         if not isinstance(triple.object, BNode) and str(triple.object) not in seen:
             seen.add(str(triple.object))

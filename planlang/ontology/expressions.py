@@ -5,32 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from planlang.diagnostics import BadInput, Span, error
-from planlang.ontology.terms import (
-    CLASS,
-    COMPLEMENT_OF,
-    FIRST,
-    INTERSECTION_OF,
-    INVERSE_OF,
-    NIL,
-    ON_PROPERTY,
-    ONE_OF,
-    OWL,
-    RDFS,
-    REST,
-    RESTRICTION,
-    TYPE,
-    UNION_OF,
-    XSD,
-    BNode,
-    Literal,
-    Term,
-)
-from planlang.ontology.triples import MOST_TRIPLES, Triples
+from planlang.diagnostics import Span
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term
+from planlang.ontology.triples import Triples, check_room
 
-DATATYPE = RDFS + "Datatype"
-BOOLEAN = XSD + "boolean"
-NON_NEGATIVE = XSD + "nonNegativeInteger"
 FACETS = {
     "<": "maxExclusive",
     "<=": "maxInclusive",
@@ -44,8 +22,8 @@ FACETS = {
 _CARDINALITIES = {"min": ("minCardinality", "minQualifiedCardinality"),
                   "max": ("maxCardinality", "maxQualifiedCardinality"),
                   "exactly": ("cardinality", "qualifiedCardinality")}  # fmt: skip
-_QUANTIFIERS = {"some": OWL + "someValuesFrom", "only": OWL + "allValuesFrom", "value": OWL + "hasValue"}
-_JUNCTIONS = {"and": INTERSECTION_OF, "or": UNION_OF}
+QUANTIFIERS = {"some": OWL.someValuesFrom, "only": OWL.allValuesFrom, "value": OWL.hasValue}
+_JUNCTIONS = {"and": OWL.intersectionOf, "or": OWL.unionOf}
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +65,8 @@ class Statements:
 
     def state(self, subject: str | BNode, predicate: str, value: Term, span: Span) -> Term:
         """Add one triple; returns its object. Raises BadInput when there are too many."""
-        if len(self.triples) >= MOST_TRIPLES:
-            raise BadInput([error("O003", f"the file has more than {MOST_TRIPLES:,} triples", span)])
         self.triples.state(subject, predicate, value, span)
+        check_room(self.triples, span.line, span.column)
         return value
 
     def place(self, subject: str | BNode, predicate: str, expression: Expression, *, data: bool = False) -> Term:
@@ -110,13 +87,13 @@ class Statements:
     ) -> Term:
         """State that ``predicate`` of ``subject`` is the RDF list of the items. Returns its first cell."""
         if not items:
-            return self.state(subject, predicate, NIL, span)
+            return self.state(subject, predicate, RDF.nil, span)
         begin = cell = self.fresh()
         self.state(subject, predicate, cell, span)
         for index, item in enumerate(items):
-            self.place(cell, FIRST, item, data=data)
-            following: str | BNode = self.fresh() if index + 1 < len(items) else NIL
-            self.state(cell, REST, following, item.span)
+            self.place(cell, RDF.first, item, data=data)
+            following: str | BNode = self.fresh() if index + 1 < len(items) else RDF.nil
+            self.state(cell, RDF.rest, following, item.span)
             if isinstance(following, BNode):
                 cell = following
         return begin
@@ -137,33 +114,33 @@ class Statements:
         kind, span = expression.kind, expression.span
         match kind:
             case "inverse":
-                self.place(node, INVERSE_OF, expression.parts[0])
+                self.place(node, OWL.inverseOf, expression.parts[0])
                 return
             case "facets":
                 self._describe_facets(node, expression)
                 return
             case "and" | "or" | "not" | "one of":
                 data = data or self.is_data(expression)
-                self.state(node, TYPE, DATATYPE if data else CLASS, span)
+                self.state(node, RDF.type, RDFS.Datatype if data else OWL.Class, span)
                 if kind == "not":
-                    complement = OWL + "datatypeComplementOf" if data else COMPLEMENT_OF
+                    complement = OWL.datatypeComplementOf if data else OWL.complementOf
                     self.place(node, complement, expression.parts[0], data=data)
                 else:
-                    self.place_list(node, _JUNCTIONS.get(kind, ONE_OF), expression.parts, span, data=data)
+                    self.place_list(node, _JUNCTIONS.get(kind, OWL.oneOf), expression.parts, span, data=data)
                 return
-        self.state(node, TYPE, RESTRICTION, span)
-        self.place(node, ON_PROPERTY, expression.parts[0])
-        if kind in _QUANTIFIERS:
+        self.state(node, RDF.type, OWL.Restriction, span)
+        self.place(node, OWL.onProperty, expression.parts[0])
+        if kind in QUANTIFIERS:
             data = expression.parts[0].term in self._data_properties
-            self.place(node, _QUANTIFIERS[kind], expression.parts[1], data=data)
+            self.place(node, QUANTIFIERS[kind], expression.parts[1], data=data)
         elif kind == "Self":
-            self.state(node, OWL + "hasSelf", Literal("true", BOOLEAN), span)
+            self.state(node, OWL.hasSelf, Literal("true", XSD.boolean), span)
         else:
             self._describe_cardinality(node, expression)
 
     def _describe_cardinality(self, node: BNode, expression: Expression) -> None:
         plain, qualified = _CARDINALITIES[expression.kind]
-        number = Literal(str(expression.number), NON_NEGATIVE)
+        number = Literal(str(expression.number), XSD.nonNegativeInteger)
         if len(expression.parts) == 1:
             self.state(node, OWL + plain, number, expression.span)
             return
@@ -173,20 +150,20 @@ class Statements:
         self.place(node, OWL + ("onDataRange" if data else "onClass"), filler, data=data)
 
     def _describe_facets(self, node: BNode, expression: Expression) -> None:
-        self.state(node, TYPE, DATATYPE, expression.span)
-        self.place(node, OWL + "onDatatype", expression.parts[0])
+        self.state(node, RDF.type, RDFS.Datatype, expression.span)
+        self.place(node, OWL.onDatatype, expression.parts[0])
         cell = self.fresh()
-        self.state(node, OWL + "withRestrictions", cell, expression.span)
+        self.state(node, OWL.withRestrictions, cell, expression.span)
         for index, (facet, value) in enumerate(expression.facets):
             holder = self.fresh()
-            self.state(cell, FIRST, holder, expression.span)
+            self.state(cell, RDF.first, holder, expression.span)
             self.state(holder, facet, value, expression.span)
-            following: str | BNode = self.fresh() if index + 1 < len(expression.facets) else NIL
-            self.state(cell, REST, following, expression.span)
+            following: str | BNode = self.fresh() if index + 1 < len(expression.facets) else RDF.nil
+            self.state(cell, RDF.rest, following, expression.span)
             if isinstance(following, BNode):
                 cell = following
 
 
 def _is_xsd(expression: Expression) -> bool:
     term = expression.term
-    return isinstance(term, str) and (term.startswith(XSD) or term == RDFS + "Literal")
+    return isinstance(term, str) and (term.startswith(XSD) or term == RDFS.Literal)

@@ -3,34 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from lark import Token, Transformer
+from lark import Token
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.ontology.expressions import BOOLEAN, DATATYPE, FACETS, Expression, Statements
-from planlang.ontology.terms import (
-    CLASS,
-    EQUIVALENT_CLASS,
-    IMPORTS,
-    INVERSE_OF,
-    NAMED_INDIVIDUAL,
-    ONTOLOGY,
-    OWL,
-    RDF,
-    SUBCLASS_OF,
-    SUBPROPERTY_OF,
-    TYPE,
-    XSD,
-    BNode,
-    Literal,
-    Term,
-)
-from planlang.ontology.terms import DOMAIN as RDFS_DOMAIN
-from planlang.ontology.terms import RANGE as RDFS_RANGE
+from planlang.ontology.expressions import FACETS, QUANTIFIERS, Expression, Statements
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term
+from planlang.ontology.triples import check_room
 
 DEEPEST = 100
 """Expressions inside each other."""
@@ -50,8 +33,13 @@ _FACT = re.compile(r"([^\s,]+)\s+([^\s,]+)")
 _FRAME = re.compile(r"(\w+):\s+(\S+)(?:\s+(?:SubClassOf|Types):(?=\s))?")
 _FACTS = re.compile(r"\sFacts:\s")
 """The parts of what the grammar calls simple."""
-_HEADS = {"Class": CLASS, "Individual": NAMED_INDIVIDUAL}
-_Position = Callable[[int], Span]
+_SIMPLE = {"Class": (OWL.Class, RDFS.subClassOf), "Individual": (OWL.NamedIndividual, RDF.type)}
+"""Word of a simple frame -> the kind of thing it declares, the property that its descriptions state."""
+
+_OF_VALUES = frozenset(((OWL.equivalentClass, RDFS.Datatype), (RDFS.range, OWL.DatatypeProperty)))
+"""Property and kind of its subject where descriptions are sets of values, whatever names they use."""
+
+_Position = Callable[[int], tuple[int, int]]
 
 Children = list[Any]
 
@@ -75,27 +63,59 @@ def _bounded(parts: Sequence[Expression | Annotation], span: Span) -> int:
     return depth
 
 
-class Frames(Transformer[Token, None]):
+def _operator(kind: str) -> Callable[[Frames, Children], Expression]:
+    """Return what reads an expression of a kind, whose parts are those children that are expressions."""
+    return lambda frames, children: frames.operands(kind, children)
+
+
+def _head(kind: str) -> Callable[[Frames, Children], None]:
+    """Return what reads the head of a frame, which declares a thing of this kind."""
+    return lambda frames, children: frames.begin(children, kind)
+
+
+def _section(predicate: str) -> Callable[[Frames, Children], None]:
+    """Return what reads a section, each item of which is a value of a property."""
+    return lambda frames, children: frames.each(predicate, children[0])
+
+
+def _list_section(predicate: str) -> Callable[[Frames, Children], None]:
+    """Return what reads a section whose items are one list together."""
+    return lambda frames, children: frames.listed(predicate, children)
+
+
+def _axiom(predicate: str, kind: str | None = None) -> Callable[[Frames, Children], None]:
+    """Return what reads an axiom about several things; see :meth:`Frames.several`."""
+    return lambda frames, children: frames.several(children, predicate, kind)
+
+
+def _split(children: Children) -> tuple[list[Annotation], list[Expression]]:
+    """Return the annotations that come first, if any, and the expressions."""
+    notes = children[0] if children and isinstance(children[0], list) else []
+    return notes, [child for child in children if isinstance(child, Expression)]
+
+
+class Frames:
     """Turns what the parser recognises into statements, by the mapping of OWL 2 to RDF graphs.
 
-    ``resolve`` makes an IRI of a written name; ``is_declared`` tells whether the file has a class of that name.
+    There is a method for each rule of the grammar, which takes what those of its parts returned. ``resolve`` makes an
+    IRI of a written name; ``is_declared`` tells whether the file has a class of that name.
     """
 
     def __init__(
         self, statements: Statements, resolve: Callable[[str, Span], str], is_declared: Callable[[str], bool], file: str
     ) -> None:
-        super().__init__()
         self._out = statements
         self._resolve = resolve
         self._is_declared = is_declared
         self._file = file
         self._subject: str | BNode = statements.named_node("ontology")
-        self._subject_span = Span(file)
-        self._kind = ONTOLOGY
+        self._kind = OWL.Ontology
         self._open = 0
+        self._numbers: dict[str, int] = {}
+        """Name as written in a simple frame -> the number of its IRI."""
         self.skipped: list[Diagnostic] = []
 
-    # what the lexer tells
+    # called by the lexer
 
     def opens(self, token: Token) -> Token:
         """Count a word or sign that opens a nested part. Raises BadInput when there are too many."""
@@ -115,10 +135,11 @@ class Frames(Transformer[Token, None]):
     def _span(self, token: Token) -> Span:
         return Span(self._file, token.line or 1, token.column or 1)
 
+    def _value(self, token: Token, term: Term) -> Expression:
+        return Expression("name", self._span(token), term)
+
     def iri(self, children: Children) -> Expression:
-        token = children[0]
-        span = self._span(token)
-        return Expression("name", span, self._resolve(str(token), span))
+        return self._value(children[0], self._resolve(str(children[0]), self._span(children[0])))
 
     annotation_property = annotation_target = fact_property = key = iri
 
@@ -126,49 +147,44 @@ class Frames(Transformer[Token, None]):
         """Return a class or a datatype; some datatypes have names of their own."""
         token = children[0]
         if token in BUILTIN and not self._is_declared(str(token)):
-            return Expression("name", self._span(token), XSD + token)
+            return self._value(token, XSD + token)
         return self.iri(children)
 
     def node(self, children: Children) -> Expression:
-        return Expression("name", self._span(children[0]), self._out.named_node(str(children[0])[2:]))
+        return self._value(children[0], self._out.named_node(str(children[0])[2:]))
 
     def plain_literal(self, children: Children) -> Expression:
-        return self._literal(children[0])
+        return self._value(children[0], Literal(_text(children[0])))
 
     def language_literal(self, children: Children) -> Expression:
-        return self._literal(children[0], language=str(children[1])[1:].lower())
+        return self._value(children[0], Literal(_text(children[0]), None, str(children[1])[1:].lower()))
 
     def typed_literal(self, children: Children) -> Expression:
-        return self._literal(children[0], datatype=children[1].term)
-
-    def _literal(self, token: Token, datatype: str | None = None, language: str | None = None) -> Expression:
-        return Expression("name", self._span(token), Literal(_ESCAPE.sub(r"\1", str(token)[1:-1]), datatype, language))
+        return self._value(children[0], Literal(_text(children[0]), children[1].term))
 
     def number_literal(self, children: Children) -> Expression:
         text = str(children[0])
         if text[-1] in "fF":
-            datatype, text = "float", text[:-1]
+            datatype, text = XSD.float, text[:-1]
         else:
-            datatype = "double" if "e" in text.lower() else "decimal" if "." in text else "integer"
-        return Expression("name", self._span(children[0]), Literal(text, XSD + datatype))
+            datatype = XSD.double if "e" in text.lower() else XSD.decimal if "." in text else XSD.integer
+        return self._value(children[0], Literal(text, datatype))
 
     def boolean_literal(self, children: Children) -> Expression:
-        return Expression("name", self._span(children[0]), Literal(str(children[0]), BOOLEAN))
+        return self._value(children[0], Literal(str(children[0]), XSD.boolean))
 
     # expressions
 
     def _node(self, kind: str, span: Span, parts: list[Expression], **more: Any) -> Expression:
         return Expression(kind, span, parts=tuple(parts), depth=_bounded(parts, span), **more)
 
-    def _operands(self, kind: str, children: Children) -> Expression:
-        parts = [child for child in children if isinstance(child, Expression)]
+    def operands(self, kind: str, children: Children) -> Expression:
+        """Return the expression of a kind that is made of the expressions among the children."""
+        _, parts = _split(children)
         return self._node(kind, parts[0].span, parts)
 
-    def union(self, children: Children) -> Expression:
-        return self._operands("or", children)
-
-    def intersection(self, children: Children) -> Expression:
-        return self._operands("and", children)
+    union, intersection, one_of = _operator("or"), _operator("and"), _operator("one of")
+    some, only, has_value, has_self = _operator("some"), _operator("only"), _operator("value"), _operator("Self")
 
     def complement(self, children: Children) -> Expression:
         return self._node("not", self._span(children[0]), children[1:])
@@ -178,12 +194,9 @@ class Frames(Transformer[Token, None]):
 
     inverse_key = inverse
 
-    def one_of(self, children: Children) -> Expression:
-        return self._node("one of", children[0].span, children)
-
     def facet(self, children: Children) -> tuple[str, Literal]:
         name, value = str(children[0]), children[1].term
-        return (RDF + "langRange" if name == "langRange" else XSD + FACETS[name], value)
+        return (RDF.langRange if name == "langRange" else XSD + FACETS[name], value)
 
     def datatype_restriction(self, children: Children) -> Expression:
         return self._node("facets", children[0].span, children[:1], facets=tuple(children[1:]))
@@ -191,18 +204,6 @@ class Frames(Transformer[Token, None]):
     def restriction(self, children: Children) -> Expression:
         expression: Expression = children[0]
         return expression
-
-    def some(self, children: Children) -> Expression:
-        return self._operands("some", children)
-
-    def only(self, children: Children) -> Expression:
-        return self._operands("only", children)
-
-    def has_value(self, children: Children) -> Expression:
-        return self._operands("value", children)
-
-    def has_self(self, children: Children) -> Expression:
-        return self._operands("Self", children)
 
     def cardinality(self, children: Children) -> Expression:
         prop, word, number = children[:3]
@@ -217,16 +218,11 @@ class Frames(Transformer[Token, None]):
         prop, value = children[-2:]
         return Annotation(prop.term, value.term, prop.span, inner, _bounded(inner, prop.span))
 
-    def annotations(self, children: Children) -> list[Annotation]:
-        return children
-
     def entity_annotations(self, children: Children) -> None:
-        self._annotate(self._subject, children[0], OWL + "Axiom")
+        self._annotate(self._subject, children[0], OWL.Axiom)
 
-    def _annotate(
-        self, subject: str | BNode, annotations: Sequence[Annotation], kind: str = OWL + "Annotation"
-    ) -> None:
-        """State annotations of a subject; what is said about one in turn stands on a node of the given kind."""
+    def _annotate(self, subject: str | BNode, annotations: Sequence[Annotation], kind: str = OWL.Annotation) -> None:
+        """State annotations of a subject; those of an annotation stand on a node of the given kind."""
         for note in annotations:
             self._out.state(subject, note.property, note.value, note.span)
             self._reify(subject, note.property, note.value, note.span, note.inner, kind)
@@ -238,44 +234,44 @@ class Frames(Transformer[Token, None]):
         value: Term,
         span: Span,
         annotations: Sequence[Annotation],
-        kind: str = OWL + "Axiom",
+        kind: str = OWL.Axiom,
     ) -> None:
-        """Annotations of a triple stand on a node that repeats the triple."""
+        """State annotations of a triple, on a node that repeats the triple."""
         if annotations:
             node = self._out.fresh()
-            self._out.state(node, TYPE, kind, span)
-            self._out.state(node, OWL + "annotatedSource", subject, span)
-            self._out.state(node, OWL + "annotatedProperty", prop, span)
-            self._out.state(node, OWL + "annotatedTarget", value, span)
+            self._out.state(node, RDF.type, kind, span)
+            self._out.state(node, OWL.annotatedSource, subject, span)
+            self._out.state(node, OWL.annotatedProperty, prop, span)
+            self._out.state(node, OWL.annotatedTarget, value, span)
             self._annotate(node, annotations)
 
-    def _annotated(self, children: Children) -> tuple[list[Annotation], Expression]:
+    def _annotated(self, children: Children) -> tuple[list[Annotation], Any]:
         return (children[0] if isinstance(children[0], list) else [], children[-1])
 
-    annotated_description = annotated_iri = annotated_property = annotated_individual = _annotated
+    annotated_description = annotated_iri = annotated_property = annotated_individual = characteristic = _annotated
 
     def _items(self, children: Children) -> Children:
         return children
 
-    descriptions = iris = properties = individuals = characteristic_list = facts = _items
+    annotations = descriptions = iris = properties = individuals = characteristic_list = facts = _items
 
     # the document
 
     def start(self, children: Children) -> None:
-        """Everything has been stated by then."""
+        """Do nothing: everything has been stated by then."""
 
     prefix = ontology = frame = start
 
     def ontology_head(self, children: Children) -> None:
-        self._subject_span = children[0].span if children else Span(self._file)
+        span = children[0].span if children else Span(self._file)
         if children:
             self._subject = children[0].term
-        self._out.state(self._subject, TYPE, ONTOLOGY, self._subject_span)
+        self._out.state(self._subject, RDF.type, OWL.Ontology, span)
         for version in children[1:]:
-            self._out.state(self._subject, OWL + "versionIRI", version.term, version.span)
+            self._out.state(self._subject, OWL.versionIRI, version.term, version.span)
 
     def import_(self, children: Children) -> None:
-        self._out.state(self._subject, IMPORTS, children[0].term, children[0].span)
+        self._out.state(self._subject, OWL.imports, children[0].term, children[0].span)
 
     def ontology_annotations(self, children: Children) -> None:
         self._annotate(self._subject, children[0])
@@ -285,147 +281,120 @@ class Frames(Transformer[Token, None]):
         if len(self.skipped) < MOST_WARNINGS:
             self.skipped.append(warning("O023", "a rule is skipped", self._span(children[0]), advice))
 
-    # heads
+    # frames
 
-    def _head(self, children: Children, kind: str) -> None:
+    def begin(self, children: Children, kind: str) -> None:
+        """Begin a frame about a thing, which it declares if that has a name."""
         name: Expression = children[-1]
         assert isinstance(name.term, (str, BNode))
         self._open = 0
-        self._subject, self._subject_span, self._kind = name.term, name.span, kind
+        self._subject, self._kind = name.term, kind
         if isinstance(name.term, str):
-            self._out.state(name.term, TYPE, kind, name.span)
-            if isinstance(children[0], list):
-                self._reify(name.term, TYPE, kind, name.span, children[0])
+            self._out.state(name.term, RDF.type, kind, name.span)
+            self._reify(name.term, RDF.type, kind, name.span, _split(children)[0])
 
-    def class_head(self, children: Children) -> None:
-        self._head(children, CLASS)
+    class_head, datatype_head, individual_head = _head(OWL.Class), _head(RDFS.Datatype), _head(OWL.NamedIndividual)
+    object_property_head, data_property_head = _head(OWL.ObjectProperty), _head(OWL.DatatypeProperty)
+    annotation_property_head = _head(OWL.AnnotationProperty)
 
-    def object_property_head(self, children: Children) -> None:
-        self._head(children, OWL + "ObjectProperty")
+    # simple frames, which are most of a large file: terms by number, as objects would take three times as long
 
-    def data_property_head(self, children: Children) -> None:
-        self._head(children, OWL + "DatatypeProperty")
+    def simple_frame(self, children: Children) -> None:
+        """Read a frame of a class or an individual that has simple descriptions and facts only."""
+        token = children[0]
+        position, add = self._positions(token), self._out.triples.add
+        head, facts = _FRAME.match(token), _FACTS.search(token)
+        assert head is not None
+        word, name = head.groups()
+        kind, predicate = _SIMPLE[word]
+        self._open = 0
+        line, column = position(head.start(2))
+        subject = self._number(name, line, column)
+        add(subject, self._out.triples.number(RDF.type), self._out.triples.number(kind), line, column)
+        check_room(self._out.triples, line, column)
+        end = facts.start() if facts is not None else len(token)
+        self._simple_descriptions(subject, predicate, token, position, head.end(), end)
+        for fact in _FACT.finditer(token, facts.end()) if facts is not None else ():
+            line, column = position(fact.start())
+            stated = self._number(fact[1], line, column)
+            add(subject, stated, self._number(fact[2], *position(fact.start(2))), line, column)
+            check_room(self._out.triples, line, column)
 
-    def annotation_property_head(self, children: Children) -> None:
-        self._head(children, OWL + "AnnotationProperty")
+    def _simple_descriptions(
+        self, subject: int, predicate: str, token: str, position: _Position, begin: int, end: int
+    ) -> None:
+        """State the names and restrictions in a part of a token as values of a property."""
+        triples, add = self._out.triples, self._out.triples.add
+        terms = (predicate, RDF.type, OWL.Restriction, OWL.onProperty)
+        stated, type_of, restriction, on_property = map(triples.number, terms)
+        for found in _DESCRIPTION.finditer(token, begin, end):
+            line, column = position(found.start())
+            first, kind, second = found.groups()
+            number = self._number(first, line, column)
+            if kind is None:
+                add(subject, stated, number, line, column)
+            else:
+                filler_line, filler_column = position(found.start(3))
+                filler, node = self._number(second, filler_line, filler_column), triples.fresh()
+                add(subject, stated, node, line, column)
+                add(node, type_of, restriction, line, column)
+                add(node, on_property, number, line, column)
+                add(node, triples.number(QUANTIFIERS[kind]), filler, filler_line, filler_column)
+            check_room(triples, line, column)
 
-    def datatype_head(self, children: Children) -> None:
-        self._head(children, DATATYPE)
+    def _number(self, name: str, line: int, column: int) -> int:
+        number = self._numbers.get(name)
+        if number is None:
+            iri = self._resolve(name, Span(self._file, line, column))
+            number = self._numbers[name] = self._out.triples.number(iri)
+        return number
 
-    def individual_head(self, children: Children) -> None:
-        self._head(children, NAMED_INDIVIDUAL)
+    def _positions(self, token: Token) -> _Position:
+        """Return a function from offsets in a token to (line, column); the offsets given to it must not decrease."""
+        line, counted, begin = token.line or 1, 0, 1 - (token.column or 1)
+
+        def position(offset: int) -> tuple[int, int]:
+            nonlocal line, counted, begin
+            end = token.rfind("\n", counted, offset)
+            if end >= 0:
+                line += token.count("\n", counted, offset)
+                begin = end + 1
+            counted = offset
+            return line, offset - begin + 1
+
+        return position
 
     # sections
 
-    def _each(
-        self, predicate: str, items: list[Token | tuple[list[Annotation], Expression]], *, data: bool = False
-    ) -> None:
+    def each(self, predicate: str, items: list[Token | tuple[list[Annotation], Expression]]) -> None:
+        """State each item of a section as a value of a property."""
+        data = (predicate, self._kind) in _OF_VALUES
         for item in items:
             if isinstance(item, Token):
-                for expression in self._simple_descriptions(item, self._positions(item), 0, len(item)):
-                    self._out.place(self._subject, predicate, expression, data=data)
+                subject = self._out.triples.number(self._subject)
+                self._simple_descriptions(subject, predicate, item, self._positions(item), 0, len(item))
                 continue
             notes, expression = item
             value = self._out.place(self._subject, predicate, expression, data=data)
             self._reify(self._subject, predicate, value, expression.span, notes)
 
-    def simple_frame(self, children: Children) -> None:
-        """Read a frame of a class or an individual that has simple descriptions and facts only."""
-        token = children[0]
-        position = self._positions(token)
-        head, facts = _FRAME.match(token), _FACTS.search(token)
-        assert head is not None
-        word, name = head.groups()
-        span = position(head.start(2))
-        self._head([Expression("name", span, self._resolve(name, span))], _HEADS[word])
-        predicate = SUBCLASS_OF if word == "Class" else TYPE
-        end = facts.start() if facts is not None else len(token)
-        for expression in self._simple_descriptions(token, position, head.end(), end):
-            self._out.place(self._subject, predicate, expression)
-        for fact in _FACT.finditer(token, facts.end()) if facts is not None else ():
-            span = position(fact.start())
-            predicate = self._resolve(fact[1], span)
-            value = self._resolve(fact[2], position(fact.start(2)))
-            self._out.state(self._subject, predicate, value, span)
-
-    def _simple_descriptions(self, token: str, position: _Position, begin: int, end: int) -> Iterator[Expression]:
-        """Yield the names and restrictions in a part of a token."""
-        for found in _DESCRIPTION.finditer(token, begin, end):
-            first, kind, second = found.groups()
-            span = position(found.start())
-            name = Expression("name", span, self._resolve(first, span))
-            if kind is None:
-                yield name
-            else:
-                filler_span = position(found.start(3))
-                filler = Expression("name", filler_span, self._resolve(second, filler_span))
-                yield Expression(kind, span, parts=(name, filler), depth=2)
-
-    def _positions(self, token: Token) -> _Position:
-        """Return a function from offsets in a token to positions; the offsets given to it must not decrease."""
-        line, counted, begin = token.line or 1, 0, 1 - (token.column or 1)
-
-        def position(offset: int) -> Span:
-            nonlocal line, counted, begin
-            end = token.rfind("\n", counted, offset)
-            if end >= 0:
-                line += token.count("\n", counted, offset)
-                begin, counted = end + 1, offset
-            return Span(self._file, line, offset - begin + 1)
-
-        return position
-
-    def sub_class_of(self, children: Children) -> None:
-        self._each(SUBCLASS_OF, children[0])
-
-    def equivalent_to(self, children: Children) -> None:
-        self._each(EQUIVALENT_CLASS, children[0], data=self._kind == DATATYPE)
-
-    def disjoint_with(self, children: Children) -> None:
-        self._each(OWL + "disjointWith", children[0])
-
-    def domain(self, children: Children) -> None:
-        self._each(RDFS_DOMAIN, children[0])
-
-    def range(self, children: Children) -> None:
-        self._each(RDFS_RANGE, children[0], data=self._kind == OWL + "DatatypeProperty")
-
-    annotation_domain, annotation_range = domain, range
-
-    def sub_property_of(self, children: Children) -> None:
-        self._each(SUBPROPERTY_OF, children[0])
-
-    def equivalent_property(self, children: Children) -> None:
-        self._each(OWL + "equivalentProperty", children[0])
-
-    def disjoint_property(self, children: Children) -> None:
-        self._each(OWL + "propertyDisjointWith", children[0])
-
-    def inverse_of(self, children: Children) -> None:
-        self._each(INVERSE_OF, children[0])
-
-    def types_section(self, children: Children) -> None:
-        self._each(TYPE, children[0])
-
-    def same_as(self, children: Children) -> None:
-        self._each(OWL + "sameAs", children[0])
-
-    def different_from(self, children: Children) -> None:
-        self._each(OWL + "differentFrom", children[0])
-
-    def characteristic(self, children: Children) -> tuple[list[Annotation], Token]:
-        return (children[0] if isinstance(children[0], list) else [], children[-1])
+    sub_class_of, types_section = _section(RDFS.subClassOf), _section(RDF.type)
+    equivalent_to, disjoint_with = _section(OWL.equivalentClass), _section(OWL.disjointWith)
+    domain = annotation_domain = _section(RDFS.domain)
+    range = annotation_range = _section(RDFS.range)
+    sub_property_of, inverse_of = _section(RDFS.subPropertyOf), _section(OWL.inverseOf)
+    equivalent_property, disjoint_property = _section(OWL.equivalentProperty), _section(OWL.propertyDisjointWith)
+    same_as, different_from = _section(OWL.sameAs), _section(OWL.differentFrom)
 
     def characteristics(self, children: Children) -> None:
         for notes, word in children[0]:
             kind, span = f"{OWL}{word}Property", self._span(word)
-            self._out.state(self._subject, TYPE, kind, span)
-            self._reify(self._subject, TYPE, kind, span, notes)
+            self._out.state(self._subject, RDF.type, kind, span)
+            self._reify(self._subject, RDF.type, kind, span, notes)
 
     def fact(self, children: Children) -> tuple[list[Annotation], bool, Expression, Expression]:
-        annotations = children[0] if isinstance(children[0], list) else []
-        negative = any(isinstance(child, Token) for child in children)
-        return annotations, negative, children[-2], children[-1]
+        notes, (prop, value) = _split(children)
+        return notes, any(isinstance(child, Token) for child in children), prop, value
 
     def facts_section(self, children: Children) -> None:
         for notes, negative, prop, value in children[0]:
@@ -438,38 +407,30 @@ class Frames(Transformer[Token, None]):
 
     def _negative(self, prop: Expression, value: Expression, annotations: list[Annotation]) -> None:
         node = self._out.fresh()
-        target = "targetValue" if isinstance(value.term, Literal) else "targetIndividual"
-        self._out.state(node, TYPE, OWL + "NegativePropertyAssertion", prop.span)
-        self._out.state(node, OWL + "sourceIndividual", self._subject, prop.span)
-        self._out.place(node, OWL + "assertionProperty", prop)
-        self._out.place(node, OWL + target, value)
+        self._out.state(node, RDF.type, OWL.NegativePropertyAssertion, prop.span)
+        self._out.state(node, OWL.sourceIndividual, self._subject, prop.span)
+        self._out.place(node, OWL.assertionProperty, prop)
+        self._out.place(node, OWL.targetValue if isinstance(value.term, Literal) else OWL.targetIndividual, value)
         self._annotate(node, annotations)
 
-    def _listed(self, predicate: str, children: Children) -> None:
-        parts = [child for child in children if isinstance(child, Expression)]
+    def listed(self, predicate: str, children: Children) -> None:
+        """State the items of a section as one list."""
+        annotations, parts = _split(children)
         cell = self._out.place_list(self._subject, predicate, parts, parts[0].span)
-        annotations = children[0] if isinstance(children[0], list) else []
         self._reify(self._subject, predicate, cell, parts[0].span, annotations)
 
-    def disjoint_union_of(self, children: Children) -> None:
-        self._listed(OWL + "disjointUnionOf", children)
-
-    def has_key(self, children: Children) -> None:
-        self._listed(OWL + "hasKey", children)
-
-    def sub_property_chain(self, children: Children) -> None:
-        self._listed(OWL + "propertyChainAxiom", children)
+    disjoint_union_of, has_key = _list_section(OWL.disjointUnionOf), _list_section(OWL.hasKey)
+    sub_property_chain = _list_section(OWL.propertyChainAxiom)
 
     # axioms about several things
 
-    def _several(self, children: Children, predicate: str, kind: str = "") -> None:
-        """Two are related directly; more by a node of a kind with a list, or one after the other without a kind."""
-        parts = [child for child in children if isinstance(child, Expression)]
-        annotations = children[0] if isinstance(children[0], list) else []
-        if kind and len(parts) > 2:
+    def several(self, children: Children, predicate: str, kind: str | None) -> None:
+        """Relate two things directly; more by a node of a kind with a list, or one after the other without a kind."""
+        annotations, parts = _split(children)
+        if kind is not None and len(parts) > 2:
             node = self._out.fresh()
-            self._out.state(node, TYPE, OWL + kind, parts[0].span)
-            self._out.place_list(node, OWL + "members", parts, parts[0].span)
+            self._out.state(node, RDF.type, kind, parts[0].span)
+            self._out.place_list(node, OWL.members, parts, parts[0].span)
             self._annotate(node, annotations)
             return
         for first, second in pairwise(parts):
@@ -480,20 +441,13 @@ class Frames(Transformer[Token, None]):
             value = self._out.place(subject, predicate, second)
             self._reify(subject, predicate, value, first.span, annotations)
 
-    def equivalent_classes(self, children: Children) -> None:
-        self._several(children, EQUIVALENT_CLASS)
+    equivalent_classes, equivalent_properties = _axiom(OWL.equivalentClass), _axiom(OWL.equivalentProperty)
+    disjoint_classes = _axiom(OWL.disjointWith, OWL.AllDisjointClasses)
+    disjoint_properties = _axiom(OWL.propertyDisjointWith, OWL.AllDisjointProperties)
+    same_individual = _axiom(OWL.sameAs)
+    different_individuals = _axiom(OWL.differentFrom, OWL.AllDifferent)
 
-    def disjoint_classes(self, children: Children) -> None:
-        self._several(children, OWL + "disjointWith", "AllDisjointClasses")
 
-    def equivalent_properties(self, children: Children) -> None:
-        self._several(children, OWL + "equivalentProperty")
-
-    def disjoint_properties(self, children: Children) -> None:
-        self._several(children, OWL + "propertyDisjointWith", "AllDisjointProperties")
-
-    def same_individual(self, children: Children) -> None:
-        self._several(children, OWL + "sameAs")
-
-    def different_individuals(self, children: Children) -> None:
-        self._several(children, OWL + "differentFrom", "AllDifferent")
+def _text(token: Token) -> str:
+    """Return the text in quotation marks, without its escapes."""
+    return _ESCAPE.sub(r"\1", str(token)[1:-1])

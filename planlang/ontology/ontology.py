@@ -23,29 +23,10 @@ from planlang.ontology.classes import (
     twin,
 )
 from planlang.ontology.documents import Document, Reading, read_all
-from planlang.ontology.terms import (
-    ABSOLUTE,
-    CLASS,
-    EQUIVALENT_CLASS,
-    KNOWROB,
-    LABEL,
-    NAMED_INDIVIDUAL,
-    OWL,
-    RDF,
-    RDFS,
-    ROBOEARTH,
-    SUBCLASS_OF,
-    SUBPROPERTY_OF,
-    TYPE,
-    BNode,
-    Literal,
-    Term,
-    Triple,
-    expand,
-)
+from planlang.ontology.terms import ABSOLUTE, KNOWROB, OWL, RDF, RDFS, ROBOEARTH, BNode, Literal, Term, Triple, expand
 from planlang.ontology.triples import Triples
 
-_CLASS_KINDS = frozenset((CLASS, RDFS + "Class"))
+_CLASS_KINDS = frozenset((OWL.Class, RDFS.Class))
 _LANGUAGE = (OWL, RDF, RDFS)
 
 
@@ -73,9 +54,9 @@ class Ontology:
         """Values that users of the ontology compute and cache for its lifetime, under keys of their own."""
         self._main = self.store.ranges[0]
         self._restrictions: dict[int, tuple[Restriction, ...]] = {}
-        self._kind = self.store.number(TYPE)
+        self._kind = self.store.number(RDF.type)
         self._class_kinds = frozenset(map(self.store.number, _CLASS_KINDS))
-        defining = (TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, SUBPROPERTY_OF)
+        defining = (RDF.type, RDFS.subClassOf, OWL.equivalentClass, RDFS.subPropertyOf)
         self._defining = frozenset(map(self.store.number, defining))
         self._listed: dict[tuple[str, ...], tuple[str, ...]] = {}
         self._kinds: dict[tuple[str, ...], dict[int, int]] = {}
@@ -83,7 +64,7 @@ class Ontology:
         found = [diagnostic for reading in readings for diagnostic in reading.diagnostics]
         self.diagnostics: tuple[Diagnostic, ...] = (
             *found,
-            *check(self, ((one.document.path, one.triples) for one in readings)),
+            *check(self, (document.path for document in self.documents)),
         )
 
     @property
@@ -220,8 +201,10 @@ class Ontology:
     @cached_property
     def _classes(self) -> frozenset[int | None]:
         store = self.store
-        rows = store.by(SUBCLASS_OF, EQUIVALENT_CLASS)
-        found = set(map(store.subjects.__getitem__, rows)) | set(map(store.objects.__getitem__, store.by(SUBCLASS_OF)))
+        rows = store.by(RDFS.subClassOf, OWL.equivalentClass)
+        found = set(map(store.subjects.__getitem__, rows)) | set(
+            map(store.objects.__getitem__, store.by(RDFS.subClassOf))
+        )
         return frozenset(found.union(self._of_kinds(self._class_kinds)))
 
     def class_names(self) -> tuple[str, ...]:
@@ -237,13 +220,13 @@ class Ontology:
 
     def is_individual(self, iri: str) -> bool:
         """Return True if it has a class, or is declared an individual. A class may be one too."""
-        return bool(self.types(iri)) or NAMED_INDIVIDUAL in self.values(iri, TYPE)
+        return bool(self.types(iri)) or OWL.NamedIndividual in self.values(iri, RDF.type)
 
     def is_property(self, iri: str) -> bool:
         """Return True if it is declared a property of any kind."""
         return any(
             isinstance(kind, str) and kind.startswith(_LANGUAGE) and kind.endswith("Property")
-            for kind in self.values(iri, TYPE)
+            for kind in self.values(iri, RDF.type)
         )
 
     def defined(self, iri: str) -> bool:
@@ -270,7 +253,7 @@ class Ontology:
         """Yield what the main document gives a type and no document mentions otherwise; each once."""
         store, (first, following) = self.store, self.store.by_object
         subjects = store.subjects
-        for number in dict.fromkeys(subjects[row] for row in store.by(TYPE) if row in self._main):
+        for number in dict.fromkeys(subjects[row] for row in store.by(RDF.type) if row in self._main):
             row = first[number]
             while row >= 0 and subjects[row] == number:
                 row = following[row]
@@ -294,7 +277,7 @@ class Ontology:
 
     def label(self, iri: str) -> str | None:
         """Its label: one in English or without language before others."""
-        labels = [value for value in self.values(iri, LABEL) if isinstance(value, Literal)]
+        labels = [value for value in self.values(iri, RDFS.label) if isinstance(value, Literal)]
         labels.sort(key=lambda label: not (label.language or "en").startswith("en"))
         return labels[0].value.strip() if labels else None
 
@@ -335,8 +318,8 @@ class Ontology:
 
     @cached_property
     def _property_edges(self) -> list[tuple[str, str]]:
-        same = OWL + "equivalentProperty"
-        stated = [(t, t.subject, t.object) for p in (SUBPROPERTY_OF, same) for t in self.triples(p=p)]
+        same = OWL.equivalentProperty
+        stated = [(t, t.subject, t.object) for p in (RDFS.subPropertyOf, same) for t in self.triples(p=p)]
         named = [(t, one, two) for t, one, two in stated if isinstance(one, str) and isinstance(two, str)]
         found = [[(one, two), (two, one)] if t.predicate == same else [(one, two)] for t, one, two in named]
         return [edge for edges in found for edge in edges]

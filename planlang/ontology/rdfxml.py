@@ -13,7 +13,7 @@ from xml.parsers import expat
 from xml.sax.saxutils import escape
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.ontology.terms import FIRST, NIL, RDF, REST, TYPE, BNode, Literal, resolve
+from planlang.ontology.terms import RDF, BNode, Literal, resolve
 from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples, counted
 from planlang.ontology.xml_repairs import repair
 from planlang.ontology.xml_text import EntityTable, decode, explain, must_be_rdf, opening_tag
@@ -146,7 +146,7 @@ class _Handler:
         """The texts, each once, that stand where only white space may; not kept if texts come in pieces."""
         self.between = self.gaps.add if parser.buffer_text else self.characters
         """The receiver of texts between elements: most of a large file, and not worth a call of Python each."""
-        self.type, self.first, self.rest = map(self.triples.number, (TYPE, FIRST, REST))
+        self.type, self.first, self.rest = map(self.triples.number, (RDF.type, RDF.first, RDF.rest))
         parser.ordered_attributes = True
         parser.StartElementHandler = self._starting()
         parser.EndElementHandler = self._ending()
@@ -313,9 +313,9 @@ class _Handler:
             if frame.names:
                 frame.text.append(f"</{tag.rpartition(' ')[2]}>")
             else:
-                self._state(frame, self.triples.number(Literal("".join(frame.text), RDF + "XMLLiteral")))
+                self._state(frame, self.triples.number(Literal("".join(frame.text), RDF.XMLLiteral)))
         elif kind == _COLLECTION:
-            end = self.triples.number(NIL)
+            end = self.triples.number(RDF.nil)
             if frame.last_cell < 0:
                 self._state(frame, end)
             else:
@@ -443,7 +443,7 @@ class _Handler:
                     name = key.removeprefix(RDF)
                     self.warn("O010", f"rdf:{name} is no longer part of RDF and is skipped", self.here())
                 continue
-            if key == TYPE:
+            if key == RDF.type:
                 number = self._resolve(frame.base, value)
             else:
                 number = self.triples.number(Literal(value, None, frame.language))
@@ -460,7 +460,7 @@ class _Handler:
             row = len(triples) - 1 if place is None else place
             parts = (("subject", frame.subject), ("predicate", frame.predicate), ("object", value))
             terms = [(triples.number(RDF + part), term) for part, term in parts]
-            for number, term in ((self.type, triples.number(RDF + "Statement")), *terms):
+            for number, term in ((self.type, triples.number(RDF.Statement)), *terms):
                 row += 1
                 triples.insert(row, frame.reified, number, term, line, column)
 

@@ -8,7 +8,7 @@ from functools import cache
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, note, warning
-from planlang.ontology.terms import ON_PROPERTY, OWL, RDF, RDFS, RESTRICTION, TYPE
+from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.ontology.triples import Triples
 
 OLD_HOST = "http://ias.cs.tum.edu/kb/"
@@ -70,25 +70,8 @@ def _notes(triples: Triples, old: dict[int, str]) -> Iterator[Diagnostic]:
             return
 
 
-_RDF = """type first rest nil value subject predicate object Statement List Property langString XMLLiteral PlainLiteral
- langRange HTML JSON Bag Seq Alt CompoundLiteral language direction"""
-_RDFS = """subClassOf subPropertyOf domain range label comment seeAlso isDefinedBy member Class Datatype Literal
- Resource Container ContainerMembershipProperty"""
-_OWL = """AllDifferent AllDisjointClasses AllDisjointProperties Annotation AnnotationProperty AsymmetricProperty Axiom
- Class DataRange DatatypeProperty DeprecatedClass DeprecatedProperty FunctionalProperty InverseFunctionalProperty
- IrreflexiveProperty NamedIndividual NegativePropertyAssertion Nothing ObjectProperty Ontology OntologyProperty
- ReflexiveProperty Restriction SymmetricProperty Thing TransitiveProperty allValuesFrom annotatedProperty
- annotatedSource annotatedTarget assertionProperty backwardCompatibleWith bottomDataProperty bottomObjectProperty
- cardinality complementOf datatypeComplementOf deprecated differentFrom disjointUnionOf disjointWith distinctMembers
- equivalentClass equivalentProperty hasKey hasSelf hasValue imports incompatibleWith intersectionOf inverseOf
- maxCardinality maxQualifiedCardinality members minCardinality minQualifiedCardinality onClass onDataRange onDatatype
- onProperties onProperty oneOf priorVersion propertyChainAxiom propertyDisjointWith qualifiedCardinality sameAs
- someValuesFrom sourceIndividual targetIndividual targetValue topDataProperty topObjectProperty unionOf versionIRI
- versionInfo withRestrictions rational real"""
-
-TERMS: dict[str, frozenset[str]] = {RDFS: frozenset(_RDFS.split()), OWL: frozenset(_OWL.split()),
-                                    RDF: frozenset(_RDF.split())}  # fmt: skip
-"""Namespace -> local names of the terms that it has."""
+TERMS: dict[str, frozenset[str]] = {space: space.terms for space in (RDFS, OWL, RDF)}
+"""Namespace -> local names of its terms; a term is looked for in this order."""
 
 _W3C = tuple(TERMS)
 
@@ -101,8 +84,8 @@ _ATTRIBUTES = frozenset(("about", "resource", "ID", "nodeID", "datatype", "parse
 MOST_WARNINGS = 100
 """Warnings about one file; further terms are repaired silently."""
 
-_SPELT = {OWL + "DataProperty": OWL + "DatatypeProperty", OWL + "Individual": OWL + "NamedIndividual"}
-_PREFIX = {RDFS: "rdfs", OWL: "owl", RDF: "rdf"}
+_SPELT = {OWL + "DataProperty": OWL.DatatypeProperty, OWL + "Individual": OWL.NamedIndividual}
+_PREFIX: dict[str, str] = {RDFS: "rdfs", OWL: "owl", RDF: "rdf"}
 
 
 def repair(triples: Triples) -> list[Diagnostic]:
@@ -124,7 +107,9 @@ def repair(triples: Triples) -> list[Diagnostic]:
 
 def _correct(triples: Triples, wrong: set[int], meant: _Meanings) -> None:
     """Correct predicates, and what things are said to be."""
-    types = {number for number in dict.fromkeys(triples.predicates) if meant_term(triples.name(number) or "") == TYPE}
+    types = {
+        number for number in dict.fromkeys(triples.predicates) if meant_term(triples.name(number) or "") == RDF.type
+    }
     for row, (predicate, value) in enumerate(zip(triples.predicates, triples.objects, strict=True)):
         if predicate in wrong:
             triples.predicates[row] = meant.number(triples, predicate, row)
@@ -195,7 +180,7 @@ def _is_misspelt(iri: str) -> bool:
 
 def _add_restrictions(triples: Triples) -> list[Diagnostic]:
     """Say owl:Restriction of the nameless nodes that have owl:onProperty."""
-    kind, restriction, on_property = map(triples.numbers.get, (TYPE, RESTRICTION, ON_PROPERTY))
+    kind, restriction, on_property = map(triples.numbers.get, (RDF.type, OWL.Restriction, OWL.onProperty))
     if on_property is None:
         return []
     rows = [row for row, number in enumerate(triples.predicates) if number == on_property]
@@ -214,5 +199,5 @@ def _add_restrictions(triples: Triples) -> list[Diagnostic]:
     what = "a restriction does not say owl:Restriction"
     if len(bare) > 1:
         what = f"{len(bare)} restrictions do not say owl:Restriction"
-    triples.repeat(bare.values(), triples.number(TYPE), triples.number(RESTRICTION))
+    triples.repeat(bare.values(), triples.number(RDF.type), triples.number(OWL.Restriction))
     return [note("O014", f"{what}; owl:onProperty is taken for it", first)]

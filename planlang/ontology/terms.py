@@ -30,36 +30,54 @@ def resolve(base: str, reference: str) -> str:
     return joined + "#" if reference.endswith("#") and not joined.endswith("#") else joined  # urljoin drops it
 
 
-RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
-RDFS = "http://www.w3.org/2000/01/rdf-schema#"
-OWL = "http://www.w3.org/2002/07/owl#"
-XSD = "http://www.w3.org/2001/XMLSchema#"
+class Namespace(str):
+    """The IRI of a vocabulary of the W3C, with its terms as attributes: ``OWL.Class``; any other name has none.
 
-TYPE = RDF + "type"
-FIRST = RDF + "first"
-REST = RDF + "rest"
-NIL = RDF + "nil"
-LANG_STRING = RDF + "langString"
-SUBCLASS_OF = RDFS + "subClassOf"
-SUBPROPERTY_OF = RDFS + "subPropertyOf"
-DOMAIN = RDFS + "domain"
-RANGE = RDFS + "range"
-LABEL = RDFS + "label"
-COMMENT = RDFS + "comment"
-THING = OWL + "Thing"
-CLASS = OWL + "Class"
-RESTRICTION = OWL + "Restriction"
-NAMED_INDIVIDUAL = OWL + "NamedIndividual"
-ONTOLOGY = OWL + "Ontology"
-IMPORTS = OWL + "imports"
-EQUIVALENT_CLASS = OWL + "equivalentClass"
-INTERSECTION_OF = OWL + "intersectionOf"
-UNION_OF = OWL + "unionOf"
-COMPLEMENT_OF = OWL + "complementOf"
-ONE_OF = OWL + "oneOf"
-ON_PROPERTY = OWL + "onProperty"
-INVERSE_OF = OWL + "inverseOf"
-STRING = XSD + "string"
+    ``terms`` are the local names of all terms that it defines.
+    """
+
+    terms: frozenset[str]
+
+    def __new__(cls, iri: str, terms: str) -> Namespace:
+        self = super().__new__(cls, iri)
+        self.terms = frozenset(terms.split())
+        vars(self).update((term, iri + term) for term in self.terms)
+        return self
+
+    def __getattr__(self, name: str) -> str:
+        raise AttributeError(f"{self} has no term {name}")
+
+
+RDF = Namespace(
+    "http://www.w3.org/1999/02/22-rdf-syntax-ns#",
+    """type first rest nil value subject predicate object Statement List Property langString XMLLiteral PlainLiteral
+    langRange HTML JSON Bag Seq Alt CompoundLiteral language direction""",
+)
+RDFS = Namespace(
+    "http://www.w3.org/2000/01/rdf-schema#",
+    """subClassOf subPropertyOf domain range label comment seeAlso isDefinedBy member Class Datatype Literal Resource
+    Container ContainerMembershipProperty""",
+)
+OWL = Namespace(
+    "http://www.w3.org/2002/07/owl#",
+    """AllDifferent AllDisjointClasses AllDisjointProperties Annotation AnnotationProperty AsymmetricProperty Axiom
+    Class DataRange DatatypeProperty DeprecatedClass DeprecatedProperty FunctionalProperty InverseFunctionalProperty
+    IrreflexiveProperty NamedIndividual NegativePropertyAssertion Nothing ObjectProperty Ontology OntologyProperty
+    ReflexiveProperty Restriction SymmetricProperty Thing TransitiveProperty allValuesFrom annotatedProperty
+    annotatedSource annotatedTarget assertionProperty backwardCompatibleWith bottomDataProperty bottomObjectProperty
+    cardinality complementOf datatypeComplementOf deprecated differentFrom disjointUnionOf disjointWith distinctMembers
+    equivalentClass equivalentProperty hasKey hasSelf hasValue imports incompatibleWith intersectionOf inverseOf
+    maxCardinality maxQualifiedCardinality members minCardinality minQualifiedCardinality onClass onDataRange onDatatype
+    onProperties onProperty oneOf priorVersion propertyChainAxiom propertyDisjointWith qualifiedCardinality sameAs
+    someValuesFrom sourceIndividual targetIndividual targetValue topDataProperty topObjectProperty unionOf versionIRI
+    versionInfo withRestrictions rational real""",
+)
+XSD = Namespace(
+    "http://www.w3.org/2001/XMLSchema#",
+    """string boolean token decimal float double integer positiveInteger nonNegativeInteger long int short byte
+    unsignedLong unsignedInt unsignedShort""",
+)
+"""Here only the datatypes that planlang names; ``terms`` of the others are complete."""
 
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"
 ROBOEARTH = "http://www.roboearth.org/kb/roboearth.owl#"

@@ -17,8 +17,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import overload
 
-from planlang.diagnostics import Diagnostic, Span
-from planlang.ontology.terms import INTERSECTION_OF, BNode, Literal, Term, Triple
+from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.ontology.terms import OWL, BNode, Literal, Term, Triple
 
 MOST_TRIPLES = 1_000_000
 """Triples of one file."""
@@ -31,6 +31,13 @@ class Parsed:
     triples: Triples
     diagnostics: list[Diagnostic] = field(default_factory=list)
     prefixes: dict[str, str] = field(default_factory=dict)
+
+
+def check_room(triples: Triples, line: int, column: int) -> None:
+    """Raise BadInput if these are more than a file may have; the place is that of the last one."""
+    if len(triples.subjects) > MOST_TRIPLES:
+        message = f"the file has more than {MOST_TRIPLES:,} triples"
+        raise BadInput([error("O003", message, Span(triples.file, line, column))])
 
 
 def counted(shown: list[Diagnostic], more: int) -> list[Diagnostic]:
@@ -54,6 +61,8 @@ class Triples(Sequence[Triple]):
         self.numbers: dict[Term, int] = {}
         self.subjects, self.predicates, self.objects = array("i"), array("i"), array("i")
         self.lines, self.columns = array("I"), array("I")
+        self.file = file
+        """The file of these triples; the first of several."""
         self._files = [file]
         self._starts = [0]
         self._first_end = sys.maxsize
@@ -72,7 +81,7 @@ class Triples(Sequence[Triple]):
     def number(self, term: Term) -> int:
         """Return the number of a term, a new one if it has none yet."""
         found = self.numbers.get(term)
-        if found is None:
+        if found is None and type(term) is BNode:  # one that was made by ``fresh`` is not among the numbers
             found = self.find(term)
         if found is None:
             found = self.numbers[term] = len(self.terms)
@@ -305,7 +314,7 @@ class Triples(Sequence[Triple]):
     @cached_property
     def intersections(self) -> dict[int, int]:
         """Return the list of members of each nameless node that is an intersection of classes."""
-        rows = reversed(self.by(INTERSECTION_OF))
+        rows = reversed(self.by(OWL.intersectionOf))
         return {self.subjects[row]: self.objects[row] for row in rows if self.is_node(self.subjects[row])}
 
     @cached_property

@@ -19,7 +19,7 @@ import pyoxigraph
 from pyoxigraph import BlankNode, NamedNode, RdfFormat
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.ontology.terms import PREFIXES, STRING, BNode, Literal
+from planlang.ontology.terms import PREFIXES, XSD, BNode, Literal
 from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples
 from planlang.ontology.xml_text import decode, offset_of, position_of
 
@@ -94,12 +94,13 @@ class _Feed:
         self.line = 1
 
     def read(self, size: int) -> bytes:
-        if self._at > self._begin:
+        left = self._begin - self._at
+        if left < 0:
             piece = self._stream.read(min(size, self._end - self._at))
         else:
             if not self._is_behind:  # what follows a long text on its last line belongs to where that begins
                 self.line = self._following
-            piece = self._stream.readline(min(size, self._begin - self._at) or 1)
+            piece = self._stream.readline(size if size < left else left or 1)
             self._is_behind = False
         self._at += len(piece)
         if self._at > self._begin and self._at >= self._end:
@@ -122,8 +123,7 @@ class _Reader:
         self._bad_lines: set[int] = set()
         self._unknown: set[str] = set()
         self._numbers: dict[str, int] = {}
-        """IRI as the parser returns it -> its number."""
-        self._nodes: dict[str, int] = {}
+        """IRI, or label of a node, as the parser returns it -> its number; only IRIs contain a colon."""
         self._lines: dict[int, int] = {}
         """Number of a node without a label -> the line in which something was first stated of it."""
 
@@ -240,45 +240,36 @@ class _Reader:
 
     def _add_all(self, parser: Iterator[Any], feed: _Feed) -> None:
         """Add the triples up to the next mistake. Raises SyntaxError for that."""
-        numbers, nodes, lines = self._numbers, self._nodes, self._lines
+        numbers, lines = self._numbers, self._lines
         add_subject, add_predicate = self.triples.subjects.append, self.triples.predicates.append
         add_object, add_line = self.triples.objects.append, self.triples.lines.append
         left = MOST_TRIPLES - len(self.triples)
-        for subject, predicate, value, _ in parser:
+        for quad in parser:  # its attributes are made when they are asked for: one less than if it were unpacked
             line = feed.line
             left -= 1
             if left < 0:
                 span = Span(self._file, line)
                 self.problems.append(error("O003", f"the file has more than {MOST_TRIPLES:,} triples", span))
                 break
-            if type(subject) is NamedNode:
-                name = subject.value
-                first = numbers.get(name, -1)
-                if first < 0:
-                    first = self._iri(name, line)
-            else:
-                name = subject.value
-                first = nodes.get(name, -1)
-                if first < 0:
-                    first = self._node(name, line)
-            name = predicate.value
+            node = quad.subject
+            name = node.value
+            first = numbers.get(name, -1)
+            if first < 0:
+                first = self._number(node, line)
+            name = quad.predicate.value
             second = numbers.get(name, -1)
             if second < 0:
                 second = self._iri(name, line)
+            value = quad.object
             kind = type(value)
-            if kind is NamedNode:
+            if kind is pyoxigraph.Literal:
+                third = self._value(value, line)
+            elif kind is NamedNode or kind is BlankNode:
                 name = value.value
                 third = numbers.get(name, -1)
                 if third < 0:
-                    third = self._iri(name, line)
-            elif kind is BlankNode:
-                name = value.value
-                third = nodes.get(name, -1)
-                if third < 0:
-                    third = self._node(name, line)
+                    third = self._number(value, line)
                 line = lines.get(third, line)
-            elif kind is pyoxigraph.Literal:
-                third = self._value(value, line)
             else:
                 advice = "state it of a node of its own"
                 self._error("O020", "triples inside triples are not read", Span(self._file, line), advice)
@@ -305,14 +296,17 @@ class _Reader:
         number = self._numbers[name] = self.triples.number(iri)
         return number
 
-    def _node(self, label: str, line: int) -> int:
-        """Return the number of a nameless node that occurs for the first time."""
+    def _number(self, node: NamedNode | BlankNode, line: int) -> int:
+        """Return the number of an IRI or a nameless node that occurs for the first time."""
+        if isinstance(node, NamedNode):
+            return self._iri(node.value, line)
+        label = node.value
         if _ANONYMOUS.fullmatch(label):
             number = self.triples.fresh()
             self._lines[number] = line
         else:
             number = self.triples.number(BNode(f"{self._label}.{label}"))
-        self._nodes[label] = number
+        self._numbers[label] = number
         return number
 
     def _value(self, value: pyoxigraph.Literal, line: int) -> int:
@@ -320,7 +314,7 @@ class _Reader:
         self._check(text, line)
         if language is not None:
             return self.triples.number(Literal(text, None, language.lower()))
-        if datatype == STRING:
+        if datatype == XSD.string:
             return self.triples.number(Literal(text))
         if datatype.startswith(_UNDECLARED):
             datatype = str(self.triples.term(self._iri(datatype, line)))

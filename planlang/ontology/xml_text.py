@@ -9,7 +9,7 @@ from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
-from planlang.ontology.terms import ONTOLOGY
+from planlang.ontology.terms import OWL
 
 LARGEST_EXPANSION = 10_000_000
 """Characters that all references of a file may expand to together, if the file itself is not longer."""
@@ -205,7 +205,7 @@ def explain(
 def must_be_rdf(tag: str, span: Span) -> None:
     """Raise BadInput if the first element of a file, as expat names it, is that of another language."""
     namespace, _, local = tag.rpartition(" ")
-    if tag.replace(" ", "") == ONTOLOGY:
+    if tag.replace(" ", "") == OWL.Ontology:
         message, advice = "this is OWL/XML, another syntax", "save it as RDF/XML or in Manchester syntax"
     elif not namespace or namespace == "http://www.w3.org/1999/xhtml":
         message = f"this is XML, but not RDF: its first element is {local}"

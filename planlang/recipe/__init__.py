@@ -1,9 +1,9 @@
-"""Recipes: their model, readers of the dialects they are written in, checks, and their dependency graph.
+"""Recipes: their model, readers of the dialects they are written in, the order of their steps, checks, and fixes.
 
 General layout: ``model`` is what a recipe says. ``readers`` get ``statements`` from an ontology, one reader for each
-dialect; ``reading``, ``fillings`` and ``terms`` make the model of them, ``tasks`` finds the task and what is below it,
-``dialects`` tells parts that no task holds together. ``repairs`` mends what is safe to mend; ``check_*`` and ``wise``
-judge; ``graph`` and ``intervals`` answer questions about orders; ``actions`` and ``tables`` know the action classes.
+dialect; ``tasks`` makes the model of them, with ``fillers``, and finds the task and what is below it; ``actions`` knows
+the action classes. ``order`` and ``scopes`` answer questions about orders. ``reading`` is the way in: it reads a recipe
+and judges it by the ``checks``; ``fixes`` mend its text.
 """
 
 from planlang.recipe.actions import Actions

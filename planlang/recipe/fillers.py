@@ -1,18 +1,111 @@
-"""Reading what fills the properties of actions: objects, persons, devices, location designators, literals."""
+"""Reading what fills the properties of actions: objects, persons, devices, location designators, numbers with units.
+
+Literals whose datatype is a unit of QUDT are converted to SI units (``ontologies/units.toml``).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
 
 from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
-from planlang.ontology.terms import OWL, RANGE, RDF, RDFS, TYPE, XSD, is_vocabulary
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
 from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
-from planlang.recipe.units import dimension_of, unit, unit_of
 from planlang.relations import of_owl_property
+from planlang.resources import bundled
 
-OBJECT_PROPERTY = OWL + "ObjectProperty"
+Dimension = tuple[tuple[str, int], ...]
+"""Powers of base quantities (L length, M mass, T time, K temperature, A angle), sorted, none of them 0."""
+
+_BASES = {"L": "m", "M": "kg", "T": "s", "K": "K", "A": "rad"}
+_POWER = re.compile(r"([A-Z])(-?\d*)")
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """``value * factor + offset`` is the value in the SI unit of the dimension."""
+
+    dimension: Dimension
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def to_si(self, value: float) -> float:
+        """Convert a value in this unit to the SI unit of its dimension."""
+        return value * self.factor + self.offset
+
+
+def unit_of(literal: Literal) -> str | None:
+    """Return the local name of the unit that types a literal; None for plain text and the datatypes of XML Schema."""
+    datatype = literal.datatype
+    if datatype is None or datatype == RDF.langString or datatype.startswith(XSD) or "22-rdf-syntax-ns#" in datatype:
+        return None
+    return local_name(datatype)
+
+
+@cache
+def unit(name: str) -> Unit | None:
+    """Return the unit of a name, such as Centimeter, SquareMeter or MeterPerSecondSquared; None if unknown."""
+    units = _table()[0]
+    if name in units:
+        return units[name]
+    above, *below = name.split("Per")
+    parts = [(_product(above), 1) if above else (Unit(()), 1), *((_product(part), -1) for part in below)]
+    dimension: dict[str, int] = {}
+    factor = 1.0
+    for part, sign in parts:
+        if part is None:
+            return None
+        factor *= part.factor**sign
+        for base, power in part.dimension:
+            dimension[base] = dimension.get(base, 0) + sign * power
+    return Unit(_sorted(dimension), factor)
+
+
+def dimension_of(property_name: str) -> Dimension | None:
+    """Return the dimension of a property (local name); None if it is unknown."""
+    return _table()[1].get(property_name)
+
+
+def si_unit(dimension: Dimension) -> str:
+    """Return the SI unit of a dimension in words, e.g. ``m s-1``."""
+    return " ".join(f"{_BASES[base]}{power if power != 1 else ''}" for base, power in dimension) or "1"
+
+
+def _product(name: str) -> Unit | None:
+    """Return a unit, its square or its cube."""
+    for prefix, suffix, power in (("Square", "Squared", 2), ("Cubic", "Cubed", 3)):
+        if name.startswith(prefix) or name.endswith(suffix):
+            base = _table()[0].get(name.removeprefix(prefix).removesuffix(suffix))
+            if base is None:
+                return None
+            return Unit(tuple((letter, exponent * power) for letter, exponent in base.dimension), base.factor**power)
+    return _table()[0].get(name)
+
+
+def _sorted(powers: Mapping[str, int]) -> Dimension:
+    return tuple(sorted((base, power) for base, power in powers.items() if power))
+
+
+def _read(text: str) -> Dimension:
+    return _sorted({base: int(power or 1) for base, power in _POWER.findall(text)})
+
+
+@cache
+def _table() -> tuple[dict[str, Unit], dict[str, Dimension]]:
+    data = tomllib.loads((bundled("ontologies") / "units.toml").read_text(encoding="utf-8"))
+    units = {
+        name: Unit(_read(entry["dimension"]), entry.get("factor", 1.0), entry.get("offset", 0.0))
+        for name, entry in data["units"].items()
+    }
+    return units, {name: _read(text) for name, text in data["properties"].items()}
+
+
+OBJECT_PROPERTY = OWL.ObjectProperty
 
 PLACES = ("Point2D", "Point3D")
 """Classes of location designators: of the base, of the hand or an object."""
@@ -68,7 +161,7 @@ def is_place(ontology: Ontology, iri: str) -> bool:
 def read_filler(ontology: Ontology, term: Term, property_name: str | None = None) -> Filler | None:
     """Return the thing, place, value or name that a term denotes; None for undefined IRIs and anonymous expressions.
 
-    What fills a property (IRI) that takes things is an object if nothing says what kind of thing it is.
+    What fills a property (IRI) that takes things is an object if nothing states its kind.
     """
     if isinstance(term, Literal):
         return read_literal(term, is_number=property_name is not None and takes_numbers(ontology, property_name))
@@ -111,7 +204,7 @@ def is_vocabulary_class(cls: str) -> bool:
 
 def takes_things(ontology: Ontology, property_name: str) -> bool:
     """Return True for a property whose range is one of localised things."""
-    ranges = (range_ for range_ in ontology.values(property_name, RANGE) if isinstance(range_, str))
+    ranges = (range_ for range_ in ontology.values(property_name, RDFS.range) if isinstance(range_, str))
     return any(is_localised(ontology, cls) for cls in ranges)
 
 
@@ -124,7 +217,7 @@ def takes_numbers(ontology: Ontology, property_name: str) -> bool:
     key = ("takes numbers", property_name)
     if key not in ontology.kept:
         above = ontology.superproperties(property_name)
-        ranges = [range_ for one in above for range_ in ontology.values(one, RANGE) if isinstance(range_, str)]
+        ranges = [range_ for one in above for range_ in ontology.values(one, RDFS.range) if isinstance(range_, str)]
         is_ranged = any(range_.startswith(XSD) and range_.removeprefix(XSD) in NUMERIC for range_ in ranges)
         ontology.kept[key] = is_ranged or any(
             dimension_of(local_name(one)) is not None and not _is_declared_otherwise(ontology, one) for one in above
@@ -137,7 +230,8 @@ def _is_declared_otherwise(ontology: Ontology, property_name: str) -> bool:
     """Return True for a property outside of the vocabulary that is declared as an object property, or has a range."""
     if shorten(property_name) != property_name:
         return False
-    return OBJECT_PROPERTY in ontology.values(property_name, TYPE) or bool(ontology.values(property_name, RANGE))
+    kinds = ontology.values(property_name, RDF.type)
+    return OBJECT_PROPERTY in kinds or bool(ontology.values(property_name, RDFS.range))
 
 
 def _individual(ontology: Ontology, iri: str) -> str | None:
@@ -166,7 +260,7 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
 
     As an individual its facts count, as a class its restrictions. A place that refers to itself, directly or through
     others, loses the reference that closes the circle; so does one that is :data:`MOST_PLACES` references away. What it
-    relates to is an object if nothing says what kind of thing it is.
+    relates to is an object if nothing states its kind.
     """
     relations: list[tuple[str, Thing | Place]] = []
     for relation, term in references(ontology, iri):
@@ -202,14 +296,14 @@ def references_of_unknown_kind(ontology: Ontology, place: str) -> list[tuple[str
 
 
 def unread_references(ontology: Ontology, place: str) -> list[str]:
-    """IRIs that a location designator relates to but that nothing defines."""
+    """Return the IRIs that a location designator relates to but that nothing defines."""
     return [
         term for _, term in references(ontology, place) if isinstance(term, str) and read_filler(ontology, term) is None
     ]
 
 
 def references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
-    """Relations of a location designator and what they relate to: its facts, and its restrictions if it is a class."""
+    """Yield the relations of a location designator, and their other ends, from its facts or restrictions."""
     for triple in ontology.triples(s=place):
         if (relation := _relation(triple.predicate)) is not None:
             yield relation, triple.object
@@ -268,7 +362,7 @@ READ_BY_DIALECTS = (*ON_INDIVIDUALS, "adtChunkSupport")
 def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> Iterator[list[Filling]]:
     """Yield the stated fillers of an action, nearest first: ``more``, those of its facts, its class, its ancestors.
 
-    Superclasses and equivalent classes count alike. What the bundled vocabulary says about its own classes does not.
+    Superclasses and equivalent classes count alike. Restrictions of the bundled vocabulary do not count.
     """
     yield [filling for filling in more if _may_fill(filling.property)]
     cls = iri
@@ -360,7 +454,7 @@ def _is_of_actions(ontology: Ontology, property_name: str) -> bool:
 
 
 def _is_annotation(ontology: Ontology, name: str) -> bool:
-    return name.startswith((OWL, RDF, RDFS)) or OWL + "AnnotationProperty" in ontology.values(name, TYPE)
+    return name.startswith((OWL, RDF, RDFS)) or OWL.AnnotationProperty in ontology.values(name, RDF.type)
 
 
 def _parameter(ontology: Ontology, filling: Filling, made: frozenset[str]) -> Parameter | None:

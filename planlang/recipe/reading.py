@@ -15,22 +15,20 @@ from planlang.recipe.checks import (
     losses,
     orderings,
     parameters,
-    places,
     plausibility,
-    requirements,
     states,
     steps,
 )
 from planlang.recipe.checks.misspellings import corrected, misspellings
 from planlang.recipe.checks.repairs import repaired
 from planlang.recipe.model import RecipeSet
-from planlang.recipe.tasks import choose_task, circular_task, read_recipes, recipes_for, top_tasks
+from planlang.recipe.tasks import choose_task, circular_task, read_recipes, statements_for, top_tasks
 
 FILE_CHECKS: tuple[Check[[CheckedFile], Iterable[Diagnostic]], ...] = (
     steps.recursion,
-    places.unused_names,
+    parameters.unused_names,
     losses.lost_statements,
-    requirements.requirements,
+    steps.requirements,
 )
 """Checks of a whole file; each after those that suppress it, as in the other lists."""
 
@@ -44,7 +42,7 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     parameters.unlisted_properties,
     parameters.fillers,
     parameters.left_out,
-    places.unrelated_places,
+    parameters.unrelated_places,
 )
 """Checks of recipes in any dialect."""
 
@@ -132,8 +130,7 @@ def _read(
         file = replace(file, recipes=recipes)
     wrong = {one.code for one in diagnostics}
     for recipe in recipes.recipes.values():
-        statements = actions.statements(recipes_for(actions, recipe.iri)[0][0])
-        assert statements is not None
+        statements = statements_for(actions, recipe.iri)
         checks = (*ANY_RECIPE, *(ORDERED_STEPS if statements.states is None else FINITE_STATE))
         diagnostics += _judged(checks, CheckedRecipe(file, recipe, statements), wrong)
     return recipes, _sorted(diagnostics)
@@ -154,7 +151,7 @@ def _judged(
 
 
 def _sorted(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Each once: errors, warnings, notes; within each by file and line."""
+    """Return each diagnostic once: errors, warnings, then notes, each by file and line."""
     rank = {severity: index for index, severity in enumerate(Severity)}
     nowhere = Span("")
     return tuple(sorted(dict.fromkeys(diagnostics), key=lambda found: (rank[found.severity], found.span or nowhere)))

@@ -15,7 +15,7 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.checks import check
 from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
-from planlang.recipe.order.intervals import implied_by_overlaps
+from planlang.recipe.order import implied_by_overlaps
 from planlang.recipe.readers import loose_parts, tasks_of
 from planlang.recipe.readers.data_flow import made
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
@@ -142,6 +142,13 @@ def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None
     return actions.performers[iri]
 
 
+def statements_for(actions: Actions, iri: str) -> Statements:
+    """Return what the file states about a task with a recipe, or about the class that it inherits the recipe from."""
+    statements = actions.statements(recipes_for(actions, iri)[0][0])
+    assert statements is not None
+    return statements
+
+
 def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
     for level in levels(actions.ontology, iri):
         found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
@@ -232,7 +239,7 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
 
 
 def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
-    """States that transitions name and something defines, though they are no sub-actions."""
+    """Yield the defined states that transitions name though they are no sub-actions."""
     if statements.states is not None:
         span = actions.ontology.span(statements.iri)
         for name in statements.mentioned():

@@ -361,11 +361,11 @@ def _encode_failure(error: BaseException) -> dict[str, Any]:
             if link.where is not None:
                 record["where"] = _shortened(str(link.where))
             if link.siblings:
-                record["siblings"] = {name: _told(other) for name, other in link.siblings}
+                record["siblings"] = {name: _summary(other) for name, other in link.siblings}
             if link.cleanup_failures:
-                record["cleanup"] = [_told(other) for other in link.cleanup_failures]
+                record["cleanup"] = [_summary(other) for other in link.cleanup_failures]
         if isinstance(link, CompositeFailure):
-            record["members"] = {name: _told(one) for name, one in zip(link.names, link.failures, strict=True)}
+            record["members"] = {name: _summary(one) for name, one in zip(link.names, link.failures, strict=True)}
         if outer is not None:
             record["cause"] = outer
         outer = record
@@ -373,11 +373,11 @@ def _encode_failure(error: BaseException) -> dict[str, Any]:
     return outer
 
 
-def _told(failure: BaseException) -> str:
+def _summary(failure: BaseException) -> str:
     return _shortened(f"{type(failure).__name__}: {failure}")
 
 
 def _shortened(text: str) -> str:
-    """Return the text; the middle of a long one is left out: a failure is told again by each node that it leaves."""
+    """Return the text; the middle of a long one is left out: a failure is written again by each node that it leaves."""
     left_out = len(text) - LONGEST_TEXT
     return text if left_out <= 0 else f"{text[: LONGEST_TEXT // 2]} ... {left_out} ... {text[-LONGEST_TEXT // 2 :]}"

@@ -141,7 +141,7 @@ def _path(record: Mapping[str, Any], paths: dict[int, str], number: int) -> str 
         return None
     node = record["node"]
     if not isinstance(node, int):
-        raise DamagedTrace("a node is told by its number", number)
+        raise DamagedTrace("a node is given by its number", number)
     if node not in paths:
         match record:
             case {"node": int(), "parent": None, "name": str(name)}:
@@ -227,7 +227,7 @@ class Past:
             path = line.path
             if path is None or line.event in BOOKKEEPING or self._inside_done(path):
                 continue
-            if path in self.done and line.event not in SPANS:
+            if path in self.done and line.event not in SPANS:  # its body does not run again
                 continue
             found.append(line)
         return found
@@ -246,7 +246,7 @@ class Past:
         return found
 
     def call(self, path: str) -> tuple[int, Line]:
-        """Number and outcome of the next call in a thread that was made in a node."""
+        """Return number and outcome of the next call in a thread that was made in a node."""
         for line in self.kept:
             number = line.record.get("call")
             if line.event == "called" and line.path == path and number not in self._called:
@@ -276,7 +276,7 @@ def _call(line: Line) -> int:
     """Return the number of a call in a thread."""
     number = line.record.get("call")
     if not isinstance(number, int):
-        raise DamagedTrace("a call in a thread is told by its number", line.number)
+        raise DamagedTrace("a call in a thread is given by its number", line.number)
     return number
 
 
@@ -316,7 +316,7 @@ def _counts(record: Mapping[str, Any], key: str) -> dict[str, int]:
 def _paths(line: Line) -> tuple[str, ...]:
     found = line.record.get("open", [])
     if not isinstance(found, list) or not all(isinstance(path, str) for path in found):
-        raise DamagedTrace("open steps are told by their paths", line.number)
+        raise DamagedTrace("open steps are given by their paths", line.number)
     return tuple(found)
 
 
@@ -352,8 +352,8 @@ def refuse_other(past: Past, now: Mapping[str, Any]) -> None:
         raise ValueError("the trace does not tell which steps have completed: it was not written with resumable=True")
     found = differences(past.recorded.header, now)
     if found:
-        told = "; ".join(f"{key} was {before!r} and is {after!r}" for key, (before, after) in found.items())
-        raise ValueError(f"the trace is that of another run: {told}")
+        changes = "; ".join(f"{key} was {before!r} and is {after!r}" for key, (before, after) in found.items())
+        raise ValueError(f"the trace is that of another run: {changes}")
 
 
 def restore(executive: object, past: Past) -> bool:

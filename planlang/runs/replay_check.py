@@ -1,6 +1,6 @@
 """A trace that is compared, record by record, with one that was written before; and the host and order of a replay.
 
-The records of a run are in one order, and a replay follows it: what is told from outside comes when the records say
+The records of a run are in one order, and a replay follows it: what comes from outside comes when the records say
 so, and of the tasks that can run the one whose record is next runs first, where the order is not the plan's own.
 """
 
@@ -20,7 +20,7 @@ from planlang.kernel.primitives import pause
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import Node
 from planlang.runs.codec import Exact, encode
-from planlang.runs.inputs import FluentKeys
+from planlang.runs.journal import FluentKeys
 from planlang.runs.recorded_run import BOOKKEEPING, DamagedTrace, Line, RecordedRun, details, value_in
 from planlang.runs.trace import Different, Trace, shown
 
@@ -30,7 +30,7 @@ class ReplayOver(BaseException):
 
 
 class Opaque(Exact):
-    """A result that did not survive JSON: it can be handed on, and tells as what it told before."""
+    """A result that did not survive JSON: it can be handed on, and is shown as before."""
 
     __slots__ = ()
 
@@ -38,8 +38,8 @@ class Opaque(Exact):
 class ReplayCheck(Trace):
     """Compares what a replay writes with the records of a run.
 
-    ``place`` is where the next record is that the plan has to write; what was told from outside before it has been
-    told. ``difference`` is the first one.
+    ``place`` is where the next record is that the plan has to write; what came from outside before it has been
+    given. ``difference`` is the first one.
     """
 
     scheduler: Scheduler
@@ -75,7 +75,7 @@ class ReplayCheck(Trace):
         return self.lines[place].step if place < len(self.lines) else None
 
     def take(self) -> None:
-        """The next record has been written."""
+        """Go on to the record after the next, which has been written."""
         self.place += 1
         self._pass()
         due = [turn for turn in self._turns if turn[0] <= self.place]
@@ -138,13 +138,13 @@ class ReplayCheck(Trace):
             self.differ({"step": step, "event": event, "path": path, **inside})
 
     def differ(self, found: Mapping[str, Any] | str) -> None:
-        """This is what was found in place of the next record."""
+        """Note the first difference: what was found in place of the next record."""
         line = self.next()
         assert line is not None
         if self.difference is None and not self.over:
             recorded = {"step": line.step, "event": line.event, "path": line.path} | details(line.record)
-            told = found if isinstance(found, str) else shown(found)
-            message = f"line {line.number} is not repeated\n  recorded  {shown(recorded)}\n  found     {told}"
+            what = found if isinstance(found, str) else shown(found)
+            message = f"line {line.number} is not repeated\n  recorded  {shown(recorded)}\n  found     {what}"
             self.difference = Different(message, line.number, recorded, found)
         self.over = True
 
@@ -199,7 +199,7 @@ class ReplayCheck(Trace):
         return await body()
 
     def step_ends(self, step: int) -> bool:
-        """The host of the replay lets time pass."""
+        """Return False: the host of the replay lets time pass."""
         return False
 
     def attach(self, scheduler: Scheduler) -> None:

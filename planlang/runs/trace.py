@@ -35,7 +35,7 @@ class Trace:
     Every record begins with ``step`` (plan time in world steps) and ``event``; the first one is the header. What
     happens in a node of the tree has its number as ``node`` and its path element as ``name``; when a node starts or
     ends, ``parent`` is the number of the node around it and ``kind`` what it is. Numbers count from 1, the root, in the
-    order in which nodes are told of; so a record is as long at any depth. :func:`with_paths` gives back the paths.
+    order in which nodes come; so a record is as long at any depth. :func:`with_paths` gives back the paths.
 
     Without ``out`` the records are kept in :attr:`events`. ``header`` is what the caller knows: versions, hashes.
     """
@@ -138,7 +138,7 @@ class Trace:
         self._write_through(text.encode(*_UTF8))
 
     def _write_through(self, data: bytes) -> None:
-        """A disk that is nearly full takes a part of a line, and refuses the rest; then no more is written."""
+        """Write all of a line, of which a nearly full disk takes a part; write no more once it refuses the rest."""
         assert self._put is not None
         try:
             while data:
@@ -165,7 +165,7 @@ class Trace:
         self.flush()
 
     def started(self, step: int, node: Node, /, **details: object) -> None:
-        """A node of the tree begins."""
+        """Write that a node of the tree begins."""
         parent = node.parent
         if details or parent is None or self.is_compared:
             self.write(step, "started", node, **details)
@@ -185,8 +185,8 @@ class Trace:
         if name is None:
             name = self._names[node.base_name] = _quoted(node.base_name)[:-1].encode(*_UTF8).decode()
         ordinal = "" if node.ordinal == 1 else f"#{node.ordinal}"
-        told = node.told = f'{number}{self._around}{node.kind}", "name": {name}{ordinal}"'
-        data = f"{self._started}{told}}}\n".encode()
+        written = node.written = f'{number}{self._around}{node.kind}", "name": {name}{ordinal}"'
+        data = f"{self._started}{written}}}\n".encode()
         try:
             taken = self._put(data)
         except _UNWRITABLE as error:
@@ -198,7 +198,7 @@ class Trace:
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
     ) -> None:
-        """A node of the tree ends."""
+        """Write that a node of the tree ends."""
         word = outcome._value_
         if failure is not None:
             try:
@@ -209,10 +209,10 @@ class Trace:
         elif result is not None and outcome is SUCCEEDED:
             self.write(step, "ended", node, status=word, result=result)
             return
-        if node.told and self._put is not None:
+        if node.written and self._put is not None:
             if step != self._step:
                 self._turn_to(step)
-            data = f'{self._ended}{node.told}, "status": "{word}"}}\n'.encode()
+            data = f'{self._ended}{node.written}, "status": "{word}"}}\n'.encode()
             try:
                 taken = self._put(data)
             except _UNWRITABLE as error:
@@ -293,13 +293,13 @@ class ResumedTrace(Trace):
             inner.take_over((line.record for line in past.kept), past.nodes)
 
     def go_on(self, step: int, past: Past) -> None:
-        """The records end here."""
+        """Write what comes from here on: the records that are repeated end."""
         self._going_on = True
         again = {"again": Exact(list(past.again))} if past.again else {}
         self._inner.write(step, "resumed", **again)
 
     def check(self, now: int) -> None:
-        """Called when a step is over: what was recorded of it has to have happened. Raises Different."""
+        """Raise Different if something recorded of this step, which is over, has not happened."""
         if self.problem is None and self._ahead:
             step = min(self._ahead)
             if step <= now:

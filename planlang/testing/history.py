@@ -1,14 +1,139 @@
-"""Questions about a run, answered from its trace."""
+"""The steps of a run, read from its trace, and questions about them."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
+from planlang.designators import local_name
 from planlang.failures import PlanFailure
+from planlang.language.tasktree import TaskNode
 from planlang.runs import with_paths
-from planlang.testing.steps import Step, read_steps, tree_of
+
+
+@dataclass(eq=False)
+class Step(TaskNode):
+    """One node of the task tree: a construct, branch, tag, plan or performed action, each run of it on its own.
+
+    ``start`` and ``end`` are plan time [s], None for what never began; ``first`` and ``last`` are places in the trace.
+    ``failure`` is the trace's record of a failure: type, message, cause, members.
+    """
+
+    parent: Step | None = None
+    children: list[Step] = field(default_factory=list)  # type: ignore[assignment]
+    first: int = -1
+    last: int = sys.maxsize
+    repeats: list[float] = field(default_factory=list)
+    """Times at which a with_failure_handling ran its body [s]."""
+
+    def _outward(self) -> Iterator[Step]:
+        """Yield this step, the one around it, and so on."""
+        step: Step | None = self
+        while step is not None:
+            yield step
+            step = step.parent
+
+    @property
+    def action(self) -> str | None:
+        """The class of the performed action, by its local name."""
+        text = self.parameters.get("action")
+        return local_name(text.split("(", 1)[0]) if isinstance(text, str) else None
+
+    def called(self, query: str) -> bool:
+        """Return True if a name, ``parent/name``, or class of action means this step; ``#2``: the second."""
+        if self.action is not None and self.action == query:
+            return True
+        names = (part for step in self._outward() for part in reversed(step.name.split("/")))
+        return all(
+            (name := next(names, None)) is not None and want in (name, name.split("#", 1)[0])
+            for want in reversed(query.split("/"))
+        )
+
+    def within(self, other: Step) -> bool:
+        """Return True if this step is inside the other one."""
+        return self is not other and any(step is other for step in self._outward())
+
+    def summary(self, longest: int | None = None) -> str:
+        """Return when and how it ran, in a line; the message of a failure is cut to ``longest`` characters."""
+        if self.start is None:
+            return f"{self.status} before it began"
+        span = f"{self.start:g} s" if self.start == self.end else f"{self.start:g} to {self.end or 0:g} s"
+        if self.end is None:
+            span = f"{self.start:g} s on"
+        if self.failure is None:
+            return f"{span}, {self.status}"
+        message = self.failure["message"]
+        if longest is not None and len(message) > longest:
+            message = f"{message[: longest - 3]}..."
+        return f"{span}, {self.status} with {self.failure['type']}: {message}"
+
+    def __repr__(self) -> str:
+        return f"<{self.path}: {self.summary()}>"
+
+
+def read_steps(events: Iterable[Mapping[str, Any]], rate: int) -> list[Step]:
+    """Return the steps that a trace reports, in the order in which they began."""
+    known: dict[int, Step] = {}
+    steps: list[Step] = []
+    for place, event in enumerate(events):
+        what, number = event["event"], event.get("node")
+        if number is None:
+            continue
+        time = event["step"] / rate
+        step = known.get(number)
+        if step is None:
+            parent = known.get(event["parent"])
+            step = known[number] = Step(event["name"], event["kind"], parent, _parameters(event))
+            steps.append(step)
+            if parent is not None:
+                parent.children.append(step)
+        if what == "started":
+            step.start, step.first = time, place
+        elif what == "ended":
+            step.status, step.end, step.last = event["status"], time, place
+            step.result, step.failure = event.get("result"), event.get("failure")
+            if step.start is None:
+                step.first = place
+        elif what == "attempt":
+            step.repeats.append(time)
+    return steps
+
+
+def _parameters(event: Mapping[str, Any]) -> dict[str, Any]:
+    known = ("step", "event", "node", "parent", "kind", "name", "status")
+    return {key: value for key, value in event.items() if key not in known}
+
+
+def tree_of(steps: Sequence[Step]) -> str:
+    """Return the task tree as indented text, with time, status and, where it arose, the failure."""
+    lines: list[str] = []
+    stack = [(step, 0) for step in reversed(steps) if step.parent is None]
+    while stack:
+        step, depth = stack.pop()
+        children = step.children
+        if step.kind == "perform" and len(children) == 1 and children[0].kind == "branch":
+            children = children[0].children  # the module's own node adds nothing
+        inner = step.failure is not None and any(_same(child.failure, step.failure) for child in children)
+        text = step.summary() if not inner else step.summary().split(" with ", 1)[0]
+        lines.append(f"{'  ' * depth}{_title(step)}: {text}")
+        stack.extend((child, depth + 1) for child in reversed(children))
+    return "\n".join(lines)
+
+
+def _title(step: Step) -> str:
+    text = step.parameters.get("action")
+    if not isinstance(text, str):
+        return step.name
+    named_by_class = step.name.split("#", 1)[0] == step.action
+    return step.name + text[text.index("(") :] if named_by_class else f"{step.name}, {text}"
+
+
+def _same(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> bool:
+    return one is not None and (one["type"], one["message"]) == (other["type"], other["message"])
+
 
 Event = Mapping[str, Any]
 What = str | Step
@@ -62,7 +187,7 @@ class History:
 
     def attempts(self, what: What) -> Count:
         """Count how often a step began; for with_failure_handling, how often it ran its body."""
-        steps = [step for step in self.steps(what) if step.begin is not None]
+        steps = [step for step in self.steps(what) if step.start is not None]
         lines = [
             line
             for step in steps
@@ -102,7 +227,7 @@ class History:
         when = "" if during is None else f" during {_name(during)}"
         if isinstance(what, (str, Step)):
             for step in self.steps(what):
-                if step.begin is not None and any(step.first < last and first < step.last for first, last in spans):
+                if step.start is not None and any(step.first < last and first < step.last for first, last in spans):
                     return Verdict(False, f"{_name(what)} ran{when}: {_line(step)}")
             return Verdict(True, f"{_name(what)} did not run{when}")
         for place, event in enumerate(with_paths(self.events)):
@@ -129,9 +254,9 @@ class History:
         return found
 
     def _begun(self, what: What) -> list[Step]:
-        found = [step for step in self._of(what) if step.begin is not None]
+        found = [step for step in self._of(what) if step.start is not None]
         if not found:
-            raise NoSuchStep(_name(what), [step.name for step in self.steps() if step.begin is not None])
+            raise NoSuchStep(_name(what), [step.name for step in self.steps() if step.start is not None])
         return found
 
     def _ended(self, what: What, status: str) -> Verdict:
@@ -234,7 +359,7 @@ class Count(int):
         return str(int(self))
 
     def explained(self) -> list[str]:
-        """One line per attempt."""
+        """Return one line per attempt."""
         if not self.attempts:
             return [f"{self.step} never began"]
         return [f"{self.step}, attempt {number}: {line}" for number, line in enumerate(self.attempts, 1)]

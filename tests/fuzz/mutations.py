@@ -8,7 +8,7 @@ from collections.abc import Callable
 from planlang.diagnostics import BadInput, Span
 from planlang.ontology import BNode, Literal, Term, Triple
 from planlang.ontology.documents import read_syntax
-from planlang.ontology.terms import EQUIVALENT_CLASS, FIRST, NIL, REST, SUBCLASS_OF, TYPE, XSD
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD
 from planlang.ontology.writing.turtle_writer import ntriples
 
 Random = random.Random
@@ -141,7 +141,7 @@ def retarget(draw: Random, triples: list[Triple]) -> None:
     value: Term = _resource(draw, triples)
     if draw.random() < 0.3:
         value = Literal(draw.choice(("", "x", "-1", "1e400", "NaN", "true", "a\nb", "__class__")),
-                        draw.choice((None, XSD + "double", XSD + "integer", "http://example.org/no#type")))  # fmt: skip
+                        draw.choice((None, XSD.double, XSD.integer, "http://example.org/no#type")))  # fmt: skip
     triples[at] = _changed(triples[at], object=value)
 
 
@@ -152,22 +152,22 @@ def retype(draw: Random, triples: list[Triple]) -> None:
 
 def cycle(draw: Random, triples: list[Triple]) -> None:
     """A node from which the way leads back to it: a list, a taxonomy, or any property."""
-    lists = [at for at, triple in enumerate(triples) if triple.predicate in (REST, FIRST)]
+    lists = [at for at, triple in enumerate(triples) if triple.predicate in (RDF.rest, RDF.first)]
     if lists and draw.random() < 0.5:
         at = draw.choice(lists)
         triples[at] = _changed(triples[at], object=triples[draw.choice(lists)].subject)
         return
-    predicate = draw.choice((SUBCLASS_OF, EQUIVALENT_CLASS, TYPE, triples[_any(draw, triples)].predicate))
+    predicate = draw.choice((RDFS.subClassOf, OWL.equivalentClass, RDF.type, triples[_any(draw, triples)].predicate))
     nodes = [_resource(draw, triples) for _ in range(draw.choice((1, 2, 3)))]
     for one, two in zip(nodes, nodes[1:] + nodes[:1], strict=True):
         triples.append(Triple(one, predicate, two, Span("")))
 
 
 def unlist(draw: Random, triples: list[Triple]) -> None:
-    lists = [at for at, triple in enumerate(triples) if triple.predicate == REST]
+    lists = [at for at, triple in enumerate(triples) if triple.predicate == RDF.rest]
     if lists:
         at = draw.choice(lists)
-        triples[at] = _changed(triples[at], object=draw.choice((Literal("end"), BNode("nowhere"), NIL, TYPE)))
+        triples[at] = _changed(triples[at], object=draw.choice((Literal("end"), BNode("nowhere"), RDF.nil, RDF.type)))
 
 
 def shuffle(draw: Random, triples: list[Triple]) -> None:

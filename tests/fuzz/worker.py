@@ -49,7 +49,7 @@ def recipe(path: Path, lines: int) -> None:
     from planlang.compiler.drawing import FORMATS, task_graph
     from planlang.ontology import load
     from planlang.recipe.actions import Actions
-    from planlang.recipe.fixes import fix_recipe
+    from planlang.recipe.fixes.fixing import fix_recipe
     from planlang.recipe.tasks import stated_tasks
 
     ontology = load(path)

@@ -1,13 +1,12 @@
 """Drawings of a task: its steps, what fills their properties, and what has to come before what.
 
 General layout: ``task_graph`` turns checked recipes into groups of boxes and arrows, with names made safe to show;
-``dot``, ``mermaid`` and ``svg`` write those in one format each; ``layers`` says where everything goes in an SVG.
+``markup`` and ``svg`` write those in one format each; ``layers`` arranges what an SVG shows.
 """
 
 from collections.abc import Callable, Mapping
 
-from planlang.compiler.drawing.dot import dot
-from planlang.compiler.drawing.mermaid import mermaid
+from planlang.compiler.drawing.markup import dot, mermaid
 from planlang.compiler.drawing.svg import svg
 from planlang.compiler.drawing.task_graph import Arrow, Box, Group, Order, TaskGraph, task_graph
 

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+import networkx as nx
+
 SWEEPS = 12
 """Sweeps down and up; Sugiyama and others find that few drawings become better after that many."""
 
@@ -54,13 +56,15 @@ def layered(
     gap: float = 28,
     rank_gap: float = 34,
 ) -> Layers:
-    """Lay out boxes of the given sizes (width, height); edges are pairs of indices and have no cycle.
+    """Lay out boxes of the given sizes (width, height); edges are pairs of indices.
 
-    Boxes without any edge stand to the right, in columns.
+    Boxes without any edge stand to the right, in columns. Raises networkx.NetworkXUnfeasible if the edges have a cycle.
     """
     linked = {index for edge in edges for index in edge}
-    ranks = _ranks(len(sizes), edges)
-    items = [_Item(width, height, rank) for (width, height), rank in zip(sizes, ranks, strict=True)]
+    graph = nx.DiGraph(edges)
+    graph.add_nodes_from(range(len(sizes)))
+    ranks = {index: rank for rank, layer in enumerate(nx.topological_generations(graph)) for index in layer}
+    items = [_Item(width, height, ranks[index]) for index, (width, height) in enumerate(sizes)]
     chains = _chains(items, edges)
     for chain in chains:
         for upper, lower in pairwise(chain):
@@ -87,26 +91,6 @@ def layered(
     low = max((y + sizes[index][1] for index, (_, y) in corners.items()), default=0.0)
     routes = _routes(items, chains, tops, bottoms)
     return Layers(tuple(corners[index] for index in range(len(sizes))), routes, max(width, right), max(height, low))
-
-
-def _ranks(number: int, edges: Sequence[tuple[int, int]]) -> list[int]:
-    """Return the length of the longest path that leads to each box."""
-    below: list[list[int]] = [[] for _ in range(number)]
-    missing = [0] * number
-    for before, after in edges:
-        below[before].append(after)
-        missing[after] += 1
-    ranks = [0] * number
-    ready = [index for index in range(number) if not missing[index]]
-    for index in ready:
-        for after in below[index]:
-            ranks[after] = max(ranks[after], ranks[index] + 1)
-            missing[after] -= 1
-            if not missing[after]:
-                ready.append(after)
-    if len(ready) != number:
-        raise ValueError("the graph has a cycle: there is no longest path")
-    return ranks
 
 
 def _chains(items: list[_Item], edges: Sequence[tuple[int, int]]) -> list[list[int]]:
@@ -208,7 +192,7 @@ def _separated(wanted: Sequence[float], steps: Sequence[float]) -> list[float]:
 def _columns(
     sizes: Sequence[tuple[float, float]], free: Sequence[int], x: float, height: float, gap: float
 ) -> dict[int, Point]:
-    """Boxes that nothing orders, in columns from ``x`` on, as high as the rest or about as high as they are wide."""
+    """Put unordered boxes in columns from ``x`` on, as high as the rest or about as high as they are wide."""
     area = sum((sizes[index][0] + gap) * (sizes[index][1] + gap) for index in free)
     limit = max(height, area**0.5)
     found: dict[int, Point] = {}

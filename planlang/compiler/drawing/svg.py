@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from html import escape
 from itertools import pairwise
 
 from planlang.compiler.drawing.layers import Layers, Point, layered
@@ -15,7 +16,6 @@ from planlang.compiler.drawing.task_graph import (
     Group,
     Order,
     TaskGraph,
-    for_xml,
     shown,
     width,
 )
@@ -57,19 +57,19 @@ def svg(graph: TaskGraph) -> str:
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{_n(wide)}" height="{_n(high)}"'
         f' viewBox="0 0 {_n(wide)} {_n(high)}" role="img">',
-        f"<title>{for_xml(graph.title)}</title>",
+        f"<title>{escape(graph.title)}</title>",
         f"<style>\n{STYLE}</style>",
         *_heads(),
         f'<rect width="{_n(wide)}" height="{_n(high)}" fill="#ffffff"/>',
-        f'<text class="title" x="{_n(MARGIN)}" y="{_n(MARGIN + 18)}">{for_xml(title)}</text>',
-        f'<text class="small" x="{_n(MARGIN)}" y="{_n(MARGIN + 36)}">{for_xml(subtitle)}</text>',
+        f'<text class="title" x="{_n(MARGIN)}" y="{_n(MARGIN + 18)}">{escape(title)}</text>',
+        f'<text class="small" x="{_n(MARGIN)}" y="{_n(MARGIN + 36)}">{escape(subtitle)}</text>',
         f'<g transform="translate({_n(left)} {_n(top)})">',
         *_drawing(found),
         *_beside(graph, found),
         "</g>",
     ]
     if legend:
-        lines.append(f'<text class="small" x="{_n(MARGIN)}" y="{_n(high - MARGIN)}">{for_xml(legend)}</text>')
+        lines.append(f'<text class="small" x="{_n(MARGIN)}" y="{_n(high - MARGIN)}">{escape(legend)}</text>')
     return "\n".join([*lines, "</svg>", ""])
 
 
@@ -89,17 +89,15 @@ def _drawing(found: Arrangement) -> Iterator[str]:
         yield from _box(placed)
     for frame in found.frames:
         yield from _frame(frame)
+    beside: dict[frozenset[str], list[Point]] = {}
     for route in found.routes:
         points = route.points[::-1] if route.is_upward else route.points
         yield _path(route.arrow, _curve(points, starts_curved=route.is_upward))
-    middles = {id(route): _middle(route.points) for route in found.routes if route.arrow.label}
-    beside: dict[frozenset[str], list[Point]] = {}
+        if route.arrow.label:
+            beside.setdefault(frozenset((route.arrow.before, route.arrow.after)), []).append(_middle(route.points))
     for route in found.routes:
         if route.arrow.label:
-            beside.setdefault(frozenset((route.arrow.before, route.arrow.after)), []).append(middles[id(route)])
-    for route in found.routes:
-        if route.arrow.label:
-            x, y = middles[id(route)]
+            x, y = _middle(route.points)
             others = beside[frozenset((route.arrow.before, route.arrow.after))]
             anchor = "middle" if len(others) == 1 else "end" if x == min(others)[0] else "start"
             yield _label(route.arrow, (x + {"middle": 0, "end": -5, "start": 5}[anchor], y), anchor)
@@ -108,7 +106,7 @@ def _drawing(found: Arrangement) -> Iterator[str]:
 def _box(placed: Placed) -> Iterator[str]:
     box = placed.box
     kind = "step" + (" recipe" if box.groups else "") + (" abstract" if box.is_abstract else "")
-    hover = "\n".join(for_xml(line) for line in box.hover)
+    hover = "\n".join(map(escape, box.hover))
     yield f'<g class="{kind}"><title>{hover}</title>'
     yield (
         f'<rect x="{_n(placed.x)}" y="{_n(placed.y)}" width="{_n(placed.width)}" height="{_n(placed.height)}" rx="6"/>'
@@ -118,7 +116,7 @@ def _box(placed: Placed) -> Iterator[str]:
         kind = "line" if number else "name"
         bare = line.removeprefix(INDENT)
         x = placed.x + PADDING + width(line[: len(line) - len(bare)], LINE_SIZE)
-        yield f'<text class="{kind}" x="{_n(x)}" y="{_n(y)}">{for_xml(bare)}</text>'
+        yield f'<text class="{kind}" x="{_n(x)}" y="{_n(y)}">{escape(bare)}</text>'
         y += LINE_HEIGHT
     yield "</g>"
 
@@ -128,12 +126,12 @@ def _frame(frame: Frame) -> Iterator[str]:
         f'<rect class="frame" x="{_n(frame.x)}" y="{_n(frame.y)}" width="{_n(frame.width)}"'
         f' height="{_n(frame.height)}" rx="6"/>'
     )
-    name = for_xml(shown(frame.name, LONGEST_LINE))
+    name = escape(shown(frame.name, LONGEST_LINE))
     yield f'<text class="line" x="{_n(frame.x + PADDING)}" y="{_n(frame.y + LINE_HEIGHT)}">{name}</text>'
 
 
 def _beside(graph: TaskGraph, found: Arrangement) -> Iterator[str]:
-    """Overlaps between the sides of two boxes, and states that follow themselves."""
+    """Draw overlaps between the sides of two boxes, and states that follow themselves."""
     where = {placed.box.key: placed for placed in found.boxes}
     for group in graph.groups():
         for arrow in group.of(Order.OVERLAP):
@@ -154,7 +152,7 @@ def _beside(graph: TaskGraph, found: Arrangement) -> Iterator[str]:
                 out = min(start[0], end[0]) - 18 - abs(end[1] - start[1]) * 0.1
                 curve = f"M {_p(start)} C {_p((out, start[1]))}, {_p((out, end[1]))}, {_p(end)}"
                 middle = (out, (start[1] + end[1]) / 2)
-            yield f'<path class="overlap" d="{curve}"><title>{for_xml(arrow.hover)}</title></path>'
+            yield f'<path class="overlap" d="{curve}"><title>{escape(arrow.hover)}</title></path>'
             yield _label(arrow, middle)
         for arrow in group.of(Order.TRANSITION):
             if arrow.before == arrow.after:
@@ -168,7 +166,7 @@ def _beside(graph: TaskGraph, found: Arrangement) -> Iterator[str]:
 
 def _label(arrow: Arrow, at: Point, anchor: str = "middle") -> str:
     kind = "label overlap-label" if arrow.order is Order.OVERLAP else "label"
-    return f'<text class="{kind}" text-anchor="{anchor}" x="{_n(at[0])}" y="{_n(at[1])}">{for_xml(arrow.label)}</text>'
+    return f'<text class="{kind}" text-anchor="{anchor}" x="{_n(at[0])}" y="{_n(at[1])}">{escape(arrow.label)}</text>'
 
 
 def _middle(points: Sequence[Point]) -> Point:
@@ -181,7 +179,7 @@ def _path(arrow: Arrow, curve: str) -> str:
     kind = "" if arrow.order is Order.STATED else f" {arrow.order.value}"
     head = "head" if arrow.order is Order.STATED else f"head-{arrow.order.value}"
     return (
-        f'<path class="order{kind}" d="{curve}" marker-end="url(#{head})"><title>{for_xml(arrow.hover)}</title></path>'
+        f'<path class="order{kind}" d="{curve}" marker-end="url(#{head})"><title>{escape(arrow.hover)}</title></path>'
     )
 
 
@@ -212,21 +210,22 @@ NAME_SIZE, LINE_SIZE, LINE_HEIGHT = 13.0, 11.0, 16.0
 PADDING, GROUP_PADDING = 10.0, 16.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Placed:
-    """A box in the drawing: its top left corner and size [px], the lines that fit in, and whether others are inside."""
+    """A box in the drawing: its lines, its size and top left corner [px], and what is laid out inside of it."""
 
     box: Box
-    x: float
-    y: float
+    lines: tuple[str, ...]
     width: float
     height: float
-    lines: tuple[str, ...]
+    inside: tuple[_Recipe, ...]
+    x: float = 0.0
+    y: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """Around one of several recipes that a step may be performed by."""
+    """A frame around one of several recipes that a step may be performed by; its top left corner and size [px]."""
 
     name: str
     x: float
@@ -237,61 +236,47 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """An arrow in the drawing; its points as :class:`planlang.compiler.drawing.layers.Layers` tells.
+    """An arrow in the drawing; its points are those of :class:`planlang.compiler.drawing.layers.Layers`.
 
     With ``is_upward`` they lead from its end to its beginning: it goes back to where others come from.
     """
 
     arrow: Arrow
     points: tuple[Point, ...]
-    is_upward: bool = False
+    is_upward: bool
 
 
 @dataclass(slots=True)
 class Arrangement:
     """Everything that is drawn, an outer box before what is inside of it."""
 
-    boxes: list[Placed]
-    frames: list[Frame]
-    routes: list[Route]
-    width: float = 0.0
-    height: float = 0.0
+    width: float
+    height: float
+    boxes: list[Placed] = field(default_factory=list)
+    frames: list[Frame] = field(default_factory=list)
+    routes: list[Route] = field(default_factory=list)
 
 
 def arranged(group: Group) -> Arrangement:
     """Lay out a recipe and everything below it; the top left corner is (0, 0)."""
-    found = Arrangement([], [], [])
-    plan = _plan(group)
-    found.width, found.height = plan.layers.width, plan.layers.height
-    _put(plan, 0.0, 0.0, found)
+    recipe = _laid_out(group)
+    found = Arrangement(recipe.layers.width, recipe.layers.height)
+    _put(recipe, 0.0, 0.0, found)
     return found
 
 
 @dataclass(frozen=True, slots=True)
-class _Plan:
-    """A recipe laid out by itself, with the plans of what is inside of its boxes."""
+class _Recipe:
+    """A recipe laid out by itself."""
 
-    group: Group
-    boxes: tuple[_Sized, ...]
+    name: str
+    boxes: tuple[Placed, ...]
     arrows: tuple[Arrow, ...]
     layers: Layers
 
 
-@dataclass(frozen=True, slots=True)
-class _Sized:
-    box: Box
-    lines: tuple[str, ...]
-    width: float
-    height: float
-    plans: tuple[_Plan, ...]
-
-    @property
-    def has_frames(self) -> bool:
-        return len(self.plans) > 1
-
-
-def _plan(group: Group) -> _Plan:
-    boxes = tuple(_sized(box) for box in group.boxes)
+def _laid_out(group: Group) -> _Recipe:
+    boxes = tuple(map(_sized, group.boxes))
     index = {box.key: number for number, box in enumerate(group.boxes)}
     arrows = tuple(
         arrow for arrow in group.of(Order.STATED, Order.ADDED, Order.TRANSITION) if arrow.before != arrow.after
@@ -299,45 +284,45 @@ def _plan(group: Group) -> _Plan:
     edges = [(index[arrow.before], index[arrow.after]) for arrow in arrows]
     if group.of(Order.TRANSITION):  # which may lead in circles: boxes stand in the order in which they are reached
         edges = [(min(edge), max(edge)) for edge in edges]
-    return _Plan(group, boxes, arrows, layered([(box.width, box.height) for box in boxes], edges))
+    return _Recipe(group.name, boxes, arrows, layered([(box.width, box.height) for box in boxes], edges))
 
 
-def _sized(box: Box) -> _Sized:
+def _sized(box: Box) -> Placed:
     lines = box.text()
     wide = max(width(lines[0], NAME_SIZE) * 1.08, *(width(line, LINE_SIZE) for line in ("", *lines[1:]))) + 2 * PADDING
-    high = LINE_HEIGHT * len(lines) + 2 * PADDING - 4
-    plans = tuple(_plan(group) for group in box.groups)
-    if plans:
-        frame = _frame_margin(len(plans) > 1)
-        inside = sum(plan.layers.width + 2 * frame for plan in plans) + GROUP_PADDING * (len(plans) + 1)
-        wide = max(wide, inside)
-        high += max(plan.layers.height + 2 * frame + (LINE_HEIGHT if frame else 0) for plan in plans) + GROUP_PADDING
-    return _Sized(box, lines, wide, high, plans)
+    high = _text_height(lines)
+    inside = tuple(map(_laid_out, box.groups))
+    if inside:
+        frame = _frame_margin(inside)
+        wide = max(wide, sum(one.layers.width + 2 * frame + GROUP_PADDING for one in inside) + GROUP_PADDING)
+        high += max(one.layers.height + 2 * frame + (LINE_HEIGHT if frame else 0) for one in inside) + GROUP_PADDING
+    return Placed(box, lines, wide, high, inside)
 
 
-def _frame_margin(has_frames: bool) -> float:
-    return GROUP_PADDING if has_frames else 0.0
+def _text_height(lines: tuple[str, ...]) -> float:
+    return LINE_HEIGHT * len(lines) + 2 * PADDING - 4
 
 
-def _put(plan: _Plan, x: float, y: float, found: Arrangement) -> None:
-    for sized, (left, top) in zip(plan.boxes, plan.layers.corners, strict=True):
-        corner = (x + left, y + top)
-        found.boxes.append(Placed(sized.box, *corner, sized.width, sized.height, sized.lines))
-        _put_inside(sized, *corner, found)
-    index = {sized.box.key: number for number, sized in enumerate(plan.boxes)}
-    for arrow, route in zip(plan.arrows, plan.layers.routes, strict=True):
+def _frame_margin(inside: tuple[_Recipe, ...]) -> float:
+    return GROUP_PADDING if len(inside) > 1 else 0.0
+
+
+def _put(recipe: _Recipe, x: float, y: float, found: Arrangement) -> None:
+    """Place the boxes and arrows of a recipe, and all inside of them, with its top left corner at (x, y)."""
+    for placed, (left, top) in zip(recipe.boxes, recipe.layers.corners, strict=True):
+        placed.x, placed.y = x + left, y + top
+        found.boxes.append(placed)
+        frame = _frame_margin(placed.inside)
+        widths = [one.layers.width + 2 * frame for one in placed.inside]
+        at = placed.x + (placed.width - sum(widths) - GROUP_PADDING * (len(widths) - 1)) / 2
+        below = placed.y + _text_height(placed.lines)
+        for one, wide in zip(placed.inside, widths, strict=True):
+            if frame:
+                high = one.layers.height + 2 * frame + LINE_HEIGHT
+                found.frames.append(Frame(f"one way: {shown(one.name, LONGEST_LINE)}", at, below, wide, high))
+            _put(one, at + frame, below + frame + (LINE_HEIGHT if frame else 0.0), found)
+            at += wide + GROUP_PADDING
+    index = {placed.box.key: number for number, placed in enumerate(recipe.boxes)}
+    for arrow, route in zip(recipe.arrows, recipe.layers.routes, strict=True):
         is_upward = arrow.order is Order.TRANSITION and index[arrow.before] > index[arrow.after]
         found.routes.append(Route(arrow, tuple((x + a, y + b) for a, b in route), is_upward))
-
-
-def _put_inside(sized: _Sized, x: float, y: float, found: Arrangement) -> None:
-    frame = _frame_margin(sized.has_frames)
-    widths = [plan.layers.width + 2 * frame for plan in sized.plans]
-    left = x + (sized.width - sum(widths) - GROUP_PADDING * (len(widths) - 1)) / 2
-    top = y + LINE_HEIGHT * len(sized.lines) + 2 * PADDING - 4
-    for plan, wide in zip(sized.plans, widths, strict=True):
-        if frame:
-            high = plan.layers.height + 2 * frame + LINE_HEIGHT
-            found.frames.append(Frame(f"one way: {shown(plan.group.name, LONGEST_LINE)}", left, top, wide, high))
-        _put(plan, left + frame, top + frame + (LINE_HEIGHT if frame else 0.0), found)
-        left += wide + GROUP_PADDING

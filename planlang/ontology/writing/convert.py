@@ -12,7 +12,7 @@ from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.ontology.checks import malformed
 from planlang.ontology.documents import read_bytes, read_syntax
 from planlang.ontology.repairs import repair
-from planlang.ontology.terms import ONTOLOGY, TYPE, BNode, Term, Triple
+from planlang.ontology.terms import OWL, RDF, BNode, Term, Triple
 from planlang.ontology.writing.manchester_writer import manchester
 from planlang.ontology.writing.nodes import differences, labelled
 from planlang.ontology.writing.rdfxml_writer import rdfxml
@@ -40,7 +40,7 @@ class Converted:
 def write(triples: Iterable[Triple], target: Target, prefixes: Mapping[str, str]) -> tuple[str, list[Triple]]:
     """Return the text of a graph, and the triples that the syntax cannot express; deterministic for equal graphs."""
     given = list(triples)
-    own = next((t.subject for t in given if t.predicate == TYPE and t.object == ONTOLOGY), None)
+    own = next((t.subject for t in given if t.predicate == RDF.type and t.object == OWL.Ontology), None)
     name = own if isinstance(own, str) else None
     match target:
         case Target.MANCHESTER:
@@ -81,7 +81,7 @@ def _compared(
         found.append(warning("O050", f"{what}; the first: {_shown(first)}", first.span, advice))
     missing = set(lost)
     gone, new = differences([triple for triple in labelled(triples) if triple not in missing], again)
-    declared = [t for t in new if t.predicate == TYPE and isinstance(t.object, str) and isinstance(t.subject, str)]
+    declared = [t for t in new if t.predicate == RDF.type and isinstance(t.object, str) and isinstance(t.subject, str)]
     if declared:
         names = ", ".join(dict.fromkeys(local_name(str(triple.subject)) for triple in declared[:3]))
         more = f" and {len(declared) - 3} more" if len(declared) > 3 else ""

@@ -5,27 +5,9 @@ from __future__ import annotations
 import re
 
 from planlang.diagnostics import Span
-from planlang.ontology.expressions import BOOLEAN, DATATYPE, FACETS, Expression
+from planlang.ontology.expressions import FACETS, Expression
 from planlang.ontology.ontology import Ontology
-from planlang.ontology.terms import (
-    CLASS,
-    COMPLEMENT_OF,
-    INTERSECTION_OF,
-    INVERSE_OF,
-    ON_PROPERTY,
-    ONE_OF,
-    OWL,
-    RDF,
-    RESTRICTION,
-    TYPE,
-    UNION_OF,
-    XSD,
-    BNode,
-    Literal,
-    Term,
-    Triple,
-    shorten,
-)
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple, shorten
 from planlang.ontology.writing.names import Names
 from planlang.ontology.writing.nodes import CannotSay, Graph
 
@@ -33,19 +15,19 @@ DEEPEST = 90
 """Expressions inside each other; the reader takes a few more."""
 
 FORMS = {
-    INTERSECTION_OF: "and",
-    UNION_OF: "or",
-    ONE_OF: "one of",
-    COMPLEMENT_OF: "not",
-    OWL + "datatypeComplementOf": "not",
+    OWL.intersectionOf: "and",
+    OWL.unionOf: "or",
+    OWL.oneOf: "one of",
+    OWL.complementOf: "not",
+    OWL.datatypeComplementOf: "not",
 }
-_FILLERS = {OWL + "someValuesFrom": "some", OWL + "allValuesFrom": "only", OWL + "hasValue": "value",
-            OWL + "hasSelf": "Self"}  # fmt: skip
+_FILLERS = {OWL.someValuesFrom: "some", OWL.allValuesFrom: "only", OWL.hasValue: "value",
+            OWL.hasSelf: "Self"}  # fmt: skip
 _NUMBERS = {OWL + prefix + "ardinality": word
             for word, prefixes in (("min", ("minC", "minQualifiedC")), ("max", ("maxC", "maxQualifiedC")),
                                    ("exactly", ("c", "qualifiedC")))
             for prefix in prefixes}  # fmt: skip
-_FACETS = {XSD + name: word for word, name in FACETS.items()} | {RDF + "langRange": "langRange"}
+_FACETS = {XSD + name: word for word, name in FACETS.items()} | {RDF.langRange: "langRange"}
 
 _RESERVED = """not o or and that inverse some only value Self min max exactly true false integer decimal float string
  length minLength maxLength pattern langRange Functional InverseFunctional Reflexive Irreflexive Asymmetric Symmetric
@@ -56,9 +38,9 @@ RESERVED = frozenset(_RESERVED.split())
 
 _IRI = re.compile(r'[^<>"{}|^`\\\s]+')
 _BARE = {
-    XSD + "integer": re.compile(r"[+-]?[0-9]+"),
-    XSD + "decimal": re.compile(r"[+-]?[0-9]+\.[0-9]+"),
-    XSD + "float": re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"),
+    XSD.integer: re.compile(r"[+-]?[0-9]+"),
+    XSD.decimal: re.compile(r"[+-]?[0-9]+\.[0-9]+"),
+    XSD.float: re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"),
 }
 _UNSAYABLE = re.compile("[\x00\ud800-\udfff]")
 
@@ -92,7 +74,7 @@ class Words:
             raise CannotSay("a text with a character that no file may have")
         form = _BARE.get(literal.datatype or "")
         if form is not None and form.fullmatch(literal.value):
-            return literal.value + ("f" if literal.datatype == XSD + "float" else "")
+            return literal.value + ("f" if literal.datatype == XSD.float else "")
         quoted = '"' + literal.value.replace("\\", "\\\\").replace('"', '\\"') + '"'
         if literal.language:
             return f"{quoted}@{literal.language}"
@@ -154,20 +136,20 @@ class Expressions:
         if depth == 0:
             raise CannotSay("expressions too deep inside each other")
         graph = self._graph
-        if (prop := graph.one(node, ON_PROPERTY)) is not None:
-            used += (prop, *self._types(node, (RESTRICTION,)))
+        if (prop := graph.one(node, OWL.onProperty)) is not None:
+            used += (prop, *self._types(node, (OWL.Restriction,)))
             return self._restriction(node, self._read(prop.object, prop, used, depth - 1), at, used, depth)
-        if (base := graph.one(node, INVERSE_OF)) is not None and isinstance(base.object, str):
+        if (base := graph.one(node, OWL.inverseOf)) is not None and isinstance(base.object, str):
             used.append(base)
             return Expression("inverse", at.span, parts=(Expression("name", at.span, base.object),))
-        if (base := graph.one(node, OWL + "onDatatype")) is not None and isinstance(base.object, str):
-            used += (base, *self._types(node, (DATATYPE,)))
+        if (base := graph.one(node, OWL.onDatatype)) is not None and isinstance(base.object, str):
+            used += (base, *self._types(node, (RDFS.Datatype,)))
             return self._facets(node, base.object, at, used)
         forms = [(kind, triple) for form, kind in FORMS.items() for triple in graph.about(node, form)]
         if len(forms) != 1:
             raise CannotSay("a nameless thing that is no expression")
         kind, triple = forms[0]
-        used += (triple, *self._types(node, (CLASS, DATATYPE)))
+        used += (triple, *self._types(node, (OWL.Class, RDFS.Datatype)))
         if kind == "not":
             return Expression(kind, at.span, parts=(self._read(triple.object, triple, used, depth - 1),))
         items, cells = graph.items(triple)
@@ -190,7 +172,7 @@ class Expressions:
         """Return the triples that state what kind of expression a nameless node is."""
         if not isinstance(node, BNode):
             return []
-        return [triple for triple in self._graph.about(node, TYPE) if triple.object in kinds][:1]
+        return [triple for triple in self._graph.about(node, RDF.type) if triple.object in kinds][:1]
 
     def _restriction(
         self, node: str | BNode, prop: Expression, at: Triple, used: list[Triple], depth: int
@@ -205,7 +187,7 @@ class Expressions:
             (triple,) = fillers
             kind = _FILLERS[triple.predicate]
             if kind == "Self":
-                if triple.object != Literal("true", BOOLEAN):
+                if triple.object != Literal("true", XSD.boolean):
                     raise CannotSay("hasSelf that is not true")
                 return Expression(kind, at.span, parts=(prop,))
             if kind == "value":
@@ -228,7 +210,7 @@ class Expressions:
 
     def _facets(self, node: str | BNode, base: str, at: Triple, used: list[Triple]) -> Expression:
         graph = self._graph
-        listed = graph.one(node, OWL + "withRestrictions")
+        listed = graph.one(node, OWL.withRestrictions)
         if listed is None:
             raise CannotSay("a datatype without its restrictions")
         used.append(listed)

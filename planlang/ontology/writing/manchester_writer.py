@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 
-from planlang.ontology.terms import IMPORTS, ONTOLOGY, OWL, RDF, TYPE, BNode, Literal, Term, Triple
+from planlang.ontology.terms import OWL, RDF, BNode, Literal, Term, Triple
 from planlang.ontology.writing.expression_text import FORMS, Expressions, Words
 from planlang.ontology.writing.names import Names
 from planlang.ontology.writing.nodes import ANNOTATION, AXIOM, CannotSay, Graph
@@ -37,8 +37,12 @@ class _Writer:
     def __init__(self, graph: Graph, prefixes: Mapping[str, str]) -> None:
         self._graph = graph
         self._ontology = next(
-            (t for t in graph.triples if t.predicate == TYPE and t.object == ONTOLOGY and isinstance(t.subject, str)),
-            next((t for t in graph.triples if t.predicate == TYPE and t.object == ONTOLOGY), None),
+            (
+                t
+                for t in graph.triples
+                if t.predicate == RDF.type and t.object == OWL.Ontology and isinstance(t.subject, str)
+            ),
+            next((t for t in graph.triples if t.predicate == RDF.type and t.object == OWL.Ontology), None),
         )
         own = self._ontology.subject if self._ontology is not None else None
         self._names = Names(prefixes, own if isinstance(own, str) else None)
@@ -76,7 +80,7 @@ class _Writer:
             return ""
         subject = self._ontology.subject
         line, written = "Ontology:", [self._ontology]
-        versions = self._graph.about(subject, OWL + "versionIRI")
+        versions = self._graph.about(subject, OWL.versionIRI)
         if isinstance(subject, str):
             line += f" <{subject}>"
             if len(versions) == 1 and isinstance(versions[0].object, str):
@@ -84,13 +88,13 @@ class _Writer:
                 written += versions
         self._graph.write(*written)
         lines = [line]
-        for triple in self._graph.about(subject, IMPORTS):
+        for triple in self._graph.about(subject, OWL.imports):
             if isinstance(triple.object, str):
                 lines += self._said([triple], partial(_import, triple))
         notes = [
             note
             for triple in self._graph.about(subject)
-            if triple.predicate not in (TYPE, IMPORTS, OWL + "versionIRI")
+            if triple.predicate not in (RDF.type, OWL.imports, OWL.versionIRI)
             for text in self._said([triple], partial(self._joined, triple))
             for note in text.split("\0")
         ]
@@ -124,7 +128,7 @@ class _Writer:
         found = []
         for node in self._graph.annotations(triple):
             said, frame = self._graph.notes(node)
-            if said and self._graph.has(node, TYPE, kind):
+            if said and self._graph.has(node, RDF.type, kind):
                 found.append(self._noted(said))
                 self._graph.write(*said, *frame)
         return found
@@ -152,7 +156,7 @@ class _Writer:
         except CannotSay:
             return
         said = self._graph.about(subject)
-        if not any(t.predicate == TYPE and t.object in FRAMES for t in said):  # a frame would declare it
+        if not any(t.predicate == RDF.type and t.object in FRAMES for t in said):  # a frame would declare it
             for triple in said:
                 if triple.predicate in PAIRS:
                     self._pairs += self._said([triple], partial(self._pair, subject, triple))
@@ -161,7 +165,9 @@ class _Writer:
                 return
         words = self._words_of(subject, said)
         for triple in said:
-            word = FRAMES.get(triple.object) if triple.predicate == TYPE and isinstance(triple.object, str) else None
+            word = (
+                FRAMES.get(triple.object) if triple.predicate == RDF.type and isinstance(triple.object, str) else None
+            )
             if word is not None:
                 frame = self._frame(word, subject)
                 for noted in self._said([triple], partial(self._head, triple)):
@@ -179,10 +185,10 @@ class _Writer:
         """Return the words for the frames of a subject: from its declarations, else from the statements about it."""
         if isinstance(subject, BNode):
             return ("Individual",)
-        declared = {FRAMES[t.object] for t in said if t.predicate == TYPE and t.object in FRAMES}
+        declared = {FRAMES[t.object] for t in said if t.predicate == RDF.type and t.object in FRAMES}
         needed: set[str] = set(declared)
         for triple in said:
-            if triple.predicate == TYPE:
+            if triple.predicate == RDF.type:
                 if triple.object in CHARACTERISTICS:
                     places: tuple[str, ...] = PROPERTIES
                 else:
@@ -199,12 +205,12 @@ class _Writer:
 
     @staticmethod
     def _is_language(term: Term) -> bool:
-        return isinstance(term, str) and term.startswith(LANGUAGES) and term not in (OWL + "Thing", OWL + "Nothing")
+        return isinstance(term, str) and term.startswith(LANGUAGES) and term not in (OWL.Thing, OWL.Nothing)
 
     def _statement(self, triple: Triple, words: tuple[str, ...]) -> None:
         """Put what a triple states into a section of one of the subject's frames."""
         predicate = triple.predicate
-        if predicate == TYPE:
+        if predicate == RDF.type:
             if triple.object in CHARACTERISTICS:
                 name = CHARACTERISTICS[str(triple.object)]
                 self._put(triple, words, PROPERTIES, "Characteristics", lambda: self._annotated(triple, name))
@@ -230,7 +236,7 @@ class _Writer:
             self._put(triple, words, words, "Annotations", lambda: self._annotation(triple, AXIOM))
 
     def _is_annotation_property(self, prop: str) -> bool:
-        return self._graph.has(prop, TYPE, OWL + "AnnotationProperty")
+        return self._graph.has(prop, RDF.type, OWL.AnnotationProperty)
 
     def _put(
         self,
@@ -252,7 +258,7 @@ class _Writer:
 
     def _plain(self, triple: Triple) -> str:
         """Return the name or expression that is a triple's object."""
-        if isinstance(triple.object, BNode) and triple.predicate in (OWL + "sameAs", OWL + "differentFrom"):
+        if isinstance(triple.object, BNode) and triple.predicate in (OWL.sameAs, OWL.differentFrom):
             return self._words.term(triple.object)
         if isinstance(triple.object, Literal):
             raise CannotSay("a value where a name belongs")
@@ -277,7 +283,7 @@ class _Writer:
             raise CannotSay("too few items")
         written = []
         for cell in cells:
-            if cell.predicate == RDF + "first":
+            if cell.predicate == RDF.first:
                 if isinstance(cell.object, Literal):
                     raise CannotSay("a value where a name belongs")
                 expression, used = self._expressions.of(cell)
@@ -296,11 +302,11 @@ class _Writer:
         """An axiom about several things, or about two of which the first is an expression; a negative fact goes to
         its individual's frame."""
         graph = self._graph
-        if graph.has(node, TYPE, OWL + "NegativePropertyAssertion"):
+        if graph.has(node, RDF.type, OWL.NegativePropertyAssertion):
             self._negative(node)
             return None
         for kind, word in SEVERAL.items():
-            for typed in graph.about(node, TYPE):
+            for typed in graph.about(node, RDF.type):
                 if typed.object == OWL + kind:
                     return next(self._said([typed], partial(self._several, typed, word)), None)
         said = [triple for triple in graph.about(node) if triple.predicate in PAIRS]
@@ -309,9 +315,7 @@ class _Writer:
         return next(self._said(said[:1], partial(self._pair, node, said[0])), None)
 
     def _several(self, typed: Triple, word: str) -> str:
-        members = [
-            t for t in self._graph.about(typed.subject) if t.predicate in (OWL + "members", OWL + "distinctMembers")
-        ]
+        members = [t for t in self._graph.about(typed.subject) if t.predicate in (OWL.members, OWL.distinctMembers)]
         if len(members) != 1:
             raise CannotSay("no members, or several lists of them")
         names = self._individuals if word == "DifferentIndividuals" else self._members
@@ -331,7 +335,7 @@ class _Writer:
         """Two things that are alike or different; the first is a name or an expression."""
         if isinstance(subject, str):
             first = self._words.name(subject)
-        elif triple.predicate in (OWL + "sameAs", OWL + "differentFrom"):
+        elif triple.predicate in (OWL.sameAs, OWL.differentFrom):
             raise CannotSay("an individual has a frame")
         else:
             expression, used = self._expressions.about(subject, triple)
@@ -346,17 +350,17 @@ class _Writer:
         said = graph.about(node)
 
         def write() -> list[str]:
-            prop = graph.one(node, OWL + "assertionProperty")
+            prop = graph.one(node, OWL.assertionProperty)
             targets = [t for name in ("targetIndividual", "targetValue") for t in graph.about(node, OWL + name)]
             if prop is None or not isinstance(prop.object, str) or len(targets) != 1:
                 raise CannotSay("a negative fact that is not whole")
-            core = (TYPE, OWL + "sourceIndividual", prop.predicate, targets[0].predicate)
+            core = (RDF.type, OWL.sourceIndividual, prop.predicate, targets[0].predicate)
             notes = [t for t in said if t.predicate not in core]
             graph.write(*said)
             words = f"not {self._words.name(prop.object)} {self._words.term(targets[0].object)}"
             return [self._noted(notes) + words]
 
-        sources = graph.about(node, OWL + "sourceIndividual")
+        sources = graph.about(node, OWL.sourceIndividual)
         if len(sources) == 1 and not isinstance(sources[0].object, Literal):
             subject = sources[0].object
             for text in self._said(said, lambda: "\0".join(write())):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from planlang.ontology.terms import FIRST, NIL, OWL, RDF, REST, STRING, TYPE, BNode, Literal, Term, Triple
+from planlang.ontology.terms import OWL, RDF, XSD, BNode, Literal, Term, Triple
 
-AXIOM = OWL + "Axiom"
-ANNOTATION = OWL + "Annotation"
+AXIOM = OWL.Axiom
+ANNOTATION = OWL.Annotation
 _SOURCE, _PROPERTY, _TARGET = (OWL + name for name in ("annotatedSource", "annotatedProperty", "annotatedTarget"))
 
 
@@ -33,7 +33,9 @@ class Graph:
             if isinstance(triple.object, BNode) and triple.predicate not in (_SOURCE, _TARGET):
                 self._with.setdefault(triple.object, []).append(triple)
         for subject in self._about:
-            if isinstance(subject, BNode) and (self.has(subject, TYPE, AXIOM) or self.has(subject, TYPE, ANNOTATION)):
+            if isinstance(subject, BNode) and (
+                self.has(subject, RDF.type, AXIOM) or self.has(subject, RDF.type, ANNOTATION)
+            ):
                 sources, properties, targets = (self.about(subject, part) for part in (_SOURCE, _PROPERTY, _TARGET))
                 if len(sources) == len(properties) == len(targets) == 1:
                     key = (sources[0].object, properties[0].object, targets[0].object)
@@ -80,14 +82,14 @@ class Graph:
         items: list[Term] = []
         used: list[Triple] = []
         cell, seen = triple.object, set[Term]()
-        while cell != NIL:
+        while cell != RDF.nil:
             if not isinstance(cell, BNode) or cell in seen or len(self.uses(cell)) != 1:
                 raise CannotSay("a list that has no end, or that is used twice")
             seen.add(cell)
-            first, rest = self.one(cell, FIRST), self.one(cell, REST)
+            first, rest = self.one(cell, RDF.first), self.one(cell, RDF.rest)
             if first is None or rest is None:
                 raise CannotSay("a list with a cell that lacks its item or its end")
-            used += (first, rest, *(t for t in self.about(cell, TYPE) if t.object == RDF + "List"))
+            used += (first, rest, *(t for t in self.about(cell, RDF.type) if t.object == RDF.List))
             items.append(first.object)
             cell = rest.object
         return items, used
@@ -98,7 +100,7 @@ class Graph:
 
     def notes(self, node: BNode) -> tuple[list[Triple], list[Triple]]:
         """Return the annotations in an annotating node, and the triples that link it to the annotated triple."""
-        frame = (TYPE, _SOURCE, _PROPERTY, _TARGET)
+        frame = (RDF.type, _SOURCE, _PROPERTY, _TARGET)
         said = self.about(node)
         return [t for t in said if t.predicate not in frame], [t for t in said if t.predicate in frame]
 
@@ -178,7 +180,7 @@ def statements(triples: Iterable[Triple]) -> dict[tuple[object, str, object], li
 
 def _plain(term: Term) -> Term:
     """Return the term, a text without its datatype: since RDF 1.1 plain texts are xsd:string."""
-    return Literal(term.value) if isinstance(term, Literal) and term.datatype == STRING else term
+    return Literal(term.value) if isinstance(term, Literal) and term.datatype == XSD.string else term
 
 
 def _digest(parts: object) -> str:
@@ -297,12 +299,17 @@ class Subjects:
         """
         items: list[Term] = []
         cells: list[BNode] = []
-        while cell != NIL:
+        while cell != RDF.nil:
             said = self.about.get(cell, []) if isinstance(cell, BNode) else []
             parts = {triple.predicate: triple.object for triple in said}
-            if not isinstance(cell, BNode) or len(said) != 2 or set(parts) != {FIRST, REST} or not is_free(cell):
+            if (
+                not isinstance(cell, BNode)
+                or len(said) != 2
+                or set(parts) != {RDF.first, RDF.rest}
+                or not is_free(cell)
+            ):
                 return None
-            items.append(parts[FIRST])
+            items.append(parts[RDF.first])
             cells.append(cell)
-            cell = parts[REST]
+            cell = parts[RDF.rest]
         return items, cells

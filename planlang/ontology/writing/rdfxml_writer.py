@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
-from planlang.ontology.terms import RDF, TYPE, BNode, Literal, Term, Triple
+from planlang.ontology.terms import RDF, BNode, Literal, Term, Triple
 from planlang.ontology.writing.names import Names
 from planlang.ontology.writing.nodes import Subjects, labelled
 
@@ -80,7 +80,7 @@ class _Writer:
         if isinstance(subject, BNode):
             self._written.add(subject)
         said = self._about.get(subject, [])
-        kind = next((t for t in said if t.predicate == TYPE and _is_element(t.object)), None)
+        kind = next((t for t in said if t.predicate == RDF.type and _is_element(t.object)), None)
         tag = self._tag(str(kind.object)) if kind is not None else "rdf:Description"
         pad = "    " * depth
         name = (
@@ -91,7 +91,7 @@ class _Writer:
             yield f"{pad}<{tag}{name}/>\n"
             return
         yield f"{pad}<{tag}{name}>\n"
-        for triple in sorted(rest, key=lambda one: (one.predicate != TYPE, one.predicate)):
+        for triple in sorted(rest, key=lambda one: (one.predicate != RDF.type, one.predicate)):
             yield from self._property(triple, depth + 1)
         yield f"{pad}</{tag}>\n"
 

@@ -4,55 +4,41 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from planlang.ontology.expressions import DATATYPE
-from planlang.ontology.terms import (
-    CLASS,
-    EQUIVALENT_CLASS,
-    INVERSE_OF,
-    NAMED_INDIVIDUAL,
-    OWL,
-    RDF,
-    RDFS,
-    SUBCLASS_OF,
-    SUBPROPERTY_OF,
-    XSD,
-)
-from planlang.ontology.terms import DOMAIN as RDFS_DOMAIN
-from planlang.ontology.terms import RANGE as RDFS_RANGE
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD
 
 WIDTH = 120
 """Characters of a line that holds more than one item."""
 
 FRAMES = {
-    OWL + "AnnotationProperty": "AnnotationProperty",
-    DATATYPE: "Datatype",
-    OWL + "ObjectProperty": "ObjectProperty",
-    OWL + "DatatypeProperty": "DataProperty",
-    CLASS: "Class",
-    NAMED_INDIVIDUAL: "Individual",
+    OWL.AnnotationProperty: "AnnotationProperty",
+    RDFS.Datatype: "Datatype",
+    OWL.ObjectProperty: "ObjectProperty",
+    OWL.DatatypeProperty: "DataProperty",
+    OWL.Class: "Class",
+    OWL.NamedIndividual: "Individual",
 }
 """Kind of thing -> the word that begins its frame, in the order of the file."""
 
 PROPERTIES = ("ObjectProperty", "DataProperty", "AnnotationProperty")
 SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
-    EQUIVALENT_CLASS: ("EquivalentTo", ("Class", "Datatype")),
-    SUBCLASS_OF: ("SubClassOf", ("Class",)),
-    OWL + "disjointWith": ("DisjointWith", ("Class",)),
-    SUBPROPERTY_OF: ("SubPropertyOf", PROPERTIES),
-    OWL + "equivalentProperty": ("EquivalentTo", ("ObjectProperty", "DataProperty")),
-    OWL + "propertyDisjointWith": ("DisjointWith", ("ObjectProperty", "DataProperty")),
-    INVERSE_OF: ("InverseOf", ("ObjectProperty",)),
-    RDFS_DOMAIN: ("Domain", PROPERTIES),
-    RDFS_RANGE: ("Range", PROPERTIES),
-    OWL + "sameAs": ("SameAs", ("Individual",)),
-    OWL + "differentFrom": ("DifferentFrom", ("Individual",)),
+    OWL.equivalentClass: ("EquivalentTo", ("Class", "Datatype")),
+    RDFS.subClassOf: ("SubClassOf", ("Class",)),
+    OWL.disjointWith: ("DisjointWith", ("Class",)),
+    RDFS.subPropertyOf: ("SubPropertyOf", PROPERTIES),
+    OWL.equivalentProperty: ("EquivalentTo", ("ObjectProperty", "DataProperty")),
+    OWL.propertyDisjointWith: ("DisjointWith", ("ObjectProperty", "DataProperty")),
+    OWL.inverseOf: ("InverseOf", ("ObjectProperty",)),
+    RDFS.domain: ("Domain", PROPERTIES),
+    RDFS.range: ("Range", PROPERTIES),
+    OWL.sameAs: ("SameAs", ("Individual",)),
+    OWL.differentFrom: ("DifferentFrom", ("Individual",)),
 }
 """Property -> the section that states it, and the frames that have it; the value is an expression or a name."""
 
 LISTS: dict[str, tuple[str, str, str]] = {
-    OWL + "disjointUnionOf": ("DisjointUnionOf", "Class", ", "),
-    OWL + "hasKey": ("HasKey", "Class", " "),
-    OWL + "propertyChainAxiom": ("SubPropertyChain", "ObjectProperty", " o "),
+    OWL.disjointUnionOf: ("DisjointUnionOf", "Class", ", "),
+    OWL.hasKey: ("HasKey", "Class", " "),
+    OWL.propertyChainAxiom: ("SubPropertyChain", "ObjectProperty", " o "),
 }
 """Property -> its section, its frame, and what stands between the items of its list."""
 
@@ -74,12 +60,12 @@ SEVERAL = {
     "AllDifferent": "DifferentIndividuals",
 }
 PAIRS = {
-    OWL + "sameAs": "SameIndividual",
-    OWL + "differentFrom": "DifferentIndividuals",
-    EQUIVALENT_CLASS: "EquivalentClasses",
-    OWL + "disjointWith": "DisjointClasses",
-    OWL + "equivalentProperty": "EquivalentProperties",
-    OWL + "propertyDisjointWith": "DisjointProperties",
+    OWL.sameAs: "SameIndividual",
+    OWL.differentFrom: "DifferentIndividuals",
+    OWL.equivalentClass: "EquivalentClasses",
+    OWL.disjointWith: "DisjointClasses",
+    OWL.equivalentProperty: "EquivalentProperties",
+    OWL.propertyDisjointWith: "DisjointProperties",
 }
 ANNOTATING = frozenset(
     (*(RDFS + name for name in ("label", "comment", "seeAlso", "isDefinedBy")),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
-from planlang.ontology.terms import REST, TYPE, BNode, Literal, Term, Triple
+from planlang.ontology.terms import RDF, BNode, Literal, Term, Triple
 from planlang.ontology.writing.names import Names
 from planlang.ontology.writing.nodes import Subjects, labelled
 
@@ -74,7 +74,7 @@ class _Writer:
                 for triple in self._about.get(subject, ()):
                     if isinstance(triple.object, BNode) and triple.object in once and triple.object not in nested:
                         nested.add(triple.object)
-                        (level if triple.predicate == REST else following).append(triple.object)
+                        (level if triple.predicate == RDF.rest else following).append(triple.object)
             level = following
         return frozenset(nested)
 
@@ -86,11 +86,11 @@ class _Writer:
     def _said(self, said: list[Triple], depth: int) -> str:
         """``property value, value ; property value``: rdf:type first, then by property."""
         values: dict[str, list[str]] = {}
-        for triple in sorted(said, key=lambda one: (one.predicate != TYPE, one.predicate)):
+        for triple in sorted(said, key=lambda one: (one.predicate != RDF.type, one.predicate)):
             values.setdefault(triple.predicate, []).append(self._value(triple.object, depth))
         indent = "\n" + "    " * depth
         parts = (
-            f"{'a' if prop == TYPE else self._iri(prop)} {(',' + indent + '    ').join(sorted(texts))}"
+            f"{'a' if prop == RDF.type else self._iri(prop)} {(',' + indent + '    ').join(sorted(texts))}"
             for prop, texts in values.items()
         )
         return f" ;{indent}".join(parts)

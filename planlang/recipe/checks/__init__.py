@@ -17,7 +17,7 @@ from typing import Generic, ParamSpec, TypeVar
 from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Recipe, RecipeSet, Step
-from planlang.recipe.order.scopes import added_by_scopes
+from planlang.recipe.scopes import added_by_scopes
 from planlang.recipe.statements import Statements
 
 _Asked = ParamSpec("_Asked")
@@ -66,7 +66,7 @@ class CheckedFile:
 
 @dataclass(frozen=True)
 class CheckedRecipe:
-    """A recipe to judge: ``statements`` is what the file says about it, ``recipe`` what was made of that."""
+    """A recipe to judge: ``statements`` as the file states it, ``recipe`` as it was read from these."""
 
     file: CheckedFile
     recipe: Recipe

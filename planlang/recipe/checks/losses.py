@@ -9,7 +9,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, warning
 from planlang.ontology import Literal, Ontology, Restriction, Term
 from planlang.ontology.classes import RESTRICTING
-from planlang.ontology.terms import COMPLEMENT_OF, EQUIVALENT_CLASS, ON_PROPERTY, OWL, SUBCLASS_OF, THING
+from planlang.ontology.terms import OWL, RDFS
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, check
 from planlang.recipe.fillers import action_properties
@@ -23,8 +23,8 @@ _DESCRIBED_BY = {
 """Word by which a task has something -> the words that describe it."""
 
 _STEPS = ("subAction", "subEvents")
-_NEGATIVE = frozenset({COMPLEMENT_OF, OWL + "disjointWith"})
-_FILLERS = (OWL + "someValuesFrom", OWL + "hasValue", OWL + "onClass")
+_NEGATIVE = frozenset({OWL.complementOf, OWL.disjointWith})
+_FILLERS = (OWL.someValuesFrom, OWL.hasValue, OWL.onClass)
 
 
 @check("R059")
@@ -51,7 +51,7 @@ def lost_statements(checked: CheckedFile) -> Iterator[Diagnostic]:
 def _own_classes(ontology: Ontology) -> Iterator[str]:
     """Yield the named classes of the main document that have a superclass or an equivalent class, each once."""
     store = ontology.store
-    rows = (row for word in (SUBCLASS_OF, EQUIVALENT_CLASS) for row in _here(ontology, store.by(word)))
+    rows = (row for word in (RDFS.subClassOf, OWL.equivalentClass) for row in _here(ontology, store.by(word)))
     for number in dict.fromkeys(map(store.subjects.__getitem__, rows)):
         name = store.name(number)
         if name is not None:
@@ -70,7 +70,7 @@ def _using(ontology: Ontology, *words: str) -> Sequence[int]:
 
 
 def _of_no_recipe(actions: Actions, cls: str, stated: tuple[Restriction, ...]) -> Iterator[Diagnostic]:
-    """Orders that a class states of which no recipe is: one without sub-actions, whatever it inherits."""
+    """Report orders stated by a class without recipe: without sub-actions of its own, whatever it inherits."""
     order = next(
         (one for one in stated if is_word(one.property, "orderingConstraints", "inputOutputConstraints")), None
     )
@@ -89,7 +89,7 @@ def _permitted(ontology: Ontology, cls: str, stated: tuple[Restriction, ...]) ->
     filled = {one.property for one in stated if one.kind in KINDS}
     parameters = frozenset(action_properties(ontology))
     for one in stated:
-        if one.kind in KINDS or one.cardinality == 0 or not isinstance(one.filler, str) or one.filler == THING:
+        if one.kind in KINDS or one.cardinality == 0 or not isinstance(one.filler, str) or one.filler == OWL.Thing:
             continue
         is_held = is_word(one.property, *_STEPS, *_DESCRIBED_BY) and (one.property, one.filler) not in there
         if is_held or (one.property in parameters - filled and ontology.defined(one.filler)):
@@ -102,15 +102,15 @@ def _permitted(ontology: Ontology, cls: str, stated: tuple[Restriction, ...]) ->
 
 
 def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[Diagnostic]:
-    """Sub-actions and constraints in alternatives, which say nothing certain.
+    """Report sub-actions and constraints in alternatives, which state nothing certain.
 
-    In a complement they say what is not there, and in the definition of a class without a recipe what tasks it is of:
-    neither is lost.
+    In a complement they state what is absent, and in the definition of a class without a recipe its tasks: neither is
+    lost.
     """
     ontology = actions.ontology
     store = ontology.store
     subjects, objects, lines, columns = store.subjects, store.objects, store.lines, store.columns
-    restricting = _here(ontology, store.by(ON_PROPERTY))
+    restricting = _here(ontology, store.by(OWL.onProperty))
     names = {number: store.name(number) or "" for number in {objects[row] for row in restricting}}
     wanted = {number: local_name(name) for number, name in names.items() if is_word(name, *_STEPS, *_DESCRIBED_BY)}
     asked = [one.filler if one.cardinality is None else Literal(str(one.cardinality)) for one in read]
@@ -149,18 +149,16 @@ def _is_about_others(actions: Actions, node: int) -> bool:
         word, node = store.name(store.predicates[holding[0]]), store.subjects[holding[0]]
         if word in _NEGATIVE:
             return True
-    return word == EQUIVALENT_CLASS and actions.statements(store.name(node) or "") is None
+    return word == OWL.equivalentClass and actions.statements(store.name(node) or "") is None
 
 
 def _texts_of_individuals(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Texts as values of words that name something."""
+    """Report texts as values of properties that name something."""
     store = ontology.store
     for row in _here(ontology, _using(ontology, *NAMING)):
-        owner = store.name(store.subjects[row])
-        if owner is not None and store.name(store.objects[row]) is None:
-            stated = store.triple(row)
-            if isinstance(stated.object, Literal):
-                yield from _text(local_name(owner), stated.predicate, stated.object, stated.span)
+        value = store.terms[store.objects[row]]
+        if isinstance(value, Literal) and (owner := store.name(store.subjects[row])) is not None:
+            yield from _text(local_name(owner), store.triple(row).predicate, value, store.span(row))
 
 
 def _text(owner: str, name: str, value: Literal, span: Span) -> Iterator[Diagnostic]:
@@ -173,9 +171,9 @@ def _text(owner: str, name: str, value: Literal, span: Span) -> Iterator[Diagnos
 def _held_by_nothing(
     ontology: Ontology, holder: str, words: tuple[str, str], stated: list[Restriction]
 ) -> Iterator[Diagnostic]:
-    """Constraints, mappings and transitions that no task has, in files that have others.
+    """Report constraints, mappings and transitions that no task has, in files that have others.
 
-    Where a task has one that is not described, that may be one of them under a wrong name, which is told of it.
+    Where a task has one that is not described, that may be one of them under a wrong name, which R011 reports.
     """
     store = ontology.store
     holding = {name for name in {one.property for one in stated} if is_word(name, holder)}
@@ -196,7 +194,7 @@ def _held_by_nothing(
 
 
 def _crossed(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Constraints with several ends on either side, as two of one name have: each before each."""
+    """Report constraints with several ends on either side, as two of one name have: each before each."""
     store, words = ontology.store, _DESCRIBED_BY["orderingConstraints"]
     several = (Counter(map(store.subjects.__getitem__, _using(ontology, word))) for word in words)
     befores_of, afters_of = ({number for number, times in counted.items() if times > 1} for counted in several)

@@ -1,8 +1,8 @@
 """Misspelt names of a recipe's file: words of the recipe vocabulary, classes, individuals, outcomes.
 
-Each is told once, as an error that names it. The recipe is then read as if the names were right, so that only what is
-wrong besides is told. A name is misspelt if nothing defines it and exactly one slip makes it a name that is known;
-what is merely foreign is left alone. A name that the file itself declares outside of the vocabularies may well be one
+Each is reported once, as an error that names it. The recipe is then read as if the names were right, so that only
+other mistakes are reported besides. A name is misspelt if nothing defines it and one typo makes it a known name; names
+that are merely foreign are left alone. A name that the file itself declares outside of the vocabularies may well be one
 of its own: it is read as it is written, with a warning.
 """
 
@@ -17,21 +17,7 @@ from functools import cached_property
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import Ontology, shorten
-from planlang.ontology.terms import (
-    EQUIVALENT_CLASS,
-    FIRST,
-    KNOWROB,
-    NIL,
-    ON_PROPERTY,
-    OWL,
-    RDF,
-    RDFS,
-    SUBCLASS_OF,
-    TYPE,
-    VOCABULARIES,
-    XSD,
-    is_vocabulary,
-)
+from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, VOCABULARIES, XSD, is_vocabulary
 from planlang.recipe.checks import check
 from planlang.recipe.fillers import action_properties
 from planlang.recipe.readers.data_flow import OUTPUTS
@@ -42,7 +28,7 @@ from planlang.relations import owl_properties
 
 _W3C = (OWL, RDF, RDFS, XSD)
 _NAMING = (
-    TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, FIRST,
+    RDF.type, RDFS.subClassOf, OWL.equivalentClass, RDF.first,
     *(OWL + name for name in ("someValuesFrom", "hasValue", "allValuesFrom", "onClass")),
 )  # fmt: skip
 """Properties of OWL whose objects are names that something should define."""
@@ -97,13 +83,13 @@ class _Names:
 
     @cached_property
     def _defining(self) -> Sequence[int]:
-        return self._store.by(TYPE, SUBCLASS_OF, EQUIVALENT_CLASS, RDFS + "subPropertyOf")
+        return self._store.by(RDF.type, RDFS.subClassOf, OWL.equivalentClass, RDFS.subPropertyOf)
 
     @cached_property
     def properties(self) -> dict[int, int]:
         """The properties that the main document uses, each with the row of its first use."""
         store, main = self._store, self._main
-        restricted = {store.objects[row]: row for row in reversed(store.by(ON_PROPERTY)) if row in main}
+        restricted = {store.objects[row]: row for row in reversed(store.by(OWL.onProperty)) if row in main}
         stated = {number: rows[0] for number in store.used if (rows := store.by(store.name(number) or ""))}
         found = restricted | {
             number: min(row, restricted.get(number, row)) for number, row in stated.items() if row in main
@@ -116,7 +102,7 @@ class _Names:
         if name is None or name.startswith(_W3C) or is_vocabulary(shorten(name)) or _is_read(name):
             return True
         rows = list(self._store.about(number))
-        return any(row not in self._main or self._store.name(self._store.predicates[row]) != TYPE for row in rows)
+        return any(row not in self._main or self._store.name(self._store.predicates[row]) != RDF.type for row in rows)
 
     @cached_property
     def spaces_of_words(self) -> frozenset[str]:
@@ -136,7 +122,7 @@ class _Names:
         found: dict[str, int] = {}
         for number in used - self._defined - made:
             name = store.name(number)
-            if name is not None and name != NIL and not name.startswith(_W3C) and not self._ontology.defined(name):
+            if name is not None and name != RDF.nil and not name.startswith(_W3C) and not self._ontology.defined(name):
                 rows = (row for row in store.with_object(number) if store.predicates[row] in naming)
                 row = next(rows)
                 if row in self._main:
@@ -172,7 +158,7 @@ class _Names:
 
         A name of a thing (``cup``) is not meant for that of its class (``Cup``), nor the other way round.
         """
-        kinds = {self._store.numbers.get(TYPE), self._store.numbers.get(SUBCLASS_OF)}
+        kinds = {self._store.numbers.get(RDF.type), self._store.numbers.get(RDFS.subClassOf)}
         is_kind = self._store.predicates[self.undefined[written]] in kinds
         space, short = _space(written), local_name(written)
         same = [name for name in self._known.get(short, ()) if self._are_mixed(space, _space(name))]
@@ -193,7 +179,7 @@ class _Names:
 
 
 def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
-    """Properties that are nearly words of the recipe vocabulary, or properties of KnowRob's."""
+    """Report properties that are nearly words of the recipe vocabulary, or properties of KnowRob's."""
     unknown = {number: row for number, row in names.properties.items() if not names.is_known_property(number)}
     if not unknown:
         return
@@ -221,7 +207,7 @@ def _vocabulary(ontology: Ontology) -> Iterator[str]:
     """Yield the properties that the bundled vocabulary declares."""
     kinds = (OWL + kind for kind in ("ObjectProperty", "DatatypeProperty", "AnnotationProperty"))
     for kind in kinds:
-        for triple in ontology.triples(p=TYPE, o=kind):
+        for triple in ontology.triples(p=RDF.type, o=kind):
             if isinstance(triple.subject, str) and is_vocabulary(shorten(triple.subject)):
                 yield triple.subject
 
@@ -258,7 +244,7 @@ def _is_read(name: str) -> bool:
 
 
 def _things(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
-    """Names of classes and individuals that nothing defines, and nearly the same something does."""
+    """Report names of classes and individuals that nothing defines while a similar name is defined."""
     outcomes = {triple.object for triple in ontology.using("causedBy")}
     for written, row in names.undefined.items():
         if written not in outcomes:
@@ -280,7 +266,7 @@ def _misspelt(written: str, meant: list[str], span: Span, message: str) -> Diagn
 
 def _is_declared(ontology: Ontology, name: str) -> bool:
     """Return True if the main document states the kind of something, not only its name."""
-    return ontology.main(name) and any(kind != OWL + "NamedIndividual" for kind in ontology.values(name, TYPE))
+    return ontology.main(name) and any(kind != OWL.NamedIndividual for kind in ontology.values(name, RDF.type))
 
 
 def _unusual(written: str, meant: list[str], span: Span) -> Diagnostic:
@@ -293,7 +279,7 @@ def _unusual(written: str, meant: list[str], span: Span) -> Diagnostic:
 
 
 def _outcomes(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Outcomes with a word that is nearly one that says how a state ends."""
+    """Report outcomes with a word that is nearly one of the words for how a state ends."""
     seen: set[object] = set()
     for triple in ontology.using("causedBy"):
         outcome = triple.object
@@ -323,7 +309,7 @@ def _outcome(ontology: Ontology, outcome: str, span: Span) -> Iterator[Diagnosti
     if not _is_declared(ontology, outcome):
         message = f"unknown outcome `{short}`: it would be read as {ending_of(outcome).value}"
         yield _misspelt(outcome, meant, span, message)
-    elif all(triple.predicate == TYPE for triple in ontology.triples(s=outcome)):
+    elif all(triple.predicate == RDF.type for triple in ontology.triples(s=outcome)):
         yield _unusual(outcome, meant, span)
 
 

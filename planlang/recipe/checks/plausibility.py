@@ -18,7 +18,7 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.model import Filler, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order.graph import Precedence, order_graph, recipe_graph, recipe_order
+from planlang.recipe.order import Precedence, order_graph, recipe_graph, recipe_order
 
 RECURSIVE = ("R022", "R023")
 """Codes of mistakes by which recipes cannot be followed into those below them."""
@@ -98,7 +98,7 @@ def plausible_orders(
                 wished.add_edge(first, second)
                 suggested[first, second] = why
     if suggested:
-        wider: Precedence[str] = Precedence(wished)
+        wider: Precedence[str] = Precedence(wished.nodes, wished.edges)
         yield from (
             (before, after, suggested[before, after])
             for before, after in wider.reduction()
@@ -203,7 +203,7 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         return
     order = recipe_order(recipe)
     if checked.added:
-        order = Precedence.of(order.nodes, [*order.reduction(), *checked.added])
+        order = order.extended(checked.added)
     suggested = {frozenset((before, after)) for before, after, _ in plausible_orders(actions, recipe, checked.added)}
 
     def shared(first: Step, second: Step) -> frozenset[str]:
@@ -231,7 +231,7 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 def _resources(
     actions: Actions, step: Step, recipes: RecipeSet, known: dict[str, frozenset[str]], *, with_implied: bool
 ) -> frozenset[str]:
-    """Roles that a step needs, those of steps below it included; a role of the hand with the device if that is told.
+    """Return the roles that a step and the steps below it need; a role of the hand with its device if that is stated.
 
     With ``with_implied`` those of what primitives do on the way, too. ``known`` are those of recipes (IRIs) that were
     asked for before.

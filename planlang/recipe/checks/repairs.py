@@ -1,4 +1,4 @@
-"""Repairs that are safe to make, each with a note: exchanged fillers, and things told only by their class."""
+"""Repairs that are safe to make, each with a note: exchanged fillers, and things given only by their class."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import combinations
 
 from planlang.diagnostics import Diagnostic, note
 from planlang.ontology import Ontology, expand
-from planlang.ontology.terms import RANGE
+from planlang.ontology.terms import RDFS
 from planlang.recipe.checks import check
 from planlang.recipe.fillers import is_of_unknown_kind
 from planlang.recipe.model import Kind, Parameter, Place, Recipe, RecipeSet, Thing
@@ -47,7 +47,7 @@ def ranges_of(ontology: Ontology, property_name: str) -> list[str]:
     """Return the classes (IRIs) in the range of a property."""
     return [
         triple.object
-        for triple in ontology.triples(s=expand(property_name), p=RANGE)
+        for triple in ontology.triples(s=expand(property_name), p=RDFS.range)
         if isinstance(triple.object, str) and ontology.is_class(triple.object)
     ]
 
@@ -94,7 +94,7 @@ def _fits(ontology: Ontology, property_name: str, thing: Thing) -> bool:
 
 
 def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Recipe, list[Diagnostic]]:
-    """Take a thing told only by its class for the only individual of that class that the recipe speaks of."""
+    """Replace a thing given only by its class by the only individual of that class in the recipe."""
     individuals = dict.fromkeys(thing for thing in _things_below(recipe, recipes) if thing.iri is not None)
     notes: list[Diagnostic] = []
 

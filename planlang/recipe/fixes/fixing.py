@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
@@ -13,11 +14,11 @@ from planlang.ontology import load
 from planlang.ontology.documents import Syntax, read_bytes, syntax_of_text
 from planlang.ontology.xml_text import decode
 from planlang.recipe.actions import Actions
-from planlang.recipe.fixes.edits import CannotEdit, Edit, Editable, Fix, applied
+from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix
 from planlang.recipe.fixes.manchester_text import ManchesterText
 from planlang.recipe.fixes.proposals import proposed, renames
 from planlang.recipe.fixes.xml_text import XmlText
-from planlang.recipe.reading import Reading, read_recipe
+from planlang.recipe.reading import read_recipe
 from planlang.recipe.tasks import read_recipes
 
 MOST_FIXES = 100
@@ -43,7 +44,10 @@ class Fixed:
 
 @dataclass(frozen=True, slots=True)
 class _State:
+    """A text, which was read from a temporary file, with what is wrong with it."""
+
     text: str
+    file: str
     diagnostics: tuple[Diagnostic, ...]
     fixes: tuple[Fix, ...]
 
@@ -67,97 +71,30 @@ def fix_recipe(
     content = read_bytes(path)
     before = decode(content, str(path))
     encoding = _encoding(content, before)
-    fixer = _Fixer(path, encoding, task, (path.parent, *folders), allow_abstract)
-    try:
-        state = fixer.read(before)
-    except BadInput as problem:
-        raise BadInput([replace(one, span=_in(path, one.span)) for one in problem.diagnostics]) from None
-    done: list[Fix] = []
-    impossible: dict[tuple[str, str], tuple[Fix, str]] = {}
-    while len(done) + len(impossible) < MOST_FIXES:
-        waiting = [
-            fix
-            for fix in state.fixes
-            if (fix.is_safe or fix.code in accepted) and (fix.code, fix.message) not in impossible
-        ]
-        if not waiting:
-            break
-        try:
-            state, made = fixer.made(state, waiting)
-            done += made
-        except CannotEdit as problem:
-            impossible[waiting[0].code, waiting[0].message] = (waiting[0], str(problem))
-    unaccepted = [fix for fix in state.fixes if not fix.is_safe and fix.code not in accepted]
-    return Fixed(
-        before,
-        state.text,
-        encoding,
-        tuple(done),
-        tuple(replace(fix, span=_in(path, fix.span)) for fix in unaccepted),
-        tuple((replace(fix, span=_in(path, fix.span)), why) for fix, why in impossible.values()),
-    )
 
-
-def _in(path: Path, span: Span | None) -> Span | None:
-    """Return the position in the file itself instead of its temporary copy."""
-    return span if span is None or Path(span.file).name != path.name else span._replace(file=str(path))
-
-
-class _Fixer:
-    def __init__(
-        self, path: Path, encoding: str, task: str | None, folders: Sequence[Path], allow_abstract: bool
-    ) -> None:
-        self._path = path
-        self._encoding = encoding
-        self._task = task
-        self._folders = folders
-        self._allow_abstract = allow_abstract
-
-    def made(self, state: _State, fixes: Sequence[Fix]) -> tuple[_State, Sequence[Fix]]:
-        """Return the state with all safe fixes made at once if that works, else with the first of them.
-
-        Raises CannotEdit if the first one does not work.
-        """
-        text = editable(state.text)
-        safe = [fix for fix in fixes if fix.is_safe]
-        for some in (safe, fixes[:1]) if len(safe) > 1 else (fixes[:1],):
-            try:
-                edits = [edit for fix in some for edit in self._edits(fix, text)]
-                return self._tried(state, some, edits), some
-            except CannotEdit:
-                if some is not safe or len(safe) == 1:
-                    raise
-        raise CannotEdit("no fix was given")
-
-    def read(self, text: str) -> _State:
+    def read(text: str) -> _State:
         """Return the diagnostics and fixes of a text; raises BadInput if it cannot be read."""
         with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
-            copy = Path(folder) / self._path.name
-            copy.write_bytes(text.encode(self._encoding))
-            ontology = load(copy, folders=self._folders)
-            actions = Actions(ontology)
-            reading: Reading = read_recipe(actions, self._task, allow_abstract=self._allow_abstract)
-            found = reading.diagnostics
+            copy = Path(folder) / path.name
+            copy.write_bytes(text.encode(encoding))
+            actions = Actions(load(copy, folders=(path.parent, *folders)))
+            reading = read_recipe(actions, task, allow_abstract=allow_abstract)
             if reading.actions is actions:
                 raw = read_recipes(actions, reading.recipes.task) if reading.recipes is not None else None
-                fixes = proposed(actions, reading.recipes, raw, found)
+                fixes = proposed(actions, reading.recipes, raw, reading.diagnostics)
             else:  # what else there is to fix stands beside names that are not yet in the text
-                fixes = list(renames(ontology, reading.misspelt))
-            fixes = [fix for fix in fixes if self._is_here(fix, copy)]
-        return _State(text, found, tuple(fixes))
+                fixes = list(renames(actions.ontology, reading.misspelt))
+        here = tuple(fix for fix in fixes if fix.span is not None and fix.span.file == str(copy))
+        return _State(text, str(copy), reading.diagnostics, here)
 
-    def _is_here(self, fix: Fix, copy: Path) -> bool:
-        return fix.span is not None and fix.span.file == str(copy)
-
-    def _edits(self, fix: Fix, text: Editable) -> Iterator[Edit]:
-        edits = fix.edit(text)
-        if not edits:
+    def tried(state: _State, fixes: Sequence[Fix]) -> _State:
+        """Return the state with fixes made. Raises CannotEdit if that is not possible, or does not help."""
+        text = _editable(state)
+        edits = [fix.edit(text) for fix in fixes]
+        if not all(edits):
             raise CannotEdit("nothing in the text was found to be changed")
-        yield from edits
-
-    def _tried(self, state: _State, fixes: Sequence[Fix], edits: Sequence[Edit]) -> _State:
         try:
-            new = self.read(applied(state.text, edits))
+            new = read(_applied(state.text, chain.from_iterable(edits)))
         except (BadInput, UnicodeEncodeError):
             raise CannotEdit("the text could not be read any more") from None
         left = {(fix.code, fix.message) for fix in new.fixes}
@@ -167,16 +104,65 @@ class _Fixer:
             raise CannotEdit("there would be errors that are not there now")
         return new
 
+    def in_file(span: Span | None) -> Span | None:
+        """Return the position in the file itself instead of its temporary copy."""
+        return span if span is None or Path(span.file).name != path.name else span._replace(file=str(path))
 
-def editable(text: str) -> Editable:
+    try:
+        state = read(before)
+    except BadInput as problem:
+        raise BadInput([replace(one, span=in_file(one.span)) for one in problem.diagnostics]) from None
+    done: list[Fix] = []
+    impossible: dict[tuple[str, str], tuple[Fix, str]] = {}
+    while len(done) + len(impossible) < MOST_FIXES:
+        wanted = [fix for fix in state.fixes if fix.is_safe or fix.code in accepted]
+        waiting = [fix for fix in wanted if (fix.code, fix.message) not in impossible]
+        if not waiting:
+            break
+        safe = [fix for fix in waiting if fix.is_safe]
+        for some in (safe, waiting[:1]) if len(safe) > 1 else (waiting[:1],):  # all at once if that works
+            try:
+                state = tried(state, some)
+                done += some
+                break
+            except CannotEdit as problem:
+                if some is not safe:
+                    impossible[waiting[0].code, waiting[0].message] = (waiting[0], str(problem))
+    unaccepted = [fix for fix in state.fixes if not fix.is_safe and fix.code not in accepted]
+    return Fixed(
+        before,
+        state.text,
+        encoding,
+        tuple(done),
+        tuple(replace(fix, span=in_file(fix.span)) for fix in unaccepted),
+        tuple((replace(fix, span=in_file(fix.span)), why) for fix, why in impossible.values()),
+    )
+
+
+def _editable(state: _State) -> Editable:
     """Return the text as RDF/XML or as Manchester syntax. Raises CannotEdit if it is XML with mistakes, or Turtle."""
-    match syntax_of_text(text, "the recipe"):
+    match syntax_of_text(state.text, "the recipe"):
         case Syntax.RDFXML:
-            return XmlText(text)
+            return XmlText(state.text, state.file)
         case Syntax.MANCHESTER:
-            return ManchesterText(text)
+            return ManchesterText(state.text, state.file)
         case Syntax.TURTLE:
             raise CannotEdit("Turtle is not edited; planlang convert writes it in another syntax")
+
+
+def _applied(text: str, edits: Iterable[Edit]) -> str:
+    """Return the text with all edits made; of insertions at one position the one given first comes first.
+
+    Raises CannotEdit if two edits touch the same characters.
+    """
+    parts: list[str] = []
+    position = 0
+    for start, end, new in sorted(dict.fromkeys(edits), key=lambda edit: edit[:2]):
+        if start < position:
+            raise CannotEdit("two fixes touch the same place")
+        parts += [text[position:start], new]
+        position = end
+    return "".join([*parts, text[position:]])
 
 
 def _encoding(content: bytes, text: str) -> str:

@@ -8,7 +8,7 @@ from itertools import islice
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology.xml_text import offset_of
-from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, Place, indentation, line_end
+from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
 
 _NAME = re.compile(r"<[^<>\s]*>|[^\s,(){}\[\]\"<>]+")
 _BEFORE_FILLER = re.compile(
@@ -27,27 +27,21 @@ _LONGEST = 1000
 """Characters before a filler among which its property is looked for."""
 
 
-class ManchesterText:
-    """A file in Manchester syntax; spans are those of its reader: fillers and names at their first character."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text
+class ManchesterText(Editable):
+    """A file in Manchester syntax; fillers and names stand at their first character, a fact at its property."""
 
     def exchanged(self, first: Span, second: Span) -> list[Edit]:
-        """Exchange the properties of two restrictions, whose fillers stand at the spans."""
         (a_start, a_end), (b_start, b_end) = self._property(first), self._property(second)
         return [Edit(a_start, a_end, self.text[b_start:b_end]), Edit(b_start, b_end, self.text[a_start:a_end])]
 
     def renamed(self, where: Span, like: Span) -> list[Edit]:
-        """Write at one place the name that stands at another; a fact stands at its property."""
         start, end = self._name(where)
         new_start, new_end = self._name(like)
         return [Edit(start, end, self.text[new_start:new_end])]
 
     def replaced(self, where: Span, written: str, meant: str) -> list[Edit]:
-        """Write one name (IRI) for another at one place, or right behind it: a fact stands at its property."""
         old = local_name(written)
-        for match in islice(_NAME.finditer(self.text, offset_of(self.text, where)), 2):
+        for match in islice(_NAME.finditer(self.text, self._offset(where)), 2):  # of a fact the second is the name
             name = match[0].removesuffix(">")
             if name.endswith(old) and name[: -len(old)][-1:] in ("", ":", "#", "/"):
                 if written.removesuffix(old) == meant.removesuffix(local_name(meant)):
@@ -57,7 +51,6 @@ class ManchesterText:
         raise CannotEdit(f"the name {old} is not written there")
 
     def without(self, filler: Span) -> list[Edit]:
-        """Take a restriction, whose filler stands at the span, out of the list or the intersection that has it."""
         start, end = self._property(filler)[0], self._name(filler)[1]
         while (before := _OPEN.search(self.text, 0, start)) and (after := _CLOSE.match(self.text, end)):
             start, end = before.start(), after.end()
@@ -68,12 +61,8 @@ class ManchesterText:
         raise CannotEdit("it is not one of several in a list")
 
     def without_individual(self, where: Span, name: str) -> list[Edit]:
-        """Take out the frame of an individual (IRI), if it has only one."""
-        heads = [
-            match
-            for match in re.finditer(r"^[ \t]*Individual:\s*(<[^<>\s]*>|\S+)", self.text, re.MULTILINE)
-            if match[1].removesuffix(">").endswith(local_name(name))
-        ]
+        frames = re.finditer(r"^[ \t]*Individual:\s*(<[^<>\s]*>|\S+)", self.text, re.MULTILINE)
+        heads = [match for match in frames if match[1].removesuffix(">").endswith(local_name(name))]
         start, end = self._name(where)
         if len(heads) != 1 or heads[0].span(1) != (start, end):
             return []
@@ -81,44 +70,29 @@ class ManchesterText:
         return [Edit(heads[0].start(), following.start() if following else len(self.text), "")]
 
     def with_kind(self, filler: Span, kind: str) -> list[Edit]:
-        """Make a restriction one of another kind, "some" or "value"."""
         end = self._property(filler)[1]
         word = _KIND.match(self.text, end)
         if word is None:
             raise CannotEdit("neither some nor value is written there")
         return [Edit(*word.span(1), kind)]
 
-    def with_ordering(self, anchors: Anchors) -> list[Edit]:
-        """Add an ordering constraint to a task, and the individual that it names, behind the task's frame."""
-        place = anchors.place
+    def with_ordering(self, place: Place, before: Span, after: Span, suffix: str) -> list[Edit]:
         property_name = self._slice(self._property(place.sub_action))
         head, local, tail = property_name.rpartition(place.word)
         if not local or tail not in ("", ">"):
             raise CannotEdit(f"the property {property_name} is not written as {place.word}")
-        before, after = self._slice(self._name(anchors.before)), self._slice(self._name(anchors.after))
-        task = self._slice(self._name(place.task))
-        name = f"{task[:-1]}{anchors.suffix}>" if task.endswith(">") else task + anchors.suffix
-        facts = (f"{head}occursBeforeInOrdering{tail} {before}", f"{head}occursAfterInOrdering{tail} {after}")
+        first, second, task = (self._slice(self._name(span)) for span in (before, after, place.task))
+        name = f"{task[:-1]}{suffix}>" if task.endswith(">") else task + suffix
         individual = [
             f"Individual: {name}",
             f"    Types: {head}PartialOrdering-Strict{tail}",
-            f"    Facts: {', '.join(facts)}",
+            f"    Facts: {head}occursBeforeInOrdering{tail} {first}, {head}occursAfterInOrdering{tail} {second}",
         ]
         return self._with_restriction(place, f"{head}orderingConstraints{tail} value {name}", individual)
 
     def with_sub_action(self, place: Place, step: Span, kind: str) -> list[Edit]:
-        """Add a sub-action, whose head stands at ``step``, to the list of a task, or by a frame of its own."""
         property_name = self._slice(self._property(place.sub_action))
         return self._with_restriction(place, f"{property_name} {kind} {self._slice(self._name(step))}", [])
-
-    def with_right_terms(self) -> list[Edit]:
-        """Nothing: what RDF/XML puts into the wrong namespace are keywords here."""
-        return []
-
-    def _item(self, last: Span, new: str) -> str:
-        """Return a further item for the list that contains ``last``, on a line of its own if ``last`` is on one."""
-        indent = indentation(self.text, self._property(last)[0])
-        return f",{line_end(self.text)}{indent}{new}" if indent else f", {new}"
 
     def _with_restriction(self, place: Place, new: str, individual: list[str]) -> list[Edit]:
         """Add a restriction to a task, and the lines of the individual that it names.
@@ -129,7 +103,8 @@ class ManchesterText:
         is_item = place.is_flat and self._ends_an_item(end)
         stated = [] if is_item else [f"Class: {self._slice(self._name(place.task))}", f"    SubClassOf: {new}"]
         frames = [frame for frame in (stated, individual) if frame]
-        edits = [Edit(end, end, self._item(place.last, new))] if is_item else []
+        indent = self.indentation(self._property(place.last)[0])
+        edits = [Edit(end, end, f",{self.line_end()}{indent}{new}" if indent else f", {new}")] if is_item else []
         return [*edits, self._frames(end, frames)] if frames else edits
 
     def _frames(self, place: int, frames: list[list[str]]) -> Edit:
@@ -140,16 +115,19 @@ class ManchesterText:
         while len(lines) > 1 and (not lines[-1].strip() or lines[-1].lstrip().startswith("#")):
             lines.pop()
         end = place + len("".join(lines).rstrip())
-        return Edit(end, end, "".join(line_end(self.text).join(["", "", *frame]) for frame in frames))
+        return Edit(end, end, "".join(self.line_end().join(["", "", *frame]) for frame in frames))
 
     def _ends_an_item(self, offset: int) -> bool:
         """Return True if an item of a list ends here: before a comma, another section, or the end."""
         rest = re.sub(r"\A(?:\s|#[^\n]*\n)+", "", self.text[offset:])
         return not rest or rest.startswith(",") or _FRAME.match(rest) is not None
 
+    def _offset(self, span: Span) -> int:
+        self.check_file(span)
+        return offset_of(self.text, span)
+
     def _name(self, span: Span) -> tuple[int, int]:
-        offset = offset_of(self.text, span)
-        found = _NAME.match(self.text, offset)
+        found = _NAME.match(self.text, self._offset(span))
         if found is None:
             raise CannotEdit("a name is expected there")
         value = re.match(r"\s+", self.text[found.end() :])
@@ -160,7 +138,7 @@ class ManchesterText:
         return found.start(), found.end()
 
     def _property(self, filler: Span) -> tuple[int, int]:
-        offset = offset_of(self.text, filler)
+        offset = self._offset(filler)
         window = max(0, offset - _LONGEST)
         found = _BEFORE_FILLER.search(self.text[window:offset].replace("(", " "))
         if found is None or re.search(r"\binverse\s*\Z", self.text[window : window + found.start()]):

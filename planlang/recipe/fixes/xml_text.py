@@ -11,8 +11,8 @@ from xml.sax.saxutils import escape
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology.repairs import meant_term
-from planlang.ontology.terms import INTERSECTION_OF, ON_PROPERTY, OWL, RDF, SUBCLASS_OF
-from planlang.recipe.fixes.edits import Anchors, CannotEdit, Edit, Place, indentation, line_end
+from planlang.ontology.terms import OWL, RDF, RDFS
+from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
 
 _START = re.compile(r"<[^\s/>\"'<]+(?:[^\"'<>]|\"[^\"<]*\"|'[^'<]*')*>")
 _KINDS = {"some": "someValuesFrom", "value": "hasValue"}
@@ -38,11 +38,11 @@ class Element:
     children: list[Element] = field(default_factory=list)
 
 
-class XmlText:
-    """An RDF/XML file; spans are those of its reader: the starts of elements. Raises CannotEdit if it is no XML."""
+class XmlText(Editable):
+    """An RDF/XML file; spans are the starts of elements. Raises CannotEdit if it is no XML."""
 
-    def __init__(self, text: str) -> None:
-        self.text = text
+    def __init__(self, text: str, file: str) -> None:
+        super().__init__(text, file)
         self._data = text.encode("utf-8")
         self._bytes = self._characters = 0
         self._stack: list[Element] = []
@@ -56,19 +56,16 @@ class XmlText:
             raise CannotEdit(f"the file is not well-formed XML: {expat.ErrorString(problem.code)}") from None
 
     def exchanged(self, first: Span, second: Span) -> list[Edit]:
-        """Exchange the properties of two restrictions, whose fillers stand at the spans."""
         a, b = self._value(self._property(first), "resource"), self._value(self._property(second), "resource")
         return [Edit(a[0], a[1], self.text[b[0] : b[1]]), Edit(b[0], b[1], self.text[a[0] : a[1]])]
 
     def renamed(self, where: Span, like: Span) -> list[Edit]:
-        """Write at one place the name that stands at another."""
         element = self._element(where)
         name = "resource" if RDF + "resource" in _names(element) else "about"
         start, end = self._value(element, name)
         return [Edit(start, end, self._reference(like))]
 
     def replaced(self, where: Span, written: str, meant: str) -> list[Edit]:
-        """Write one name (IRI) for another at one place: the element's own, or that in its attribute."""
         element = self._element(where)
         is_local = written.removesuffix(local_name(written)) == meant.removesuffix(local_name(meant))
         if element.name == written:
@@ -87,53 +84,45 @@ class XmlText:
         raise CannotEdit(f"the name {local_name(written)} is not written there")
 
     def without(self, filler: Span) -> list[Edit]:
-        """Take a restriction, whose filler stands at the span, out of the class that states it."""
         restriction, around = self._restriction_of(filler)
-        if meant_term(around.name) == SUBCLASS_OF:
+        if meant_term(around.name) == RDFS.subClassOf:
             return [self._whole_lines(around)]
-        if around.name == INTERSECTION_OF and len(around.children) > 2:
+        if around.name == OWL.intersectionOf and len(around.children) > 2:
             return [self._whole_lines(restriction)]
         raise CannotEdit("the restriction is neither a superclass nor one of several in an intersection")
 
     def without_individual(self, where: Span, name: str) -> list[Edit]:
-        """Take out the element that describes an individual (IRI), if it is the only one and on its own."""
-        element = self._element(where)
-        while element.parent is not None and element.parent.parent is not None:
-            element = element.parent
+        element = _outermost(self._element(where))
         same = [one for one in self._at.values() if one is not element and _names_it(one, local_name(name))]
         return [self._whole_lines(element)] if _names_it(element, local_name(name)) and not same else []
 
     def with_kind(self, filler: Span, kind: str) -> list[Edit]:
-        """Make a restriction one of another kind, "some" or "value"."""
         element = self._element(filler)
         wanted = _KINDS[kind]
-        if element.name not in (OWL + "someValuesFrom", OWL + "hasValue"):
+        if element.name not in (OWL.someValuesFrom, OWL.hasValue):
             raise CannotEdit("neither owl:someValuesFrom nor owl:hasValue is written there")
         return self._tagged(element, _prefix(element, OWL) + wanted)
 
-    def with_ordering(self, anchors: Anchors) -> list[Edit]:
-        """Add an ordering constraint to a task, and the individual that it names, behind the task's element."""
-        place = anchors.place
+    def with_ordering(self, place: Place, before: Span, after: Span, suffix: str) -> list[Edit]:
         stated = self._property(place.sub_action)
         head, local, tail = self._slice(self._value(stated, "resource")).rpartition(place.word)
         namespace = stated.attributes[_names(stated)[RDF + "resource"]].removesuffix(place.word)
         if not local or tail:
             raise CannotEdit(f"the property is not written as {place.word}")
         restriction, around = self._restriction_of(place.last)
-        name = self._reference(place.task) + anchors.suffix
+        name = self._reference(place.task) + suffix
+        ends = self._reference(before), self._reference(after)
         return [
             self._restriction(restriction, around, f"{head}orderingConstraints", "hasValue", name),
-            self._individual(restriction, name, namespace, _prefix(around, RDF), anchors),
+            self._constraint(_outermost(restriction), name, namespace, _prefix(around, RDF), ends),
         ]
 
     def with_sub_action(self, place: Place, step: Span, kind: str) -> list[Edit]:
-        """Add a sub-action, whose element begins at ``step``, to a task."""
         property_name = self._slice(self._value(self._property(place.sub_action), "resource"))
         restriction, around = self._restriction_of(place.last)
         return [self._restriction(restriction, around, property_name, _KINDS[kind], self._reference(step))]
 
     def with_right_terms(self) -> list[Edit]:
-        """Write the terms of RDFS and OWL that elements mean: in the namespace that has them, and spelt as there."""
         edits = []
         for element in self._at.values():
             right = meant_term(element.name)
@@ -153,7 +142,7 @@ class XmlText:
 
     def _whole_lines(self, element: Element) -> Edit:
         """Take out an element, with its lines if nothing else is on them."""
-        start = element.start - len(indentation(self.text, element.start))
+        start = element.start - len(self.indentation(element.start))
         rest = re.compile(r"[ \t]*\r?\n").match(self.text, element.end)
         is_alone = rest is not None and (start == 0 or self.text[start - 1] == "\n")
         return Edit(start, rest.end(), "") if rest and is_alone else Edit(element.start, element.end, "")
@@ -169,51 +158,47 @@ class XmlText:
     def _restriction(self, restriction: Element, around: Element, property_name: str, kind: str, filler: str) -> Edit:
         """Write a restriction behind another one, in the same way."""
         owl, rdf = _prefix(around, OWL), _prefix(around, RDF)
-        newline = line_end(self.text)
         inner = restriction.children[0] if restriction.children else restriction
-        if meant_term(around.name) == SUBCLASS_OF:
-            behind, outer = around, [f"<{around.tag}>", f"</{around.tag}>"]
-        elif around.name == INTERSECTION_OF:
-            behind, outer = restriction, []
-        else:
+        is_superclass = meant_term(around.name) == RDFS.subClassOf
+        if not is_superclass and around.name != OWL.intersectionOf:
             raise CannotEdit("the restriction is neither a superclass nor in an intersection")
-        first = indentation(self.text, behind.start)
-        second = indentation(self.text, restriction.start)
-        third = indentation(self.text, inner.start) or second + "    "
+        behind = around if is_superclass else restriction
+        first = self.indentation(behind.start)
+        second = self.indentation(restriction.start)
+        third = self.indentation(inner.start) or second + "    "
         lines = [
             f"{second}<{owl}Restriction>",
             f'{third}<{owl}onProperty {rdf}resource="{property_name}"/>',
             f'{third}<{owl}{kind} {rdf}resource="{filler}"/>',
             f"{second}</{owl}Restriction>",
         ]
-        if outer:
-            lines = [first + outer[0], *lines, first + outer[1]]
-        return Edit(behind.end, behind.end, newline + newline.join(lines))
+        if is_superclass:
+            lines = [f"{first}<{around.tag}>", *lines, f"{first}</{around.tag}>"]
+        return Edit(behind.end, behind.end, self.line_end().join(["", *lines]))
 
-    def _individual(self, inside: Element, name: str, namespace: str, rdf: str, anchors: Anchors) -> Edit:
-        newline = line_end(self.text)
-        outermost = inside
-        while outermost.parent is not None and outermost.parent.parent is not None:
-            outermost = outermost.parent
+    def _constraint(self, behind: Element, name: str, namespace: str, rdf: str, ends: tuple[str, str]) -> Edit:
+        """Write the individual of an ordering constraint behind an element."""
         declared, prefix = "", ""
         try:
-            prefix = _prefix(outermost.parent or outermost, namespace)
+            prefix = _prefix(behind.parent or behind, namespace)
         except CannotEdit:
             if re.search(r"[\"&<]", namespace):
                 raise
             prefix, declared = "ordering:", f' xmlns:ordering="{namespace}"'
-        indent = indentation(self.text, outermost.start)
+        indent = self.indentation(behind.start)
         step = indent or "    "
-        before, after = self._reference(anchors.before), self._reference(anchors.after)
         lines = [
+            "",
+            "",
             f'{indent}<{prefix}PartialOrdering-Strict{declared} {rdf}about="{name}">',
-            f'{indent}{step}<{prefix}occursBeforeInOrdering {rdf}resource="{before}"/>',
-            f'{indent}{step}<{prefix}occursAfterInOrdering {rdf}resource="{after}"/>',
+            f'{indent}{step}<{prefix}occursBeforeInOrdering {rdf}resource="{ends[0]}"/>',
+            f'{indent}{step}<{prefix}occursAfterInOrdering {rdf}resource="{ends[1]}"/>',
             f"{indent}</{prefix}PartialOrdering-Strict>",
         ]
-        return Edit(outermost.end, outermost.end, newline + newline + newline.join(lines))
+        return Edit(behind.end, behind.end, self.line_end().join(lines))
 
     def _element(self, span: Span) -> Element:
+        self.check_file(span)
         element = self._at.get((span.line, span.column))
         if element is None:
             raise CannotEdit("no element begins there")
@@ -223,7 +208,7 @@ class XmlText:
         """Return the owl:onProperty beside a filler."""
         restriction = self._element(filler).parent
         for child in restriction.children if restriction is not None else ():
-            if child.name == ON_PROPERTY:
+            if child.name == OWL.onProperty:
                 return child
         raise CannotEdit("no owl:onProperty is beside it")
 
@@ -285,16 +270,23 @@ class XmlText:
         return self._characters
 
 
+def _outermost(element: Element) -> Element:
+    """Return the child of the root that an element is, or is inside of."""
+    while element.parent is not None and element.parent.parent is not None:
+        element = element.parent
+    return element
+
+
 def _names(element: Element) -> dict[str, str]:
-    """Full name -> written name of the attributes with a prefix."""
+    """Return the written names of the attributes with a prefix, by their full names."""
     return {_resolved(key, element.prefixes): key for key in element.attributes if ":" in key}
 
 
 def _names_it(element: Element, name: str) -> bool:
     """Return True if an element describes the thing with this local name."""
     names = _names(element)
-    said = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
-    return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in said)
+    stated = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
+    return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in stated)
 
 
 def _resolved(tag: str, prefixes: Mapping[str, str]) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from planlang.ontology import BNode, Ontology, Restriction
-from planlang.ontology.terms import EQUIVALENT_CLASS, INTERSECTION_OF, SUBCLASS_OF
+from planlang.ontology.terms import OWL, RDFS
 from planlang.recipe.model import EQUIVALENT, FLAT, INTERSECTION, SUB_EVENTS, Dialect, Ordering
 from planlang.recipe.statements import (
     KINDS,
@@ -30,7 +30,7 @@ _DIALECTS = {"intersection": INTERSECTION, "flat": FLAT, "equivalent": EQUIVALEN
 def tasks(ontology: Ontology) -> Iterator[str]:
     """Yield the named classes of the main document that state restrictions, each once."""
     store = ontology.store
-    rows = store.by(SUBCLASS_OF, EQUIVALENT_CLASS, INTERSECTION_OF)
+    rows = store.by(RDFS.subClassOf, OWL.equivalentClass, OWL.intersectionOf)
     restricted = dict.fromkeys(store.subjects[row] for row in rows if store.is_node(store.objects[row]))
     for name in map(store.name, restricted):
         if name is not None and ontology.main(name):

@@ -188,7 +188,7 @@ def test_unordered_grasps_never_interleave_and_may_come_in_any_order(
 def test_without_turns_the_same_steps_would_interleave(
     compiled: Callable[..., CompiledPlan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planlang.compiler.roles.Roles.held", lambda *_: frozenset())
+    monkeypatch.setattr("planlang.compiler.terms.Roles.held", lambda *_: frozenset())
     plan = compiled(unordered("GraspA", "GraspB"), composite("GraspA", *GRASP), composite("GraspB", *GRASP))
     serve = imported(plan, tmp_path)
     assert any(len(runs(performed(serve, schedule))) > 2 for schedule in SCHEDULES)

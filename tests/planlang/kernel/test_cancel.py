@@ -8,18 +8,17 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     CleanupOverrun,
     Evaporated,
     Fluent,
     PlanFailure,
-    VirtualHost,
     checkpoint,
     now,
     par,
     pursue,
-    run,
     shield,
     sleep,
     tag,
@@ -32,10 +31,6 @@ from planlang import (
 from planlang import evaporate as evaporate_task
 from planlang.failures import Timeout
 from planlang.kernel import CutShort
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 def test_a_task_that_swallows_evaporation_gets_it_again_at_the_next_checkpoint() -> None:

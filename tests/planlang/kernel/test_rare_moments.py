@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
 from planlang import (
     Fluent,
@@ -15,14 +16,12 @@ from planlang import (
     Recovery,
     Status,
     Trace,
-    VirtualHost,
     budget,
     checkpoint,
     now,
     on_suspension,
     par,
     par_each,
-    run,
     seq,
     shield,
     sleep,
@@ -43,10 +42,6 @@ from planlang.kernel.schedule import ListedSchedule
 from planlang.testing import Fault, run_plan
 
 Branch = Callable[[], Awaitable[Any]]
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
 
 
 # the process

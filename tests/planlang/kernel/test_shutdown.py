@@ -9,32 +9,9 @@ from functools import partial
 from typing import Any
 
 import pytest
+from virtual_time import go
 
-from planlang import (
-    DeadlockError,
-    Evaporated,
-    Fluent,
-    NoProgress,
-    PlanFailure,
-    PlanStructureError,
-    SimulationHost,
-    StepLimit,
-    StuckTask,
-    Trace,
-    VirtualHost,
-    checkpoint,
-    par,
-    pursue,
-    run,
-    shield,
-    sleep,
-    unwind_protect,
-    wait_for,
-)
-
-
-def go(plan: Any, **options: Any) -> Any:
-    return run(plan, host=VirtualHost(), **options)
+from planlang import *
 
 
 class World:

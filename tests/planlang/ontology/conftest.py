@@ -7,14 +7,14 @@ import pytest
 import rdflib
 
 from planlang.ontology import BNode, Literal, Term, Triple
-from planlang.ontology.terms import STRING
+from planlang.ontology.terms import XSD
 
 
 def node(term: Term) -> rdflib.term.Node:
     if isinstance(term, BNode):
         return rdflib.BNode(term.label)
     if isinstance(term, Literal):
-        datatype = None if term.datatype == STRING else term.datatype  # the same since RDF 1.1
+        datatype = None if term.datatype == XSD.string else term.datatype  # the same since RDF 1.1
         return rdflib.Literal(term.value, term.language, datatype, normalize=False)
     return rdflib.URIRef(term)
 
@@ -41,7 +41,7 @@ def by_rdflib() -> Callable[[str, str, str], rdflib.Graph]:
         for subject, predicate, value in rdflib.Graph().parse(data=text, format=serialization, publicID=base):
             if isinstance(value, rdflib.Literal) and value.language:
                 value = rdflib.Literal(str(value), value.language.lower())
-            elif isinstance(value, rdflib.Literal) and str(value.datatype) == STRING:
+            elif isinstance(value, rdflib.Literal) and str(value.datatype) == XSD.string:
                 value = rdflib.Literal(str(value))
             graph.add((subject, predicate, value))
         return graph

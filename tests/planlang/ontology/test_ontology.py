@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from planlang.ontology import BNode, Literal, Ontology, expand, load, shorten
-from planlang.ontology.terms import KNOWROB, OWL, ROBOEARTH, SUBCLASS_OF, VOCABULARIES
+from planlang.ontology.terms import KNOWROB, OWL, RDFS, ROBOEARTH, VOCABULARIES
 
 T = "http://example.org/t.owl#"
 HEAD = f"""Prefix: : <{T}>
@@ -38,8 +38,8 @@ def test_bare_names_are_the_vocabularys_and_come_back() -> None:
 
 def test_prefixed_names_and_iris_are_what_they_say() -> None:
     assert expand("srdl2-comp:Camera") == VOCABULARIES["srdl2-comp"] + "Camera"
-    assert expand("owl:Thing") == OWL + "Thing"
-    for iri in (T + "A", "urn:x:y", "http://example.org", "file:///a", OWL + "Thing", ROBOEARTH + "Reaching"):
+    assert expand("owl:Thing") == OWL.Thing
+    for iri in (T + "A", "urn:x:y", "http://example.org", "file:///a", OWL.Thing, ROBOEARTH + "Reaching"):
         assert expand(iri) == iri
         assert shorten(iri) == iri
 
@@ -130,7 +130,7 @@ def test_sub_actions_of_real_recipes_are_those_of_the_truth(corpus: Path, name: 
 
 def test_untyped_restrictions_of_real_recipes_are_seen(corpus: Path) -> None:
     ontology = load(corpus / "recipes" / "exploration-recipe@hydro.owl")
-    transitions = [t.subject for t in ontology.triples(p=OWL + "onProperty", o=KNOWROB + "stateTransition")]
+    transitions = [t.subject for t in ontology.triples(p=OWL.onProperty, o=KNOWROB + "stateTransition")]
     found = [
         r for cls in ontology.class_names() for r in ontology.restrictions(cls) if r.property.endswith("Transition")
     ]
@@ -297,5 +297,5 @@ def test_a_repaired_subclass_counts(corpus: Path) -> None:
     ontology = load(corpus / "recipes" / "serve_drink@knowrob_hydro_2014-11.owl")
     patient = "http://www.roboearth.org/kb/serve_drink.owl#Patient"
     assert [shorten(r.property) for r in ontology.restrictions(patient)] == ["in-ContGeneric", "in-ContGeneric"]
-    assert len(list(ontology.triples(patient, SUBCLASS_OF))) == 2
+    assert len(list(ontology.triples(patient, RDFS.subClassOf))) == 2
     assert not list(ontology.triples(patient, OWL + "subClassOf"))

@@ -12,7 +12,7 @@ from rdflib.compare import isomorphic
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.ontology import Literal, Triple, load
 from planlang.ontology.rdfxml import read_rdfxml
-from planlang.ontology.terms import RDF, TYPE, XSD
+from planlang.ontology.terms import RDF, XSD
 from planlang.ontology.turtle import read_turtle
 
 BASE = "http://example.org/folder/base.ttl"
@@ -136,13 +136,13 @@ def test_a_triple_stands_in_the_line_where_it_ends_and_one_with_a_nested_node_wh
 
 def test_values_keep_the_form_in_which_they_are_written() -> None:
     assert [t.object for t in read(':a :p 05 , +.5 , 1.50 , 1E0 , true , "x"@EN , "x"^^xsd:token .')] == [
-        Literal("05", XSD + "integer"),
-        Literal("+.5", XSD + "decimal"),
-        Literal("1.50", XSD + "decimal"),
-        Literal("1E0", XSD + "double"),
-        Literal("true", XSD + "boolean"),
+        Literal("05", XSD.integer),
+        Literal("+.5", XSD.decimal),
+        Literal("1.50", XSD.decimal),
+        Literal("1E0", XSD.double),
+        Literal("true", XSD.boolean),
         Literal("x", None, "en"),
-        Literal("x", XSD + "token"),
+        Literal("x", XSD.token),
     ]
 
 
@@ -161,7 +161,7 @@ def test_references_are_made_absolute_by_the_rules_of_iris(reference: str, iri: 
 
 
 def test_an_empty_list_is_nil() -> None:
-    assert [t.object for t in read(":a :p ( ) .")] == [RDF + "nil"]
+    assert [t.object for t in read(":a :p ( ) .")] == [RDF.nil]
 
 
 @pytest.mark.parametrize(
@@ -236,7 +236,7 @@ def test_an_undeclared_prefix_that_everybody_knows_is_a_warning() -> None:
         HEAD + ":a a :B .",
         "# a comment\n\nPREFIX : <http://example.org/t#>\n:a a :B .",
         "@base <http://example.org/t> .\n<#a> a <#B> .",
-        f"<{T}a> <{TYPE}> <{T}B> .\n",
+        f"<{T}a> <{RDF.type}> <{T}B> .\n",
         f"<{T}a>\n  a <{T}B> .",
         f"_:x <{T}p> <{T}c> .\n<{T}a> a <{T}B> .",
         f"[ <{T}p> <{T}c> ] .\n<{T}a> a <{T}B> .",

@@ -7,7 +7,7 @@ import pytest
 from planlang.compiler.recoveries import LATER, NEXT_SOLUTION
 from planlang.language.strategies import registered_strategies
 from planlang.ontology import Literal, Ontology, expand, load, shorten
-from planlang.ontology.terms import DOMAIN, KNOWROB, OWL, RANGE, RDFS, TYPE, VOCABULARIES, XSD
+from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, VOCABULARIES, XSD
 from planlang.resources import bundled
 
 
@@ -41,7 +41,7 @@ def test_every_action_class_of_knowrob_is_there_below_the_same_classes(vocabular
     actions = knowrob.subclasses("Action")
     assert len(actions) == 157
     for action in actions:
-        assert set(knowrob.ancestors(action)) - {OWL + "Thing"} <= set(vocabulary.ancestors(action)), action
+        assert set(knowrob.ancestors(action)) - {OWL.Thing} <= set(vocabulary.ancestors(action)), action
 
 
 def test_nothing_is_below_anything_that_knowrob_does_not_say(vocabulary: Ontology, knowrob: Ontology) -> None:
@@ -54,7 +54,7 @@ def test_nothing_is_below_anything_that_knowrob_does_not_say(vocabulary: Ontolog
 
 def test_properties_are_below_the_same_properties_as_in_knowrob(vocabulary: Ontology, knowrob: Ontology) -> None:
     compared = 0
-    for triple in vocabulary.triples(p=TYPE):
+    for triple in vocabulary.triples(p=RDF.type):
         name = triple.subject
         if isinstance(name, str) and vocabulary.is_property(name) and knowrob.is_property(name):
             expected = {p for p in knowrob.superproperties(name) if p.startswith(KNOWROB)}
@@ -71,7 +71,7 @@ def test_every_action_class_has_a_label(vocabulary: Ontology) -> None:
 def test_classes_that_real_files_use_are_there(vocabulary: Ontology, knowrob: Ontology, corpus: Path) -> None:
     for folder in ("recipes", "environments", "objects"):
         for path in sorted((corpus / folder).glob("*.owl*")):
-            used = {t.object for t in load(path, builtin=False).triples(p=TYPE) if isinstance(t.object, str)}
+            used = {t.object for t in load(path, builtin=False).triples(p=RDF.type) if isinstance(t.object, str)}
             missing = {
                 cls
                 for cls in used
@@ -110,7 +110,7 @@ def test_parameters_of_real_recipes_are_valid_properties(vocabulary: Ontology, c
 
 
 def test_domains_and_ranges_are_classes_or_datatypes(vocabulary: Ontology) -> None:
-    for predicate in (DOMAIN, RANGE):
+    for predicate in (RDFS.domain, RDFS.range):
         for triple in vocabulary.triples(p=predicate):
             value = triple.object
             assert isinstance(value, str)
@@ -118,8 +118,8 @@ def test_domains_and_ranges_are_classes_or_datatypes(vocabulary: Ontology) -> No
 
 
 def test_a_bottle_is_no_device_and_a_gripper_is_one(vocabulary: Ontology) -> None:
-    device = vocabulary.value("deviceUsed", RANGE)
-    thing = vocabulary.value("objectActedOn", RANGE)
+    device = vocabulary.value("deviceUsed", RDFS.range)
+    thing = vocabulary.value("objectActedOn", RDFS.range)
     assert isinstance(device, str)
     assert isinstance(thing, str)
     assert not vocabulary.is_a("DrinkingBottle", device)

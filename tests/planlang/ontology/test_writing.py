@@ -128,7 +128,7 @@ nodes = st.sampled_from("uvwxyz").map(BNode)
 literals = st.builds(
     Literal,
     st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=5) | st.just('a"\\\n\t'),
-    st.sampled_from([None, XSD + "string", XSD + "integer", T + "type"]),
+    st.sampled_from([None, XSD.string, XSD.integer, T + "type"]),
 )
 graphs = st.lists(st.tuples(names | nodes, names, names | nodes | literals), max_size=12).map(
     lambda found: [Triple(s, p, o, Span("t")) for s, p, o in found]

@@ -23,10 +23,10 @@ from planlang.recipe import (
     read_recipe,
     top_tasks,
 )
+from planlang.recipe.fillers import si_unit, unit
 from planlang.recipe.model import Reason
-from planlang.recipe.order.intervals import Intervals, implied_by_overlaps
+from planlang.recipe.order import Intervals, implied_by_overlaps
 from planlang.recipe.statements import ending_of
-from planlang.recipe.units import si_unit, unit
 
 HEAD = """\
 Prefix: : <http://planlang.org/test#>

@@ -20,7 +20,7 @@ from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Severity
 from planlang.ontology.writing import Target, convert
 from planlang.recipe.checks.misspellings import Neighbours
-from planlang.recipe.fixes import fix_recipe
+from planlang.recipe.fixes.fixing import fix_recipe
 from planlang.recipe.statements import WORDS
 
 BUNDLED = Path(__file__).parents[3] / "recipes"

@@ -6,15 +6,8 @@ from functools import partial
 
 import pytest
 
-from planlang import Recovery, action, par, perform, plan, pursue, seq, sleep, tag, try_all, with_failure_handling
-from planlang.failures import (
-    GraspMissed,
-    GraspSlipped,
-    GripperFailure,
-    NavigationFailure,
-    ObjectUnfetchable,
-    PlanFailure,
-)
+from planlang import *
+from planlang.failures import GraspMissed, GraspSlipped, GripperFailure, NavigationFailure, ObjectUnfetchable
 from planlang.testing import NoSuchStep, PlanRun, Script, run_plan
 
 
@@ -127,7 +120,7 @@ def test_a_step_that_did_not_run_is_no_answer(run: PlanRun[None]) -> None:
 
 def test_one_run_of_a_step_is_asked_by_number_by_parent_or_as_itself(run: PlanRun[None]) -> None:
     assert len(run.steps("grasp")) == 3
-    assert run.steps("grasp#2")[0].begin == 6.0
+    assert run.steps("grasp#2")[0].start == 6.0
     first, second, third = run.steps("grasp")
     assert run.happened_before(first, second)
     assert not run.overlapped(second, third)

@@ -1,0 +1,322 @@
+"""The order of a recipe's steps: the partial order, its shortest cycle if it is none, and what overlaps imply.
+
+Overlaps are decided on the beginnings and ends of steps. Each step is two points, its beginning before its end. Every
+relation is a set of ``<`` and ``=`` between points (:meth:`planlang.recipe.model.Allen.endpoints`), an order is
+"end < beginning", and no step begins before the recipe or ends after it. The statements hold together exactly if no
+cycle of the graph of these has a ``<`` in it (P. van Beek, 1992, for the relations that have no "or" in them).
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Hashable, Iterable, Iterator
+from functools import cached_property
+from typing import Generic, NamedTuple, TypeVar
+
+import networkx as nx
+
+from planlang.recipe.model import End, Ordering, Overlap, Recipe
+
+Node = TypeVar("Node", bound=Hashable)
+
+
+class Precedence(Generic[Node]):
+    """The strict partial order of nodes in which the first of each pair comes before the second.
+
+    Pairs with other nodes are ignored. Raises ValueError if the pairs have a cycle.
+
+    Each node has its successors as one set of bits: bit i stands for the i-th node of a fixed linear extension. The
+    sets are filled from the last node to the first; an edge is kept in the reduction exactly when the edges kept before
+    it, to nodes nearer by in that extension, do not lead to its end: n + m unions and tests of n bits (A. Goralčíková,
+    V. Koubek, "A reduct-and-closure algorithm for graphs", 1979). 10,000 nodes take 13 MB, where a closure of as many
+    nodes may have 50 million edges.
+    """
+
+    def __init__(self, nodes: Iterable[Node], pairs: Iterable[tuple[Node, Node]]) -> None:
+        self.nodes: tuple[Node, ...] = tuple(nodes)
+        """The nodes in the order of the graph."""
+        number = {node: index for index, node in enumerate(self.nodes)}
+        following: list[dict[int, None]] = [{} for _ in self.nodes]
+        for first, second in pairs:
+            before, after = number.get(first), number.get(second)
+            if before is not None and after is not None:
+                following[before][after] = None
+        self.number_of_edges = sum(map(len, following))
+        """The number of different pairs that the order was made from."""
+        successors = [list(after) for after in following]
+        extension = _linear_extension(successors)
+        if len(extension) != len(self.nodes):
+            raise ValueError("the graph has a cycle: it is no order")
+        self.extension: tuple[Node, ...] = tuple(self.nodes[index] for index in extension)
+        """The linear extension that keeps as close to the order of the graph's nodes as possible."""
+        self._position = {node: position for position, node in enumerate(self.extension)}
+        position_of = [0] * len(extension)
+        for position, index in enumerate(extension):
+            position_of[index] = position
+        self._later = [0] * len(extension)
+        self._covers: list[list[int]] = [[] for _ in extension]
+        for position in range(len(extension) - 1, -1, -1):
+            reached = 0
+            for after in sorted([position_of[other] for other in successors[extension[position]]]):
+                if not reached >> after & 1:
+                    self._covers[position].append(after)
+                    reached |= self._later[after] | 1 << after
+            self._later[position] = reached
+
+    def extended(self, pairs: Iterable[tuple[Node, Node]]) -> Precedence[Node]:
+        """Return this order with further pairs."""
+        return Precedence(self.nodes, [*self.reduction(), *pairs])
+
+    def before(self, first: Node, second: Node) -> bool:
+        """Return True if the first comes before the second in every linear extension."""
+        return bool(self._later[self._position[first]] >> self._position[second] & 1)
+
+    def ordered(self, first: Node, second: Node) -> bool:
+        """Return True if one of two nodes comes before the other."""
+        return self.before(first, second) or self.before(second, first)
+
+    def later(self, node: Node) -> int:
+        """Return the bits of all nodes that come after a node."""
+        return self._later[self._position[node]]
+
+    def earlier(self, node: Node) -> int:
+        """Return the bits of all nodes that come before a node."""
+        return self._earlier[self._position[node]]
+
+    def bit(self, node: Node) -> int:
+        """Return the bit of a node."""
+        return 1 << self._position[node]
+
+    def members(self, bits: int) -> Iterator[Node]:
+        """Yield the nodes whose bits are set, in the order of the linear extension."""
+        while bits:
+            lowest = bits & -bits
+            yield self.extension[lowest.bit_length() - 1]
+            bits ^= lowest
+
+    def number_of_pairs(self) -> int:
+        """Return the number of pairs (before, after): the edges of the transitive closure."""
+        return sum(bits.bit_count() for bits in self._later)
+
+    def size_of_reduction(self) -> int:
+        """Return the number of pairs that follow from no others."""
+        return sum(map(len, self._covers))
+
+    def covers(self, node: Node) -> Iterator[Node]:
+        """Yield the nodes that come after a node with none between, in the order of the linear extension."""
+        return (self.extension[position] for position in self._covers[self._position[node]])
+
+    def reduction(self) -> Iterator[tuple[Node, Node]]:
+        """Yield the pairs that follow from no others, sorted by the nodes of the graph."""
+        rank = {node: index for index, node in enumerate(self.nodes)}
+        for node in self.nodes:
+            yield from ((node, other) for other in sorted(self.covers(node), key=rank.__getitem__))
+
+    @cached_property
+    def _earlier(self) -> list[int]:
+        before: list[list[int]] = [[] for _ in self.extension]
+        for position, after in enumerate(self._covers):
+            for other in after:
+                before[other].append(position)
+        earlier = [0] * len(before)
+        for position, covered in enumerate(before):
+            for other in covered:
+                earlier[position] |= earlier[other] | 1 << other
+        return earlier
+
+
+def _linear_extension(successors: list[list[int]]) -> list[int]:
+    """Return a linear extension, the least available number first; incomplete if there is a cycle."""
+    missing = [0] * len(successors)
+    for after in successors:
+        for other in after:
+            missing[other] += 1
+    ready = [number for number, left in enumerate(missing) if not left]
+    order: list[int] = []
+    while ready:
+        number = heapq.heappop(ready)
+        order.append(number)
+        for other in successors[number]:
+            missing[other] -= 1
+            if not missing[other]:
+                heapq.heappush(ready, other)
+    return order
+
+
+def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -> nx.DiGraph:
+    """Return a graph with the nodes in the given order and an edge before -> after for each ordering among them."""
+    graph = nx.DiGraph()
+    graph.add_nodes_from(nodes)
+    graph.add_edges_from((before, after) for before, after in orderings if before in graph and after in graph)
+    return graph
+
+
+def recipe_graph(recipe: Recipe) -> nx.DiGraph:
+    """Return the graph of a recipe: its steps (IRIs) in file order, an edge for each ordering among them.
+
+    It is made once and cannot be changed.
+    """
+    if "graph" not in recipe.derived:
+        pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
+        recipe.derived["graph"] = nx.freeze(order_graph((step.iri for step in recipe.steps), pairs))
+    return recipe.derived["graph"]
+
+
+def recipe_order(recipe: Recipe) -> Precedence[str]:
+    """Return the order of the graph of a recipe, computed once. Raises ValueError if it has a cycle."""
+    if "order" not in recipe.derived:
+        pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
+        recipe.derived["order"] = Precedence((step.iri for step in recipe.steps), pairs)
+    order: Precedence[str] = recipe.derived["order"]
+    return order
+
+
+def recipe_cycle(recipe: Recipe) -> tuple[str, ...] | None:
+    """Return a shortest cycle of the graph of a recipe, computed once; None if it is acyclic."""
+    if "cycle" not in recipe.derived:
+        try:
+            recipe_order(recipe)
+            recipe.derived["cycle"] = None
+        except ValueError:
+            recipe.derived["cycle"] = shortest_cycle(recipe_graph(recipe))
+    cycle: tuple[str, ...] | None = recipe.derived["cycle"]
+    return cycle
+
+
+def shortest_cycle(graph: nx.DiGraph) -> tuple[Node, ...] | None:
+    """Return a shortest cycle, without its repeated end; among equals the one through the earliest node.
+
+    Breadth first from each node that is on a cycle, no farther than the shortest cycle known; a node is taken out when
+    all cycles through it are known, and with it what then leads nowhere. O(n * m) at worst, O(m) for one long cycle.
+    """
+    for node in graph.nodes:
+        if graph.has_edge(node, node):
+            return (node,)
+    on_cycles = {node for part in nx.strongly_connected_components(graph) if len(part) > 1 for node in part}
+    after = {node: {other: None for other in graph.successors(node) if other in on_cycles} for node in on_cycles}
+    before = {node: {other: None for other in graph.predecessors(node) if other in on_cycles} for node in on_cycles}
+    best: tuple[Node, ...] | None = None
+    for node in graph.nodes:
+        if node in after:
+            found = _cycle_through(node, after, len(best) - 1 if best else len(after))
+            best = found or best
+            _take_out(node, after, before)
+    return best
+
+
+Links = dict[Node, dict[Node, None]]
+
+
+def _cycle_through(start: Node, after: Links[Node], longest: int) -> tuple[Node, ...] | None:
+    """Return a shortest path from a node back to it, of at most ``longest`` nodes."""
+    came_from: dict[Node, Node] = {}
+    front = [start]
+    for _ in range(longest):
+        reached: list[Node] = []
+        for node in front:
+            for other in after[node]:
+                if other == start:
+                    path = [node]
+                    while path[-1] != start:
+                        path.append(came_from[path[-1]])
+                    return tuple(reversed(path))
+                if other not in came_from:
+                    came_from[other] = node
+                    reached.append(other)
+        front = reached
+    return None
+
+
+def _take_out(node: Node, after: Links[Node], before: Links[Node]) -> None:
+    """Remove a node, and all that is then on no cycle because nothing leads to it or away from it."""
+    waiting = [node]
+    while waiting:
+        one = waiting.pop()
+        if one not in after:
+            continue
+        for forward, backward in ((after, before), (before, after)):
+            for other in forward.pop(one):
+                if other in backward:
+                    del backward[other][one]
+                    if not backward[other]:
+                        waiting.append(other)
+
+
+class Point(NamedTuple):
+    """The beginning or the end of a step (IRI)."""
+
+    step: str
+    is_end: bool
+
+
+class Intervals:
+    """The points of the steps of a recipe and of the recipe itself, in one graph."""
+
+    def __init__(self, recipe: Recipe) -> None:
+        self._steps = [step.iri for step in recipe.steps]
+        self._graph = nx.DiGraph()
+        known = {recipe.iri, *self._steps}
+        for name in (*self._steps, recipe.iri):
+            self._add(Point(name, False), Point(name, True), None, is_strict=True)
+        for name in self._steps:
+            self._add(Point(recipe.iri, False), Point(name, False), None)
+            self._add(Point(name, True), Point(recipe.iri, True), None)
+        for ordering in recipe.orderings:
+            if {ordering.before, ordering.after} <= known - {recipe.iri}:
+                self._add(Point(ordering.before, True), Point(ordering.after, False), ordering, is_strict=True)
+        for overlap in recipe.overlaps:
+            if {overlap.first, overlap.second} <= known:
+                self._overlap(overlap)
+
+    def contradiction(self) -> tuple[Ordering | Overlap, ...]:
+        """Return statements that cannot hold together, each once; none if all can."""
+        for component in nx.strongly_connected_components(self._graph):
+            inside = self._graph.subgraph(component)
+            strict = sorted((a, b) for a, b, is_strict in inside.edges(data="strict") if is_strict)
+            cycles = [nx.shortest_path(inside, b, a) for a, b in strict]
+            if cycles:
+                cycle = min(cycles, key=len)
+                pairs = zip(cycle, [*cycle[1:], cycle[0]], strict=True)
+                reasons = (self._graph.edges[a, b]["because"] for a, b in pairs)
+                return tuple(dict.fromkeys(reason for reason in reasons if reason is not None))
+        return ()
+
+    def implied(self) -> Iterator[tuple[str, str]]:
+        """Yield pairs (before, after) of steps of which one ends before the other begins, stated or not.
+
+        Means nothing if there is a contradiction.
+        """
+        for first in self._steps:
+            later = nx.descendants(self._graph, Point(first, True))
+            yield from ((first, other) for other in self._steps if other != first and Point(other, False) in later)
+
+    def _overlap(self, overlap: Overlap) -> None:
+        points = {
+            End.FIRST_BEGINS: Point(overlap.first, False),
+            End.FIRST_ENDS: Point(overlap.first, True),
+            End.SECOND_BEGINS: Point(overlap.second, False),
+            End.SECOND_ENDS: Point(overlap.second, True),
+        }
+        for earlier, sign, later in overlap.relation.endpoints():
+            self._add(points[earlier], points[later], overlap, is_strict=sign == "<")
+            if sign == "=":
+                self._add(points[later], points[earlier], overlap)
+
+    def _add(
+        self, earlier: Point, later: Point, because: Ordering | Overlap | None, *, is_strict: bool = False
+    ) -> None:
+        known = self._graph.get_edge_data(earlier, later)
+        if known is None or (is_strict and not known["strict"]):
+            self._graph.add_edge(earlier, later, strict=is_strict, because=because)
+
+
+def implied_by_overlaps(recipe: Recipe) -> Iterable[tuple[str, str]]:
+    """Return the orders of steps that only overlaps and orders together imply; none if they contradict each other."""
+    if not recipe.overlaps:
+        return ()
+    intervals = Intervals(recipe)
+    if intervals.contradiction():
+        return ()
+    graph = nx.DiGraph((ordering.before, ordering.after) for ordering in recipe.orderings)
+    graph.add_nodes_from(step.iri for step in recipe.steps)
+    return [pair for pair in intervals.implied() if not nx.has_path(graph, *pair)]
