@@ -31,7 +31,7 @@ CELL = 0.05
 HAIR = 1e-6
 """Share of a cell by which places on the border of two are taken to be in one of them."""
 SLACK = 0.03
-"""Room that may be missing in the grid, whose cells are 5 cm wide: places are judged exactly later [m]."""
+"""Room that may be missing in the grid, whose cells are 5 cm wide: places are validated exactly later [m]."""
 DOUBTFUL = 0.15
 """How good a place is where there may be room: at the border of its cell, or with some headings."""
 ROOMY = 0.3
