@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -28,9 +29,9 @@ OLD_BLAS = {"OPENBLAS_CORETYPE": "Nehalem"}
 OLD_GLIBC = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-AVX2_Usable,-FMA,-FMA_Usable,-FMA4,-FMA4_Usable,-AVX512F"}
 OLD_NUMPY = {"NPY_DISABLE_CPU_FEATURES": " ".join(__cpu_dispatch__)}
 PROCESSORS = {
-    "OpenBLAS for Nehalem": OLD_BLAS,
-    "glibc without AVX2 and FMA": OLD_GLIBC,
-    "all of it, and NumPy's base code": {**OLD_BLAS, **OLD_GLIBC, **OLD_NUMPY},
+    "openblas": OLD_BLAS,
+    "glibc": OLD_GLIBC,
+    "all": {**OLD_BLAS, **OLD_GLIBC, **OLD_NUMPY},
 }
 
 
@@ -54,19 +55,26 @@ def main() -> int:
     """Compare, and print a line for each run."""
     options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     options.add_argument("--seeds", type=int, default=10)
-    wrong = 0
-    with tempfile.TemporaryDirectory() as folder:
-        for seed in range(options.parse_args().seeds):
-            here = trace(seed, {}, Path(folder, str(seed), "here"))
-            for number, (name, processor) in enumerate(PROCESSORS.items()):
-                there = trace(seed, processor, Path(folder, str(seed), str(number)))
-                found = list(differences(here, there))
-                exact = sum(recorded == record for recorded, record in zip(here, there, strict=False))
-                print(f"seed {seed}, {name}: {len(here)} records, {exact} equal, {len(found)} decided otherwise")
-                for recorded, record in found[:1]:
-                    print(f"  here:  {recorded}\n  there: {record}")
-                wrong += bool(found)
-                sys.stdout.flush()
+    options.add_argument("--jobs", type=int, default=2, help="runs at a time (default: 2)")
+    options.add_argument("--processors", default=",".join(PROCESSORS), help="which of them (default: all)")
+    chosen = options.parse_args()
+    names, wrong = chosen.processors.split(","), 0
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(chosen.jobs) as pool:
+        runs = {
+            (seed, name): pool.submit(trace, seed, PROCESSORS.get(name, {}), Path(folder, f"{name}-{seed}"))
+            for seed in range(chosen.seeds)
+            for name in ("here", *names)
+        }
+        for (seed, name), run in runs.items():
+            here, there = runs[seed, "here"].result(), run.result()
+            found = list(differences(here, there))
+            exact = sum(recorded == record for recorded, record in zip(here, there, strict=False))
+            print(
+                f"seed {seed}, {name}: {len(there)} records, {exact} equal, {len(found)} decided otherwise", flush=True
+            )
+            for recorded, record in found[:1]:
+                print(f"  here:  {recorded}\n  there: {record}", flush=True)
+            wrong += bool(found)
     return int(wrong > 0)
 
 

@@ -19,7 +19,7 @@ import pyhornedowl
 import rdflib
 
 from planlang.ontology.documents import read_syntax
-from planlang.ontology.writing import Target, write
+from planlang.ontology.writing.convert import Target, write
 from planlang.resources import bundled
 
 REPETITIONS = 5

@@ -4,7 +4,3 @@ General layout: ``convert`` reads, writes and compares; ``manchester_writer`` (w
 ``turtle_writer`` and ``rdfxml_writer`` write a syntax each; ``nodes`` puts triples into an order that does not depend
 on labels, ``names`` shortens IRIs.
 """
-
-from planlang.ontology.writing.convert import Converted, Target, convert, write
-
-__all__ = ["Converted", "Target", "convert", "write"]

@@ -19,7 +19,7 @@ from planlang.ontology.manchester import read_manchester
 from planlang.ontology.rdfxml import read_rdfxml
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD
 from planlang.ontology.turtle import read_turtle
-from planlang.ontology.writing import Target, write
+from planlang.ontology.writing.convert import Target, write
 from planlang.ontology.writing.nodes import differences, statements
 from planlang.resources import bundled
 

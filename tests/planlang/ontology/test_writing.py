@@ -20,7 +20,7 @@ from planlang.ontology.documents import Syntax, read_syntax, syntax_of
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.terms import RDF, XSD
 from planlang.ontology.triples import Parsed
-from planlang.ontology.writing import Target, convert, write
+from planlang.ontology.writing.convert import Target, convert, write
 from planlang.ontology.writing.nodes import differences, labelled
 from planlang.resources import bundled
 
