@@ -13,7 +13,7 @@ from executive.belief.belief import Belief
 from executive.belief.believed_bodies import BelievedBodies, Block
 from executive.belief.scene_collisions import BasePose, SceneCollisions
 from executive.motion import Gaze
-from executive.motion.solids import Solids
+from executive.motion.bodies import Solids
 from executive.robots import Robot
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Device
@@ -26,7 +26,7 @@ from sim import PlanningWorld
 SEEN_SHARE = 0.3
 """Share of an object that must be visible for a base pose to count as one from where it is seen."""
 CELL = 0.01
-"""Places of a thing, as the robot has it before it, that are told apart [m]."""
+"""Places of a thing, as the robot has it before it, that are distinguished [m]."""
 SPOTS = (-0.8, 0.0, 0.8)
 """Points of a thing that are looked at, as shares of its half extents across the line of sight."""
 FEW = 0.12
@@ -129,7 +129,6 @@ def still_pieces(world: PlanningWorld, neck: Iterable[str]) -> Solids:
         tuple(name for name, _ in pieces),
         np.array([matrix for _, matrix in pieces]).reshape(-1, 4, 4),
         shapes,
-        np.zeros(len(pieces), bool),
     )
 
 
