@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
-from planlang.resources import bundled
+from planlang.files import bundled
 
 ONTOLOGIES = bundled("ontologies")
 PLAN = Path(__file__).parents[1] / "diagnostics" / "X008_without_gripper.plan"

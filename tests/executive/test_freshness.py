@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from planlang.resources import bundled
+from planlang.files import bundled
 
 
 @pytest.fixture

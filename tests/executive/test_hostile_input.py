@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from planlang.resources import bundled
+from planlang.files import bundled
 
 RECIPE = (bundled("recipes") / "serve_a_drink.omn").read_text(encoding="utf-8")
 MAP = (bundled("ontologies") / "environments" / "hospital_room.omn").read_text(encoding="utf-8")

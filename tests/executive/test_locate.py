@@ -15,7 +15,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from planlang.resources import bundled
+from planlang.files import bundled
 
 WARD = ("--robot", "amigo", "--environment", "hospital_room")
 

@@ -11,7 +11,7 @@ from executive.runs.plan_files import import_plan, main_plan, required_of_plan
 from executive.runs.plan_run import Outcome, RunOptions, run_plan_file
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import Diagnostic, Severity
-from planlang.resources import bundled
+from planlang.files import bundled
 
 ONTOLOGIES = bundled("ontologies")
 AMIGO = RunOptions(

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from planlang.diagnostics import BadInput
-from planlang.outputs import check_outputs, replace, write_plan, write_text
-from planlang.plan_header import PlanHeader, digest, header
+from planlang.outputs import PlanHeader, check_outputs, digest, header, replace, write_plan, write_text
 
 
 def source(recipe: str, body: str, *, compiled: str | None = None) -> str:

@@ -10,8 +10,8 @@ from executive.belief import SemanticMap, read_map
 from executive.belief.semantic_map import default_environment
 from executive.runs.plan_files import bound_parameters, import_plan, main_plan
 from planlang.diagnostics import BadInput, Diagnostic
+from planlang.files import bundled
 from planlang.ontology import load
-from planlang.resources import bundled
 
 CHOSEN = "the environment visiting_hours is chosen, as hospital_room has no cup2"
 

@@ -19,8 +19,8 @@ import pytest
 from executive.belief import read_map, scene_of
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from planlang.diagnostics import BadInput
+from planlang.files import bundled
 from planlang.ontology import load
-from planlang.resources import bundled
 from sim import PlanningWorld, PyBulletWorld
 
 CHECKOUT = Path(__file__).resolve().parents[2]

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
+from planlang.files import bundled
 from planlang.geometry import Pose
-from planlang.resources import bundled
 from sim import Body, Scene
 
 BUNDLED = RunOptions(

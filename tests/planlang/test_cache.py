@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from planlang.cache import Cache
+from planlang.files import bundled
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.triples import Triples
-from planlang.resources import bundled
 
 CACHE = Cache("kind", most=3, largest=10_000)
 CONTENT = bytes(range(256)) * 8

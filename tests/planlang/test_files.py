@@ -10,9 +10,8 @@ import pytest
 
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput
-from planlang.files import from_printable, printable, read_file
-from planlang.plan_header import header
-from planlang.resources import bundled
+from planlang.files import bundled, from_printable, printable, read_file
+from planlang.outputs import header
 
 
 def test_a_file_is_read_and_a_link_followed(tmp_path: Path) -> None:

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
+from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
-from planlang.resources import bundled
 from sim import Body, CameraModel, PlanningWorld, RobotBody, Scene
 from tests.support.locations.queries import Interrupter, physics
 

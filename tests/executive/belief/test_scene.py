@@ -8,10 +8,10 @@ import pytest
 
 from executive.belief import SemanticMap, default_starts, read_map, scene_of, support_of
 from planlang.diagnostics import Diagnostic
+from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.geometry.outline import footprint
 from planlang.ontology import load
-from planlang.resources import bundled
 from sim import Body, Scene
 from sim.people import figure_of, reach_from
 

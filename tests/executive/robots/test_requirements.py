@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from executive.robots import FindingKind, Robot, bind_robot, missing_capabilities, requirements
+from planlang.files import bundled
 from planlang.ontology import Ontology, expand, load
-from planlang.resources import bundled
 
 SERVING = ("Translation-LocationChange", "Reaching", "OpeningAGripper", "ClosingAGripper", "HandingOverAnObject")
 LOOKING = "LookingForSomething"

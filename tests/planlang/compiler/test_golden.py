@@ -12,7 +12,7 @@ import pytest
 
 from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.diagnostics import Severity
-from planlang.resources import bundled
+from planlang.files import bundled
 
 RECIPE = bundled("recipes") / "serve_a_drink.omn"
 GOLDEN = Path(__file__).parent / "golden" / "serve_a_drink.py"

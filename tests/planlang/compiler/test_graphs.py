@@ -13,6 +13,7 @@ from planlang.compiler import compile_recipe
 from planlang.compiler.drawing import FORMATS, Order, TaskGraph, dot, mermaid, svg, task_graph
 from planlang.compiler.drawing.svg import arranged
 from planlang.diagnostics import Span
+from planlang.files import bundled
 from planlang.recipe import (
     Allen,
     Ending,
@@ -29,7 +30,6 @@ from planlang.recipe import (
     Thing,
     Transition,
 )
-from planlang.resources import bundled
 
 BASE = "http://planlang.org/test#"
 SVG = "{http://www.w3.org/2000/svg}"

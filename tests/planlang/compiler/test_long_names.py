@@ -14,6 +14,7 @@ from planlang.compiler.compile import canonical
 from planlang.compiler.emit import emit
 from planlang.compiler.layout import signature
 from planlang.compiler.lowering import Lowering
+from planlang.files import bundled
 from planlang.ontology import Ontology, load
 from planlang.recipe import (
     Actions,
@@ -34,7 +35,6 @@ from planlang.recipe import (
     Thing,
     Transition,
 )
-from planlang.resources import bundled
 
 BASE = "http://planlang.org/test#"
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"

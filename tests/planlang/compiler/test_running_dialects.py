@@ -15,6 +15,7 @@ from planlang.compiler.emit import emit
 from planlang.compiler.lowering import Lowering
 from planlang.designators import a_location, a_posture, an_object
 from planlang.failures import GraspMissed, ObjectNotFound, PlanFailure, TransitionMissing
+from planlang.files import bundled
 from planlang.ontology import Ontology, load
 from planlang.recipe import (
     Actions,
@@ -34,7 +35,6 @@ from planlang.recipe import (
     Thing,
     Transition,
 )
-from planlang.resources import bundled
 from planlang.testing import Script, explore, run_plan
 
 BASE = "http://planlang.org/test#"

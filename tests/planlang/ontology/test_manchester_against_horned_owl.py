@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from planlang.files import bundled
 from planlang.ontology import Literal, Triple
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.rdfxml import read_rdfxml
 from planlang.ontology.terms import XSD
 from planlang.ontology.writing import Target, write
-from planlang.ontology.writing.nodes import differences, statements
-from planlang.resources import bundled
+from planlang.ontology.writing.canonical import differences, statements
 
 HEAD = """Prefix: : <http://example.org/t#>
 Prefix: xsd: <http://www.w3.org/2001/XMLSchema#>

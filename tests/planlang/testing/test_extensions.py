@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planlang import checkpoint, partial_order, seq
+from planlang.files import bundled
 from planlang.ontology import load
 from planlang.recipe import Actions, read_recipe
-from planlang.resources import bundled
 from planlang.testing import all_linear_extensions, run_plan
 
 

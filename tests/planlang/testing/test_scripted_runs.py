@@ -43,8 +43,8 @@ from planlang.failures import (
     ObjectUnfetchable,
     ObjectUnreachable,
 )
+from planlang.files import bundled
 from planlang.kernel import DeadlockError, StepLimit
-from planlang.resources import bundled
 from planlang.testing import Belief, Fault, Script, compiled, run_plan
 from planlang.testing.scripted import ScriptedExecutive
 
