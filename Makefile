@@ -2,6 +2,7 @@
 # make test    the test suite          make lint    ruff, mypy --strict, import contracts
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
+# make maps    the reachability maps of the bundled robots, after a change of their URDF or of how maps are made
 # make counts  lines, files, modules of a run, import circles, names that exist twice
 # make fuzz    broken files; FUZZ_SECONDS=1800 for half an hour, FUZZ_SEED=7 for other cases
 # make bench-locations   how places are found, beside samplers and other inverse kinematics, judged by PyBullet;
@@ -23,7 +24,7 @@ FUZZ_SECONDS ?= 60
 FUZZ_SEED ?= 0
 PYTEST_ARGS ?=
 
-.PHONY: help demo test lint counts bench bench-locations coverage mutants seeds fuzz golden clean
+.PHONY: help demo test lint counts bench bench-locations coverage mutants seeds fuzz maps golden clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -114,6 +115,9 @@ seeds: $(VENV)/.dev-stamp
 
 fuzz: $(VENV)/.dev-stamp
 	$(BIN)/python tests/fuzz/run.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --jobs $(JOBS)
+
+maps: $(VENV)/.pr2-stamp
+	$(BIN)/python tests/executive/locations/test_bundled_maps.py
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

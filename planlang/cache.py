@@ -46,8 +46,7 @@ class Cache:
                 content = file.read(self.largest + _DIGEST_BYTES)
         except OSError:
             return None
-        digest, content = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
-        return content if digest == _digest(key, content) else None
+        return unsealed(key, content)
 
     def keep(self, key: str, content: bytes) -> bool:
         """Keep content under a key, in the place of whatever is there; False if that cannot be done."""
@@ -62,8 +61,7 @@ class Cache:
                 return False
             handle, temporary = tempfile.mkstemp(prefix=".", dir=entry.parent)
             with os.fdopen(handle, "wb") as file:
-                file.write(_digest(key, content))
-                file.write(content)
+                file.write(sealed(key, content))
             if entry.is_dir() and not entry.is_symlink():
                 shutil.rmtree(entry)
             os.replace(temporary, entry)
@@ -89,6 +87,17 @@ class Cache:
             if path != newest:
                 with suppress(OSError):
                     path.unlink()
+
+
+def sealed(key: str, content: bytes) -> bytes:
+    """Return content behind a digest of it and of its key."""
+    return hashlib.sha256(f"{key}\n".encode() + content).hexdigest().encode() + content
+
+
+def unsealed(key: str, content: bytes) -> bytes | None:
+    """Return what was sealed with a key; None if that is damaged, or was sealed with another."""
+    inner = content[_DIGEST_BYTES:]
+    return inner if content == sealed(key, inner) else None
 
 
 def cache_folder(kind: str) -> Path | None:
@@ -118,9 +127,3 @@ def _close_to_others(folder: Path) -> None:
         folder.chmod(0o700)
         for path in folder.iterdir():
             path.unlink()
-
-
-def _digest(key: str, content: bytes) -> bytes:
-    digest = hashlib.sha256(f"{key}\n".encode())
-    digest.update(content)
-    return digest.hexdigest().encode()

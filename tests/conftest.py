@@ -63,7 +63,6 @@ LONGEST = (
     "repository/test_documentation.py",
     "executive/test_whole_runs.py",
     "planlang/ontology/test_writing.py",
-    "planlang/language/test_law.py",
 )
 """Files that take longest: begun first, so that at the end no worker waits for another."""
 

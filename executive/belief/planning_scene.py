@@ -13,7 +13,7 @@ from executive.belief.belief import Belief
 from executive.belief.believed_bodies import BelievedBodies, Block
 from executive.belief.scene_collisions import BasePose, SceneCollisions
 from executive.motion import Gaze
-from executive.motion.solids import Solids
+from executive.motion.bodies import Solids
 from executive.robots import Robot
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Device
@@ -129,7 +129,6 @@ def still_pieces(world: PlanningWorld, neck: Iterable[str]) -> Solids:
         tuple(name for name, _ in pieces),
         np.array([matrix for _, matrix in pieces]).reshape(-1, 4, 4),
         shapes,
-        np.zeros(len(pieces), bool),
     )
 
 

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from executive.belief.belief import Belief
 from executive.motion import Boxes, QuickCheck, clearance_at
-from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room
+from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
+from executive.motion.bodies import Solids
 from executive.motion.clearance import Band, clearances_at
 from executive.motion.footprint import TOUCHING, Outline, cores, outlines, stands_in_none
-from executive.motion.link_shapes import links_of
-from executive.motion.solids import Solids
 from executive.robots import Robot
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array

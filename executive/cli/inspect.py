@@ -10,12 +10,11 @@ from executive.cli.arguments import InspectArguments
 from executive.cli.console import Answer, ExitCode, say, silent
 from executive.cli.inputs import check_files, refuse
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
-from executive.locations.reachability_building import keep_maps, reachability_maps
+from executive.locations.reachability_files import reachability_map
 from executive.pictures.reach_picture import save_reach_picture, save_reach_recording
 from executive.pictures.recording import drawn_in, missing
 from executive.robots import Arm, Robot, bind_robot
 from executive.robots.arms import arm_models, with_carrying
-from executive.runs.assembly import mapped
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import Bundled
 from planlang.outputs import check_outputs, replace
@@ -53,12 +52,10 @@ def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspe
     for file in (picture, record):
         if file is not None and not models:
             raise BadInput([error("C004", f"{file}: {robot.name} has no arm whose reach could be drawn")])
-    built = keep_maps(models, robot.torso, lambda *done: mapped(progress, *done))
-    maps: dict[str, dict[GraspClass, ReachabilityMap]] = {}
-    for model in models:
-        kept = [grasp for grasp in GraspClass if (model.name, grasp) not in built]
-        found = {**reachability_maps(model, robot.torso, kept)}
-        maps[model.name] = {grasp: found.get(grasp) or built[model.name, grasp] for grasp in GraspClass}
+    maps = {
+        model.name: {grasp: reachability_map(model, grasp, robot.name, progress) for grasp in GraspClass}
+        for model in models
+    }
     if record is not None:
         drawn = drawn_in(world)
         replace(record, lambda path: save_reach_recording(path, drawn, models, maps))

@@ -18,7 +18,7 @@ from executive.locations.demands import base_demand, sides, thing_demand, withou
 from executive.modules.platform import Platform
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
-from executive.runs.assembly import build_maps, platform_of, world_at_start
+from executive.runs.assembly import platform_of, world_at_start
 from planlang.designators import Location, Object, Person, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable
@@ -61,10 +61,9 @@ def command(arguments: LocateArguments) -> Answer:
         world = world_at_start(scene_of(semantic_map, found), robot, start, stack)
         truth = PyBulletWorld(world.scene, robot.body())  # which is as believed: nothing moves
         stack.callback(truth.close)
-        platform = platform_of(robot, semantic_map, truth, world, 0)
+        platform = platform_of(robot, semantic_map, truth, world, 0, silent if arguments.json else say)
         meant = _meant([*references(location), *([] if what is None else [what])], lexicon, platform)
         found.extend(_choices(meant, lexicon, platform))
-        build_maps(platform, silent if arguments.json else say)  # last: for a new robot it takes minutes
         try:
             return _resolved(location, what, lexicon, platform, meant, found, arguments)
         except LocationMeaningless as problem:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
-from executive.locations.reachability_building import Progress, keep_maps, reachability_maps
-from executive.locations.reachability_sampling import exact_places, is_bound
+from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap, carried, is_bound
+from executive.locations.reachability_files import reachability_map
+from executive.locations.reachability_sampling import exact_places
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
@@ -141,10 +141,9 @@ def inverse_map(facts: tuple[object, ...], prepared: Callable[[], InverseMap]) -
 class InverseMaps:
     """The maps of the arms of one robot, prepared when they are first asked for."""
 
-    def __init__(self, torso: str | None) -> None:
-        """``torso``: the joint that lifts the arms, if there is one."""
-        self._torso = torso
-        self._forward: dict[tuple[str, GraspClass], ReachabilityMap] = {}
+    def __init__(self, robot: str, say: Callable[[str], None]) -> None:
+        """``robot``: its name. ``say`` is told of maps that have to be built, which takes seconds."""
+        self._robot, self._say = robot, say
         self._known: dict[tuple[str, GraspClass], InverseMap] = {}
 
     def __call__(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
@@ -155,23 +154,9 @@ class InverseMaps:
             self._known[key] = inverse_map(facts, partial(self._prepare, arm, grasp))
         return self._known[key]
 
-    def build(self, arms: Iterable[ArmModel], progress: Progress | None = None) -> None:
-        """Build the maps of arms that are not in the user's cache: later a plan would wait for them.
-
-        ``progress`` is told of those built.
-        """
-        self._forward |= keep_maps(arms, self._torso, progress)
-
     def _prepare(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
-        forward = self._forward.get((arm.name, grasp)) or reachability_maps(arm, self._torso, (grasp,))[grasp]
-        return InverseMap(forward, _exact(arm, forward))
-
-
-def _exact(arm: ArmModel, forward: ReachabilityMap) -> Array | None:
-    """Where the rows of an arm are that was mapped by sampling; None of one whose rows are at poses of the lattice."""
-    chain = arm.solver.chain
-    chain = chain if forward.lift is None else chain.locked({forward.lift.joint: forward.lift.lowest})
-    if not is_bound(chain):
-        return None
-    roll = forward.rows["roll"].astype(int)
-    return exact_places(chain, forward.rows["q"].astype(float), forward.grasp, forward.frame, roll)[0]
+        forward = reachability_map(arm, grasp, self._robot, self._say)
+        if not is_bound(arm):
+            return InverseMap(forward)
+        q, roll = forward.postures[forward.rows["posture"]], forward.rows["roll"].astype(int)
+        return InverseMap(forward, exact_places(carried(arm), q, grasp, arm.frame, roll)[0])

@@ -7,20 +7,21 @@ risen by ``rise`` above its lowest position. Without a vertical torso the torso 
 
 The pose of a row: the tip is at ``CELL * (x, y, z)``; the approach axis of the hand heads for ``yaw * 2 pi / YAWS`` and
 points down by the pitch of the class; its closing axis is horizontal, to the left of the heading for ``roll`` 1 and to
-the right for -1. A row keeps the joint values that take the tip there and a score in (0, 1].
+the right for -1. A row has a score in (0, 1] and a posture near joint values that take the tip there: rows of a few
+neighbouring cells and headings share one, and ``seeds`` solves for those of a row.
 
 A target pose with approach heading h at a point p of the map is reached by row r from the base
 
     yaw_base = h - yaw_r,    (x_base, y_base) = p_xy - Rz(yaw_base) (x_r, y_r),    rise = p_z - z_r
 
 (Zacharias et al., Capturing robot workspace structure, IROS 2007; inverted as by Vahrenkamp et al., Robot placement
-based on reachability inversion, ICRA 2013). ``heights`` gives the torso positions at which a height is in the lattice,
-``bases`` all base poses for one of them, ``seeds`` the joint values to begin with, ``find`` the rows of given poses.
+based on reachability inversion, ICRA 2013; here in ``inverse_map``). ``heights`` gives the torso positions at which a
+height is in the lattice, ``seeds`` the joint values of rows, ``find`` the rows of given poses.
 
-    maps = reachability_maps(arm, torso=robot.torso)       # GraspClass -> ReachabilityMap, from the cache or built
-    for torso in maps[GraspClass.SIDE].heights(point[2]):
-        found = maps[GraspClass.SIDE].bases(point, headings, torso=torso)
-        q = maps[GraspClass.SIDE].seeds(found.rows, torso)  # (m, d) in the order of the arm's joints, torso included
+    found = reachability_map(arm, GraspClass.SIDE)         # from the files of the robot, the cache, or built
+    for torso in found.heights(point[2]):
+        rows = found.find(points, headings, rolls, torso)  # -1 where there is none
+        q = found.seeds(rows[rows >= 0], torso)            # (m, d) in the order of the arm's joints, torso included
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.robots.arms import HandFrame, Lift
+from executive.motion import Chain, InverseKinematics
+from executive.robots.arms import ArmModel, HandFrame, Lift
 from planlang.geometry import Array
 
 CELL = 0.05
@@ -43,8 +45,12 @@ YAWS = 24
 """Headings of the lattice."""
 
 Index = NDArray[np.intp]
+ROW = np.dtype(
+    [("z", "<i2"), ("roll", "i1"), ("yaw", "i1"), ("x", "<i2"), ("y", "<i2"), ("score", "<f4"), ("posture", "<i4")]
+)
+"""A row: lattice indices, roll, score, and which of the postures is near it."""
 Rows = NDArray[Any]
-"""Rows of a map, shape (n,), of the dtype that :func:`row_type` describes, ordered by z, roll, yaw, x, y."""
+"""Rows of a map, shape (n,), of the type :data:`ROW`, ordered by z, roll, yaw, x, y."""
 
 
 class GraspClass(Enum):
@@ -75,47 +81,27 @@ class GraspClass(Enum):
         return np.asarray(axes @ frame.rotation(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Candidates:
-    """Base poses from which a target is reached, in the order of the headings asked for, then of the map's rows."""
+def carried(arm: ArmModel) -> Chain:
+    """Return the chain of an arm without what lifts it, which is at its lowest."""
+    chain = arm.solver.chain
+    return chain if arm.lift is None else chain.locked({arm.lift.joint: arm.lift.lowest})
 
-    bases: Array
-    """(m, 3): x, y [m], yaw [rad, not normalised]."""
-    scores: Array
-    """(m,) in (0, 1]."""
-    rows: Index
-    """(m,) rows of the map, for :meth:`ReachabilityMap.seeds`."""
-    headings: Index
-    """(m,) which of the headings asked for."""
 
-    def __len__(self) -> int:
-        return len(self.rows)
+def is_bound(arm: ArmModel) -> bool:
+    """Return True if an arm, without what lifts it, has too few joints to reach poses of a lattice."""
+    return arm.solver.chain.dof - (arm.lift is not None) < 6
 
 
 @dataclass(frozen=True, eq=False)
 class ReachabilityMap:
-    """The rows of one arm and grasp class; they may be mapped from a file and are not to be written to."""
+    """The rows of one arm and grasp class."""
 
-    arm: str
+    arm: ArmModel
     grasp: GraspClass
-    frame: HandFrame
-    names: tuple[str, ...]
-    """The arm's joints, the lift included, (d,)."""
-    lift: Lift | None
     rows: Rows
-    starts: Index
-    """(levels + 1,) where the rows of each level of the lattice begin, the lowest first."""
-    lowest_level: int
-
-    @staticmethod
-    def of(
-        arm: str, grasp: GraspClass, frame: HandFrame, names: tuple[str, ...], lift: Lift | None, rows: Rows
-    ) -> ReachabilityMap:
-        """Over ordered rows."""
-        levels = np.asarray(rows["z"], np.intp)
-        lowest, highest = (int(levels[0]), int(levels[-1])) if len(levels) else (0, -1)
-        starts = np.searchsorted(levels, np.arange(lowest, highest + 2))
-        return ReachabilityMap(arm, grasp, frame, names, lift, rows, starts, lowest)
+    """In their order (:func:`row_keys`)."""
+    postures: Array
+    """Joint values (p, d), the lift left out, that rows have in common."""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -132,56 +118,20 @@ class ReachabilityMap:
         rises = [z - CELL * level for level in reversed(levels) if len(self._level(level))]
         return tuple(float(self.lift.position(min(max(rise, 0.0), most))) for rise in rises)
 
-    def bases(
-        self,
-        point: ArrayLike,
-        headings: ArrayLike,
-        *,
-        torso: float = 0.0,
-        rolls: tuple[int, ...] = (1, -1),
-        least: float = 0.0,
-    ) -> Candidates:
-        """Return base poses in the map that take the tip to ``point`` (3,) with one of the headings (k,).
-
-        ``torso`` is its joint position; ``rolls`` those that are wanted (from the top both are the same poses seen
-        from opposite headings); ``least`` the lowest score.
-        """
-        x, y, z = (float(value) for value in np.asarray(point, float))
-        chosen = self._level(self._nearest(z - self._rise(torso)))
-        found = self.rows[chosen.start : chosen.stop]
-        kept = found["score"] > least
-        turned = np.zeros(len(found))
-        if self.grasp is GraspClass.TOP:
-            turned[:] = 0.0 if 1 in rolls else math.pi
-        else:
-            kept = kept & np.isin(found["roll"], rolls)
-        index = np.flatnonzero(kept)
-        found, turned = found[index], turned[index]
-        wanted = np.atleast_1d(np.asarray(headings, float))
-        yaw = wanted[:, None] - found["yaw"] * (2 * math.pi / YAWS) + turned
-        ahead, aside = CELL * found["x"], CELL * found["y"]
-        c, s = np.cos(yaw), np.sin(yaw)
-        bases = np.stack([x - (c * ahead - s * aside), y - (s * ahead + c * aside), yaw], axis=-1).reshape(-1, 3)
-        count = len(wanted)
-        return Candidates(
-            bases,
-            np.tile(found["score"].astype(float), count),
-            np.tile(index + chosen.start, count),
-            np.repeat(np.arange(count), len(found)),
-        )
-
     def seeds(self, rows: ArrayLike, torso: ArrayLike = 0.0) -> Array:
-        """Joint values (m, d) of rows (m,), in the order of ``names``, with the torso at a position (or (m,))."""
-        arm = self.rows["q"][np.asarray(rows, np.intp)].astype(float)
-        if self.lift is None:
-            return np.asarray(arm)
-        return np.insert(arm, self.lift.column, np.asarray(torso, float), axis=1)
+        """Joint values (m, d) of rows (m,), in the order of the arm's joints, with the torso at a position, or (m,)."""
+        chosen = np.asarray(rows, np.intp)
+        q = self.postures[self.rows["posture"][chosen]]
+        if not is_bound(self.arm) and len(q):
+            lowest = 0.0 if self.lift is None else self.lift.lowest
+            q, _ = self._solver.solve(self.poses(chosen, lowest), q[:, None])  # each has converged when it was built
+        return q if self.lift is None else np.insert(q, self.lift.column, np.asarray(torso, float), axis=1)
 
     def poses(self, rows: ArrayLike, torso: ArrayLike = 0.0) -> Array:
         """Tip poses (m, 4, 4) of rows (m,) in the base link's frame."""
         chosen = self.rows[np.asarray(rows, np.intp)]
         poses = np.tile(np.eye(4), (len(chosen), 1, 1))
-        poses[:, :3, :3] = self.grasp.rotations(chosen["yaw"] * (2 * math.pi / YAWS), chosen["roll"], self.frame)
+        poses[:, :3, :3] = self.grasp.rotations(chosen["yaw"] * (2 * math.pi / YAWS), chosen["roll"], self.arm.frame)
         poses[:, :3, 3] = CELL * np.stack([chosen["x"], chosen["y"], chosen["z"]], axis=-1)
         poses[:, 2, 3] += self._rise(torso)
         return poses
@@ -206,9 +156,29 @@ class ReachabilityMap:
         at = np.minimum(np.searchsorted(self._sorted, keys), len(self) - 1)
         return np.where(self._sorted[at] == keys, at, -1).astype(np.intp)
 
+    @property
+    def lift(self) -> Lift | None:
+        """Return the torso that lifts the arm straight up."""
+        return self.arm.lift
+
+    @cached_property
+    def lowest_level(self) -> int:
+        """The level of the lowest rows."""
+        return int(self.rows["z"][0]) if len(self) else 0
+
+    @cached_property
+    def starts(self) -> Index:
+        """Where the rows of each level of the lattice begin, the lowest first, (levels + 1,)."""
+        levels = np.asarray(self.rows["z"], np.intp)
+        return np.searchsorted(levels, np.arange(self.lowest_level, int(levels[-1]) + 2 if len(self) else 1))
+
+    @cached_property
+    def _solver(self) -> InverseKinematics:
+        return InverseKinematics(carried(self.arm))
+
     @cached_property
     def _sorted(self) -> NDArray[np.int64]:
-        return _row_keys(self.rows)
+        return row_keys(self.rows)
 
     def _rise(self, torso: ArrayLike) -> Any:
         return 0.0 if self.lift is None else self.lift.rise(torso)
@@ -224,22 +194,21 @@ class ReachabilityMap:
         return range(int(self.starts[number]), int(self.starts[number + 1]))
 
 
-def row_type(d: int) -> np.dtype[Any]:
-    """Return the type of a row: lattice indices, roll, score, and d joint values (the lift left out)."""
-    return np.dtype(
-        [("z", "<i2"), ("roll", "i1"), ("yaw", "i1"), ("x", "<i2"), ("y", "<i2"), ("score", "<f4"), ("q", "<f4", (d,))]
-    )
-
-
-def ordered(rows: Rows) -> Rows:
-    """Return the same rows by z, roll, yaw, x, y."""
-    return np.asarray(rows[np.argsort(_row_keys(rows), kind="stable")])
-
-
-def _row_keys(rows: Rows) -> NDArray[np.int64]:
+def row_keys(rows: Rows) -> NDArray[np.int64]:
+    """Return one whole number per row, by z, roll, yaw, x and y: no two rows have the same, and they grow."""
     return np.asarray(_keys(*(rows[name].astype(np.int64) for name in ("z", "roll", "yaw", "x", "y"))))
 
 
 def _keys(z: Any, roll: Any, yaw: Any, x: Any, y: Any) -> Any:
-    """Return one whole number per row that sorts like the rows."""
     return ((((z + 512) * 2 + (roll + 1) // 2) * YAWS + yaw) * 1024 + x + 512) * 1024 + y + 512
+
+
+def rows_of(keys: NDArray[np.int64]) -> Rows:
+    """Return rows with these keys; they have no score and no posture yet."""
+    rows = np.zeros(len(keys), ROW)
+    rest, y = np.divmod(keys, 1024)
+    rest, x = np.divmod(rest, 1024)
+    rest, rows["yaw"] = np.divmod(rest, YAWS)
+    z, roll = np.divmod(rest, 2)
+    rows["x"], rows["y"], rows["z"], rows["roll"] = x - 512, y - 512, z - 512, 2 * roll - 1
+    return rows

@@ -1,31 +1,39 @@
-"""Builds reachability maps by inverse kinematics, and keeps them between runs.
+"""Builds reachability maps by inverse kinematics.
 
 A coarse sub-lattice is solved from postures at random; then solutions spread to neighbours in place and heading, each
-from the joints of its neighbour, until nothing is added; at last every pose takes over a neighbour's posture if it can
-be better off with it. So unreachable poses cost something at the rim only.
+from the joints of its neighbour, until nothing is added; then every pose takes over a neighbour's posture if it can
+be better off with it. So unreachable poses cost something at the rim only. At last the poses of a block, a few cells
+and headings, share postures: of each block the best one, then the best of those that are not solved from it, and so on.
+A map is so small then that it can come with a robot (17 MB of joint values are 2 MB of postures for the Panda).
 """
 
 from __future__ import annotations
 
-import hashlib
 import math
-import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.locations.reachability import CELL, YAWS, GraspClass, Index, ReachabilityMap, Rows, ordered, row_type
-from executive.locations.reachability_sampling import cells_of, is_bound, sampled
+from executive.locations.reachability import (
+    CELL,
+    ROW,
+    YAWS,
+    GraspClass,
+    Index,
+    ReachabilityMap,
+    Rows,
+    carried,
+    is_bound,
+    row_keys,
+)
+from executive.locations.reachability_sampling import cells_of, sampled
 from executive.motion import Chain, InverseKinematics
-from executive.robots.arms import ArmModel, HandFrame, Lift, lift_of
-from planlang.cache import Cache
+from executive.robots.arms import ArmModel, HandFrame
 from planlang.geometry import Array
 
-VERSION = 3
-"""Raised whenever maps come out otherwise for the same arm."""
 SAMPLES = 20_000
 """Number of random postures that show where the tip can be at all."""
 RESTARTS = 6
@@ -40,123 +48,74 @@ SPARE = 0.125
 """Distance to the nearest joint limit, as a share of the joint's range, that counts as full."""
 CHUNK = 5_000
 """Configurations that are scored at once."""
-_CACHE = Cache("reachability", most=60)
+BLOCK = 2, 3
+"""Cells along each axis, and headings, that share postures: inverse kinematics gets from one to all others."""
+SHARED, EXACT = 1e-2, 1e-5
+"""Steps of joint values in postures that rows share, and in those that are a row's own [rad, m].
 
-Progress = Callable[[int, int, str], None]
-"""A listener that gets the number done, the total, and the name of what was done."""
-
-
-def reachability_maps(
-    arm: ArmModel,
-    torso: str | None = None,
-    classes: Iterable[GraspClass] = GraspClass,
-    progress: Progress | None = None,
-) -> Mapping[GraspClass, ReachabilityMap]:
-    """The maps of an arm, from the user's cache or built now; ``progress`` is told of those built.
-
-    ``torso``: the joint among the arm's that lifts it; one that does not slide straight up is a joint like others.
-    """
-    lift = lift_of(arm.solver.chain, torso)
-    wanted = list(classes)
-    maps = {grasp: _fetch(arm, lift, grasp) for grasp in wanted}
-    absent = [(arm, lift, grasp) for grasp, found in maps.items() if found is None]
-    for _, _, grasp, rows in _built(absent, progress):
-        maps[grasp] = _kept(arm, lift, grasp, rows)
-    return {grasp: found for grasp in wanted if (found := maps[grasp]) is not None}
+From a shared one inverse kinematics goes on anyway; 1e-5 moves the tip by less than a tenth of its tolerance.
+"""
+WORTH = 0.7
+"""A row shares a posture that leads to this share of its own score: with more, files grow, with less, scores fall."""
+SAMPLING = (SAMPLES, RESTARTS, COARSE, FLOOR, USUAL_MANIPULABILITY, SPARE, BLOCK, SHARED, WORTH)
 
 
-def keep_maps(
-    arms: Iterable[ArmModel], torso: str | None = None, progress: Progress | None = None
-) -> dict[tuple[str, GraspClass], ReachabilityMap]:
-    """Build all maps of arms that are not in the user's cache yet: these, by arm and class."""
-    every = [(arm, lift_of(arm.solver.chain, torso), grasp) for arm in arms for grasp in GraspClass]
-    built = _built([job for job in every if _fetch(*job) is None], progress)
-    return {(arm.name, grasp): _kept(arm, lift, grasp, rows) for arm, lift, grasp, rows in built}
+def build_map(arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
+    """Return the map of an arm, built now."""
+    chain = carried(arm)
+    floor = FLOOR - (0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest)))
+    if is_bound(arm):
+        parts = [_sampled_rows(chain, grasp, arm.frame, roll, floor) for roll in grasp.rolls]
+    else:
+        parts = _lattice_rows(arm, chain, grasp, floor)
+    rows, q = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(row_keys(rows))
+    rows, q = rows[order], q[order]
+    q = chain.functions.within(np.rint(q / joint_step(arm)).T * joint_step(arm)).T
+    rows["posture"] = np.arange(len(rows))
+    built = ReachabilityMap(arm, grasp, rows, q)
+    return built if is_bound(arm) else _shared(built)
 
 
-def build_maps(
-    arms: Iterable[ArmModel], torso: str | None = None, progress: Progress | None = None
-) -> dict[str, bytes]:
-    """Return the files with the maps of a robot's arms: name -> content.
-
-    A name has the arm, the class of grasps and the beginning of a key made of chain, sampling and version: where a
-    file of a name that :func:`file_name` gives is missing, the map is stale.
-    """
-    every = [(arm, lift_of(arm.solver.chain, torso), grasp) for arm in arms for grasp in GraspClass]
-    built = _built(every, progress)
-    return {file_name(arm, lift, grasp): packed(rows) for arm, lift, grasp, rows in built}
+def joint_step(arm: ArmModel) -> float:
+    """Return the step of joint values in the postures of an arm's maps [rad, m]."""
+    return EXACT if is_bound(arm) else SHARED
 
 
-def file_name(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> str:
-    """Return the name of the file of a map."""
-    return f"{arm.name}-{grasp.value}-{_entry_name(arm, lift, grasp)[:16]}.reach"
+def blocks(rows: Rows, arm: ArmModel) -> NDArray[np.int64]:
+    """Return the number of the block of each row: rows of a block may share postures. They grow with z."""
+    cells, headings = (1, 1) if is_bound(arm) else BLOCK
+    coarse = rows.copy()
+    for name in ("z", "x", "y"):
+        coarse[name] //= cells
+    coarse["yaw"] //= headings
+    return row_keys(coarse)
 
 
-def packed(rows: Rows) -> bytes:
-    """Return rows of a map as a file keeps them: bytes of equal significance together, which compress well."""
-    columns = np.ascontiguousarray(rows).view(np.uint8).reshape(len(rows), rows.dtype.itemsize).T
-    return zlib.compress(columns.tobytes(), 9)
-
-
-def unpacked(content: bytes, dof: int) -> Rows:
-    """Return the rows of a file, of d joint values each; the inverse of :func:`packed`."""
-    row = row_type(dof)
-    columns = np.frombuffer(zlib.decompress(content), np.uint8).reshape(row.itemsize, -1)
-    return np.ascontiguousarray(columns.T).view(row)[:, 0]
-
-
-_Job = tuple[ArmModel, Lift | None, GraspClass]
-
-
-def _built(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[tuple[ArmModel, Lift | None, GraspClass, Rows]]:
-    """Yield the rows of maps, as they get ready."""
-    for number, (arm, lift, grasp) in enumerate(jobs, 1):
-        yield arm, lift, grasp, _build_rows(arm, lift, grasp)
-        if progress is not None:
-            progress(number, len(jobs), f"{arm.name}, {grasp.value}")
-
-
-# Cache
-
-
-def _entry_name(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> str:
-    chain = arm.solver.chain
-    way = "sampled" if is_bound(_carried(chain, lift)) else "lattice"
-    facts = (
-        VERSION if way == "lattice" else (VERSION, way),
-        chain.digest,
-        lift,
-        grasp.value,
-        arm.frame,
-        CELL,
-        YAWS,
-        arm.seeds.tolist(),
-    )
-    return hashlib.sha256(repr(facts).encode()).hexdigest()
-
-
-def _fetch(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> ReachabilityMap | None:
-    content = _CACHE.load(_entry_name(arm, lift, grasp))
-    row = row_type(_width(arm, lift))
-    if content is None or len(content) % row.itemsize:
-        return None
-    return _map(arm, lift, grasp, np.frombuffer(content, row))
-
-
-def _kept(arm: ArmModel, lift: Lift | None, grasp: GraspClass, rows: Rows) -> ReachabilityMap:
-    _CACHE.keep(_entry_name(arm, lift, grasp), rows.tobytes())
-    return _map(arm, lift, grasp, rows)
-
-
-def _map(arm: ArmModel, lift: Lift | None, grasp: GraspClass, rows: Rows) -> ReachabilityMap:
-    return ReachabilityMap.of(arm.name, grasp, arm.frame, arm.solver.chain.names, lift, rows)
-
-
-def _width(arm: ArmModel, lift: Lift | None) -> int:
-    return arm.solver.chain.dof - (lift is not None)
-
-
-# Building
+def _shared(full: ReachabilityMap) -> ReachabilityMap:
+    """Return the same map with as few postures as the rows of a block need."""
+    rows, q, chain = full.rows, full.postures, carried(full.arm)
+    solver, block = InverseKinematics(chain), blocks(rows, full.arm)
+    poses = full.poses(np.arange(len(rows)), 0.0 if full.lift is None else full.lift.lowest)
+    alone = _scores(chain, q)
+    scores, owner, left = alone.copy(), np.arange(len(rows)), np.arange(len(rows))
+    reached = np.ones(len(rows), np.bool_)  # a few at the rim are not any more, from their own posture rounded
+    while len(left):
+        order = left[np.lexsort((left, -alone[left].round(9), block[left]))]
+        _, best, group = np.unique(block[order], return_index=True, return_inverse=True)
+        own = order[best[group]]
+        tried, solved = solver.solve(poses[order], q[own][:, None])
+        gained = _scores(chain, tried)
+        kept = (order == own) | (solved & (gained >= WORTH * alone[order]))
+        owner[order[kept]], scores[order[kept]], reached[order[kept]] = own[kept], gained[kept], solved[kept]
+        left = np.sort(order[~kept])
+    owners, posture = np.unique(owner[reached], return_inverse=True)
+    shared, scores = rows[reached], scores[reached]
+    shared["posture"] = posture
+    for roll in full.grasp.rolls:
+        mine = shared["roll"] == roll
+        shared["score"][mine] = _normal(scores[mine])
+    return ReachabilityMap(full.arm, full.grasp, shared, q[owners])
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,34 +155,28 @@ class _Lattice:
                 yield inside, index[inside] + step * stride
 
 
-def _carried(full: Chain, lift: Lift | None) -> Chain:
-    """Return the chain without what lifts it."""
-    return full if lift is None else full.locked({lift.joint: lift.lowest})
-
-
-def _build_rows(arm: ArmModel, lift: Lift | None, grasp: GraspClass) -> Rows:
-    full = arm.solver.chain
-    chain = _carried(full, lift)
-    if is_bound(chain):
-        floor = FLOOR - (0.0 if lift is None else float(lift.rise(lift.highest)))
-        return ordered(np.concatenate([_sampled_rows(chain, grasp, arm.frame, roll, floor) for roll in grasp.rolls]))
-    solver = InverseKinematics(chain)
-    columns = [full.names.index(name) for name in chain.names]
-    rng = np.random.default_rng(0)
+def _lattice_rows(arm: ArmModel, chain: Chain, grasp: GraspClass, floor: float) -> list[tuple[Rows, Array]]:
+    """Return rows and joint values of each roll."""
+    solver, rng = InverseKinematics(chain), np.random.default_rng(0)
+    columns = [arm.solver.chain.names.index(name) for name in chain.names]
     tips = chain.fk(chain.sample(rng, SAMPLES))[:, :3, 3]
-    least = FLOOR - (0.0 if lift is None else float(lift.rise(lift.highest)))
-    first = np.floor(np.maximum(tips.min(axis=0), (-np.inf, -np.inf, least)) / CELL).astype(np.int64)
+    first = np.floor(np.maximum(tips.min(axis=0), (-np.inf, -np.inf, floor)) / CELL).astype(np.int64)
     last = np.ceil(tips.max(axis=0) / CELL).astype(np.int64)
     nx, ny, nz = (int(n) for n in np.maximum(last - first + 1, 1))
     parts = []
     for roll in grasp.rolls:
         lattice = _Lattice(grasp, arm.frame, roll, first, (YAWS, nx, ny, nz))
         q, solved = _solved(lattice, solver, arm.seeds[:, columns], rng)
-        parts.append(_as_rows(lattice, chain, q, np.flatnonzero(solved)))
-    return ordered(np.concatenate(parts))
+        index = np.flatnonzero(solved)
+        yaw, *cells = np.unravel_index(index, lattice.shape)
+        rows = np.zeros(len(index), ROW)
+        rows["yaw"], rows["roll"] = yaw, roll
+        rows["x"], rows["y"], rows["z"] = (np.stack(cells, axis=-1) + first).T
+        parts.append((rows, q[index].astype(float)))
+    return parts
 
 
-def _sampled_rows(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, floor: float) -> Rows:
+def _sampled_rows(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, floor: float) -> tuple[Rows, Array]:
     """Return for each cell of the lattice the best of the postures that are in it."""
     q, places, levels = sampled(chain, grasp, frame, roll, floor, np.random.default_rng(0))
     score = _scores(chain, q)
@@ -231,11 +184,10 @@ def _sampled_rows(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, 
     order = np.lexsort((np.arange(len(q)), -score.round(9)))
     _, first = np.unique(cells[order], axis=0, return_index=True) if len(q) else (None, np.zeros(0, np.intp))
     best = order[first]
-    rows = np.zeros(len(best), row_type(chain.dof))
+    rows = np.zeros(len(best), ROW)
     rows["z"], rows["x"], rows["y"], rows["yaw"] = cells[best].T
-    rows["roll"], rows["q"] = roll, q[best]
-    rows["score"] = _normal(score[best])
-    return rows
+    rows["roll"], rows["score"] = roll, _normal(score[best])
+    return rows, q[best]
 
 
 def _solved(
@@ -293,17 +245,6 @@ def _few_scores(chain: Chain, q: Array) -> Array:
         low, high, values = chain.lower[joint], chain.upper[joint], q[:, joint]
         np.minimum(spare, np.minimum(values - low, high - values) / np.maximum(high - low, 1e-9), out=spare)
     return np.asarray(manipulability * np.clip(spare / SPARE, 0.0, 1.0))
-
-
-def _as_rows(lattice: _Lattice, chain: Chain, q: NDArray[np.float32], index: Index) -> Rows:
-    rows = np.zeros(len(index), row_type(chain.dof))
-    if not len(index):
-        return rows
-    yaw, *cells = np.unravel_index(index, lattice.shape)
-    rows["yaw"], rows["roll"], rows["q"] = yaw, lattice.roll, q[index]
-    rows["x"], rows["y"], rows["z"] = (np.stack(cells, axis=-1) + lattice.first).T
-    rows["score"] = _normal(_scores(chain, q[index].astype(float)))
-    return rows
 
 
 def _normal(score: Array) -> Array:

@@ -3,7 +3,7 @@
 An arm of fewer than six joints reaches almost no pose of a lattice exactly. Random postures are pulled to the nearest
 one in which the hand points as a class of grasps says, at a height of the lattice (Gauss-Newton on height and the two
 components of the rotation that a heading leaves); place and heading stay free. A row stands for the cell that such a
-pose is in; where exactly it is, the row's joint values tell (:func:`exact_places`).
+pose is in; where exactly it is, the row's posture tells (:func:`exact_places`).
 """
 
 from __future__ import annotations
@@ -27,11 +27,6 @@ STEPS = 12
 DAMPING = 1e-6
 NEAR = 1e-4, 5e-4
 """Largest distance of a pose from a height of the lattice [m], and from the wanted rotation [rad]."""
-
-
-def is_bound(chain: Chain) -> bool:
-    """Return True if an arm, without what lifts it, has too few joints to reach poses of a lattice."""
-    return chain.dof < 6
 
 
 def sampled(

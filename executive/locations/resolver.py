@@ -42,9 +42,10 @@ MOST_VIEWERS = 256
 class Resolver:
     """Turns locations into base poses, hand solutions and poses of objects."""
 
-    def __init__(self, scene: PlanningScene) -> None:
+    def __init__(self, scene: PlanningScene, say: Callable[[str], None] = lambda line: None) -> None:
+        """``say`` is told of reachability maps that have to be built."""
         self.scene = scene
-        self.maps = InverseMaps(scene.robot.torso)
+        self.maps = InverseMaps(scene.robot.name, say)
         self._validator = BaseValidator(scene, self.maps)
         self._answers: Answers[Solution] = Answers()
         self._viewers: dict[Location, tuple[float, float]] = {}

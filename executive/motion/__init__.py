@@ -1,8 +1,8 @@
 """How the robot moves: kinematics, paths of the arm and of the base, timing.
 
 General layout: ``symbolic`` is the mathematics behind ``kinematics``, ``row_function`` computes it for many rows.
-``hulls``, ``spheres`` and ``solids`` are shapes, ``link_shapes`` those of a robot, ``arm_bodies`` puts them into a room
-as ``bodies``; ``collision`` checks configurations and base poses by them, here and for ``executive.locations``.
+``bodies`` are convex pieces, ``spheres`` fill shapes, ``arm_bodies`` puts a robot's links and a room together, and
+``collision`` checks configurations and base poses by them, here and for ``executive.locations``.
 ``arm_path`` searches a ``joint_space`` with it, ``tip_line`` goes straight; ``base_path`` (on ``clearance``) drives.
 ``timing`` turns waypoints into trajectories. Random generators are passed in; ``errors`` lists what is raised.
 """

@@ -8,18 +8,19 @@ for ways of an arm and, as they are or held still in a posture, a search for pla
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Movers, Obstacles, Watched, counts
+from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Bodies, Pairs, Solids, counts
 from executive.motion.collision import QuickCheck
 from executive.motion.kinematics import Chain
-from executive.motion.link_shapes import Shaped, thing_in
-from executive.motion.solids import Solids
+from executive.motion.spheres import kept_spheres
 from planlang.geometry import Array, Pose
-from planlang.geometry.solid import SolidKind
+from planlang.geometry.matrices import inverse, moved, product
+from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
 from planlang.protocols import Configuration
 from sim import PlanningWorld, Solid
 from sim.contact import SUPPORT_DEPTH
@@ -31,6 +32,64 @@ AT_ORIGIN = (0.0, 0.0, 0.0)
 
 Ignored = tuple[frozenset[str], str | None]
 """Links, and the body that they may touch."""
+Row = tuple[str, int, Solids, float, tuple[ConvexSolid, ...]]
+"""One of :class:`Bodies`: name, frame, pieces, slack and real shapes."""
+_PLAIN = (SolidKind.BOX, SolidKind.CYLINDER, SolidKind.SPHERE)
+"""Kinds that pieces can be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shaped:
+    """A link or a thing, which consists of convex shapes."""
+
+    name: str
+    shapes: Sequence[ConvexSolid]
+
+    @cached_property
+    def _filled(self) -> tuple[tuple[Solids, float], ...]:
+        """For each shape the spheres in it, and how far it sticks out of them [m]."""
+        found = []
+        for shape in self.shapes:
+            points = np.ascontiguousarray(shape.points, float)
+            spheres = kept_spheres(points.tobytes(), shape.radius, shape.beyond)
+            centres = moved(shape.pose.matrix(), spheres.balls[:, :3])
+            balls = np.column_stack([centres, spheres.balls[:, 3]])
+            found.append((Solids.spheres(self.name, balls), spheres.slack))
+        return tuple(found)
+
+    def movers(self, frame: int) -> list[Row]:
+        """Return each shape as spheres that go with a frame."""
+        filled = zip(self.shapes, self._filled, strict=True)
+        return [(self.name, frame, spheres, slack, (shape,)) for shape, (spheres, slack) in filled]
+
+    def obstacle(self, frame: int) -> Row:
+        """Return it as one obstacle: plain shapes as they are, the spheres in others."""
+        if self.exact:
+            plain = [Solid(self.name, shape.kind, shape.size, shape.pose, limb=False) for shape in self.shapes]
+            return self.name, frame, Solids.of(plain), 0.0, ()
+        solids, slacks = zip(*self._filled, strict=True)
+        return self.name, frame, Solids.joined(solids), max(slacks), tuple(self.shapes)
+
+    @property
+    def exact(self) -> bool:
+        """Return True if its pieces as an obstacle are all of it."""
+        return all(shape.kind in _PLAIN for shape in self.shapes)
+
+
+def links_of(world: PlanningWorld) -> tuple[Shaped, ...]:
+    """Return the solid links of a world's robot, in their order."""
+    robot = world.robot
+    return tuple(Shaped(name, robot.hulls(number)) for number, name in enumerate(robot.solid_names))
+
+
+def thing_in(world: PlanningWorld, name: str) -> Shaped:
+    """Return a body of a world; round pieces are as wide as their larger side, as the world makes them."""
+    shapes = []
+    for part, at in world.pieces(name):
+        x, y, z = part.size
+        size = part.size if part.kind == SolidKind.BOX else (max(x, y), max(x, y), z)
+        shapes.append(convex_solid(part.kind, size, at))
+    return Shaped(name, shapes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,9 +97,9 @@ class ArmBodies:
     """Movers and obstacles of the robot itself, with what it holds, for one chain and one posture of the rest."""
 
     chain: Chain
-    movers: Movers
-    own: Obstacles
-    watched: Watched
+    movers: Bodies
+    own: Bodies
+    watched: Pairs
     """Pairs of movers and obstacles of the robot itself."""
     hands: NDArray[np.bool_]
     """Movers that are links of any hand (m,): people's arms, once they reach for something, do not mind them."""
@@ -60,12 +119,12 @@ class ArmBodies:
     def against(self, base: Array, room: Room, ignored: Ignored) -> QuickCheck:
         """Return the check against a room, from a base pose (4, 4); hand links ``ignored`` may touch a body."""
         bodies = room.bodies
-        own = Watched(self.watched.movers, self.watched.obstacles + len(bodies), self.watched.allowed)
+        own = replace(self.watched, obstacles=self.watched.obstacles + len(bodies))
         watched = self._watched(room, ignored).followed_by(own)
-        every = bodies.followed_by(self.own)
+        every = Bodies.joined([bodies, self.own])
         return QuickCheck(self.chain, base, self.movers, every, watched, tip=self.tip, whole=self.whole)
 
-    def _watched(self, room: Room, ignored: Ignored) -> Watched:
+    def _watched(self, room: Room, ignored: Ignored) -> Pairs:
         """Return the pairs of all movers and all bodies of a room but the pairs that may touch."""
         mine, (links, touches) = self.movers.names, ignored
         held = [k for k, name in enumerate(mine) if name in self.held]
@@ -82,14 +141,14 @@ class ArmBodies:
             watched[np.outer(hand, touched_ones)] = False
         watched[self.grounded, -1] = False
         movers, obstacles = np.nonzero(watched)
-        return Watched(movers, obstacles, allowed[movers, obstacles])
+        return Pairs(movers, obstacles, allowed[movers, obstacles])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Room:
     """The bodies of a room as obstacles, the floor last."""
 
-    bodies: Obstacles
+    bodies: Bodies
     limbs: NDArray[np.bool_]
     """Mask of the obstacles that are arms of people (o,)."""
 
@@ -101,14 +160,15 @@ class Room:
         number = {key: k for k, key in enumerate(keys)}
         of_piece = np.array([number[key] for key in each], np.intp)
         ground = Solid(floor, SolidKind.BOX, GROUND_SIZE, Pose((0.0, 0.0, -GROUND_SIZE[2] / 2)), limb=False)
-        sizes = np.bincount(of_piece, minlength=len(keys))
-        count = len(keys) + 1
-        bodies = Obstacles(
+        sizes, count = np.bincount(of_piece, minlength=len(keys)), len(keys) + 1
+        bodies = Bodies(
             (*(body for body, _ in keys), floor),
             np.full(count, MAP, np.intp),
             np.cumsum([0, *sizes.tolist(), 1]).astype(np.intp),
             Solids.joined([solids.only(np.argsort(of_piece, kind="stable")), Solids.of([ground])]),
             np.zeros(count),
+            ((),) * count,
+            np.tile(np.eye(4), (count, 1, 1)),
         )
         return Room(bodies, np.array([*(limb for _, limb in keys), False], bool))
 
@@ -131,22 +191,23 @@ class ArmShapes:
         robot = world.robot
         self._chain, self._base_link, self._links = chain, base_link, links
         self._carriers = {name: FIRST_JOINT + number for number, name in enumerate(chain.carriers)}
-        moved = frozenset[int]().union(*(robot.moved_by(name) for name in chain.names))
+        carried = frozenset[int]().union(*(robot.moved_by(name) for name in chain.names))
         every = [self.frame_of(world, link) for link in robot.solid_names]
         # a link that is moved by a joint that follows one of the chain is not known to go with any
-        numbers = [k for k, frame in enumerate(every) if (k in moved) == (frame >= FIRST_JOINT)]
+        numbers = [k for k, frame in enumerate(every) if (k in carried) == (frame >= FIRST_JOINT)]
         self._whole = len(numbers) == len(every)
         self._frames = np.array(every, np.intp)
         moving = [number for number in numbers if every[number] >= FIRST_JOINT]
-        self._movers, self._of_mover = _movers(links, moving, every)
-        pieces = [(number, *links[number].pieces) for number in numbers]
-        self._own = Obstacles.of([(links[k].name, every[k], solids, slack) for k, solids, slack in pieces])
-        self._of_piece = np.repeat(numbers, [len(solids) for _, solids, _ in pieces]).astype(np.intp)
+        rows = [(number, row) for number in moving for row in links[number].movers(every[number])]
+        self._movers = Bodies.of([row for _, row in rows])
+        self._of_mover = np.array([number for number, _ in rows], np.intp)
+        self._own = Bodies.of([links[number].obstacle(every[number]) for number in numbers])
+        self._of_own = np.array(numbers, np.intp)
         self._obstacle_of = {number: k for k, number in enumerate(numbers)}
         hands = frozenset[int]().union(*(robot.hand_of(link) for link in robot.body.hands))
         self._hands = np.isin(self._of_mover, sorted(hands))
         self._grounded = np.isin(self._of_mover, sorted(robot.grounded))
-        self._watched = Watched.of(
+        self._watched = Pairs.of(
             [
                 pair
                 for a, b in world.self_pairs
@@ -158,7 +219,7 @@ class ArmShapes:
         q = (np.clip(chain.lower, -np.pi, np.pi) + np.clip(chain.upper, -np.pi, np.pi)) / 2
         frames, poses = chain.frames(q[None])[0], chain.fk(q[None])[0]
         last = self.frame_of(world, tip_link)
-        self.tip: tuple[Array, int] = np.linalg.inv(frames[last - FIRST_JOINT]) @ poses, last
+        self.tip: tuple[Array, int] = product(inverse(frames[last - FIRST_JOINT]), poses), last
         """The tip's pose (4, 4) in the frame with which it goes, and the number of that frame."""
 
     def frame_of(self, world: PlanningWorld, link: str) -> int:
@@ -174,27 +235,23 @@ class ArmShapes:
         q = np.array([there.joints[name] for name in self._chain.names])
         whole = np.tile(np.eye(4), (len(self._carriers) + FIRST_JOINT, 1, 1))
         whole[FIRST_JOINT:, :3] = self._chain.frames(q)[0][:, :3]
-        back = np.linalg.inv(whole)
-        local = back[self._frames] @ placed
-        movers, own = _moved(self._movers, local[self._of_mover]), self._own
-        solids = own.solids.moved(local[self._of_piece])
-        own = Obstacles(own.names, own.frames, own.first, solids, own.slack)
+        back = inverse(whole)
+        local = product(back[self._frames], placed)
+        movers, own = self._movers.moved(local[self._of_mover]), self._own.moved(local[self._of_own])
         hands, grounded, watched, held = self._hands, self._grounded, self._watched, {}
         before: list[_Part] = []
         for name, (link, offset) in _held(world).items():
             frame = self.frame_of(world, link)
-            at = back[frame] @ from_base @ world.link_pose(link, there).matrix() @ offset
+            at = product(back[frame], from_base, world.link_pose(link, there).matrix(), offset)
             thing = thing_in(world, name)
-            more = Movers.of([(name, frame, *shape) for shape in thing.spheres] if frame > BASE else [])
-            solids, slack = thing.pieces
+            more = Bodies.of(thing.movers(frame) if frame > BASE else [])
             part = _Part(frame, tuple(range(len(movers), len(movers) + len(more))), len(own), thing.exact)
             hand = robot.hand_of(link)
             others = [self._part(number) for number in self._obstacle_of if number not in hand]
             pairs = [pair for other in (*others, *before) for pair in self._pairs(part, other)]
-            watched = watched.followed_by(Watched.of(pairs))
-            movers = Movers.joined([movers, _moved(more, np.tile(at, (len(more), 1, 1)))])
-            piece = solids.moved(np.tile(at, (len(solids), 1, 1)))
-            own = own.followed_by(Obstacles.of([(name, frame, piece, slack)]))
+            watched = watched.followed_by(Pairs.of(pairs))
+            movers = Bodies.joined([movers, more.moved(np.tile(at, (len(more), 1, 1)))])
+            own = Bodies.joined([own, Bodies.of([thing.obstacle(frame)]).moved(at[None])])
             hands, grounded = (np.append(mask, np.zeros(len(more), bool)) for mask in (hands, grounded))
             held[name] = world.touched_since_grasp(name)
             before.append(part)
@@ -213,27 +270,28 @@ class ArmShapes:
         """
         first = several[0]
         there, from_base, placed = first._placed(world, joints)
-        movers, hands, grounded, held, known = list[Movers](), [], [], {}, set[int]()
+        movers, hands, grounded, held, known = list[Bodies](), [], [], {}, set[int]()
         for shapes in several:
             fresh = ~np.isin(shapes._of_mover, sorted(known))
             known.update(shapes._of_mover.tolist())
             hands.append(shapes._hands[fresh])
             grounded.append(shapes._grounded[fresh])
-            movers.append(_moved(shapes._movers.only(fresh), placed[shapes._of_mover[fresh]]))
+            movers.append(shapes._movers.only(fresh).moved(placed[shapes._of_mover[fresh]]))
         for name, (link, offset) in _held(world).items():
             if all(shapes.frame_of(world, link) == BASE for shapes in several):
                 continue
-            at = from_base @ world.link_pose(link, there).matrix() @ offset
-            more = Movers.of([(name, BASE, *shape) for shape in thing_in(world, name).spheres])
-            movers.append(_moved(more, np.tile(at, (len(more), 1, 1))))
+            at = product(from_base, world.link_pose(link, there).matrix(), offset)
+            more = Bodies.of(thing_in(world, name).movers(BASE))
+            movers.append(more.moved(np.tile(at, (len(more), 1, 1))))
             for mask in (hands, grounded):
                 mask.append(np.zeros(len(more), bool))
             held[name] = world.touched_since_grasp(name)
+        every = Bodies.joined(movers)
         return ArmBodies(
             first._chain,
-            Movers.joined(movers).going_with(BASE),
-            Obstacles.of(()),
-            Watched.of(()),
+            replace(every, frames=np.full(len(every), BASE, np.intp)),
+            Bodies.of(()),
+            Pairs.of(()),
             np.concatenate(hands),
             np.concatenate(grounded),
             held,
@@ -246,8 +304,8 @@ class ArmShapes:
     def _placed(self, world: PlanningWorld, joints: Mapping[str, float] | None) -> tuple[Configuration, Array, Array]:
         """Return the robot as it is but for some joints, the map (4, 4) and solid links (n, 4, 4) in the base frame."""
         there = Configuration(AT_ORIGIN, {**world.configuration().joints, **(joints or {})})
-        from_base = np.asarray(np.linalg.inv(world.link_pose(self._base_link, there).matrix()), np.float64)
-        return there, from_base, from_base @ world.solid_frames(there)
+        from_base = inverse(world.link_pose(self._base_link, there).matrix())
+        return there, from_base, product(from_base, world.solid_frames(there))
 
     def _part(self, number: int) -> _Part:
         """Return a solid link that is known to go with a frame."""
@@ -284,21 +342,6 @@ def _held(world: PlanningWorld) -> dict[str, tuple[str, Array]]:
     }
 
 
-def _movers(links: Sequence[Shaped], numbers: Sequence[int], frames: Sequence[int]) -> tuple[Movers, NDArray[np.intp]]:
-    """Return each shape of some links as a mover in its link's frame, and the link of each (m,)."""
-    rows = [(number, shape) for number in numbers for shape in links[number].spheres]
-    movers = Movers.of([(links[k].name, frames[k], *shape) for k, shape in rows])
-    return movers, np.array([number for number, *_ in rows], np.intp)
-
-
-def _moved(movers: Movers, places: Array) -> Movers:
-    """Return movers, each moved by a pose (m, 4, 4)."""
-    of_sphere = np.repeat(np.arange(len(movers)), counts(movers.first))
-    turned = np.einsum("sij,sj->si", places[of_sphere, :3, :3], movers.spheres[:, :3]) + places[of_sphere, :3, 3]
-    spheres = np.column_stack([turned, movers.spheres[:, 3]])
-    return Movers(movers.names, movers.frames, movers.first, spheres, movers.slack)
-
-
 def _extent(chain: Chain) -> tuple[Array, Array]:
     """Return a point in the base frame, and how far from it each moving joint's frame is at most (j,)."""
     ends = np.clip(np.stack([chain.lower, chain.upper]), -np.pi, np.pi)
@@ -309,10 +352,8 @@ def _extent(chain: Chain) -> tuple[Array, Array]:
     return origins[:, 0].mean(axis=0), along
 
 
-def _reach(movers: Movers, along: Array) -> float:
+def _reach(movers: Bodies, along: Array) -> float:
     """Return the largest distance of anything that moves from the middle [m]."""
-    if not len(movers.spheres):
-        return 0.0
-    far = np.linalg.norm(movers.spheres[:, :3], axis=1) + movers.spheres[:, 3]
+    far = np.linalg.norm(movers.solids.centres, axis=1) + movers.solids.reach
     of_sphere = np.repeat(along[movers.frames - FIRST_JOINT] + movers.slack, counts(movers.first))
-    return float((far + of_sphere).max())
+    return float((far + of_sphere).max(initial=0.0))

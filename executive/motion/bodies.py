@@ -1,4 +1,4 @@
-"""Movers, as spheres that go with a chain, and obstacles for them, as convex pieces; frames are numbered."""
+"""Bodies as convex pieces in arrays: what is in a room, the links of a robot, what it holds; frames are numbered."""
 
 from __future__ import annotations
 
@@ -9,144 +9,236 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.solids import Solids
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import moved, product, rotated
+from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
+from sim import Solid
 
 MAP, BASE, FIRST_JOINT = 0, 1, 2
 """Numbers of frames: the children of moving joints follow in their order."""
+ANY = 1e3
+"""Half extent of a piece along an axis that does not count [m]: more than a room has."""
+
+Index = NDArray[np.intp]
 
 
-def counts(first: NDArray[np.integer]) -> NDArray[np.integer]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Solids:
+    """k pieces; round ones are measured by their radius about the axis, spheres about the centre."""
+
+    bodies: tuple[str, ...]
+    centres: Array
+    """(k, 3)."""
+    axes: Array
+    """(k, 3, 3), columns are the axes of each piece in the map."""
+    half: Array
+    """(k, 3); of a cylinder (radius, any, half height), of a sphere (radius, any, any)."""
+    kinds: Index
+    """Numbers of axes that are taken together: 1 of a box, 2 of a cylinder, 3 of a sphere."""
+    reach: Array
+    """Radius of a sphere around each piece (k,)."""
+    limbs: NDArray[np.bool_]
+    """Mask of the parts of persons' arms that have left their rest, (k,)."""
+
+    @staticmethod
+    def of(pieces: Sequence[Solid]) -> Solids:
+        """Return the pieces that a world reports."""
+        matrices = Pose.matrices(piece.pose for piece in pieces)
+        shapes = [(piece.kind, piece.size) for piece in pieces]
+        limbs = np.array([piece.limb for piece in pieces], bool)
+        return replace(Solids.placed(tuple(piece.body for piece in pieces), matrices, shapes), limbs=limbs)
+
+    @staticmethod
+    def placed(
+        bodies: tuple[str, ...], matrices: Array, shapes: Sequence[tuple[str, tuple[float, float, float]]]
+    ) -> Solids:
+        """Return pieces by their poses (k, 4, 4), kinds and extents [m]."""
+        half = np.array([size for _, size in shapes]).reshape(-1, 3) / 2
+        kinds = np.array(
+            [{SolidKind.BOX: 1, SolidKind.CYLINDER: 2}.get(SolidKind(kind), 3) for kind, _ in shapes], np.intp
+        )
+        reach = np.sqrt((half**2 * (np.arange(3) >= kinds[:, None] - 1)).sum(axis=1))
+        half[kinds >= 2, 1] = ANY
+        half[kinds == 3, 2] = ANY
+        return Solids(bodies, matrices[:, :3, 3], matrices[:, :3, :3], half, kinds, reach, np.zeros(len(bodies), bool))
+
+    @staticmethod
+    def spheres(body: str, balls: Array) -> Solids:
+        """Return the spheres of a body by centres and radii (k, 4) [m]."""
+        count, radii = len(balls), balls[:, 3]
+        half = np.column_stack([radii, np.full((count, 2), ANY)])
+        kinds, axes = np.full(count, 3, np.intp), np.tile(np.eye(3), (count, 1, 1))
+        return Solids((body,) * count, balls[:, :3], axes, half, kinds, radii, np.zeros(count, bool))
+
+    def __len__(self) -> int:
+        return len(self.bodies)
+
+    @property
+    def extents(self) -> Array:
+        """Half extents (k, 3) of the boxes along the axes of pieces [m]."""
+        return np.where(self.half < ANY, self.half, self.half[:, :1])
+
+    @staticmethod
+    def joined(several: Sequence[Solids]) -> Solids:
+        """Return all pieces of several, one after another."""
+        every = several or [Solids.of(())]
+        names = tuple(body for solids in every for body in solids.bodies)
+        fields = ("centres", "axes", "half", "kinds", "reach", "limbs")
+        return Solids(names, *(np.concatenate([getattr(solids, field) for solids in every]) for field in fields))
+
+    def only(self, kept: NDArray[np.bool_] | Index) -> Solids:
+        """Return the pieces of a mask (k,), or of some numbers, in their order."""
+        rows = np.flatnonzero(kept) if kept.dtype == bool else kept
+        names = tuple(self.bodies[row] for row in rows.tolist())
+        arrays = (self.centres, self.axes, self.half, self.kinds, self.reach, self.limbs)
+        return Solids(names, *(array[rows] for array in arrays))  # type: ignore[arg-type]
+
+    def moved(self, places: Array) -> Solids:
+        """Return each piece in a frame that sees its present frame at a pose (k, 4, 4)."""
+        return replace(self, centres=moved(places, self.centres), axes=product(places[:, :3, :3], self.axes))
+
+    def piece(self, number: int) -> ConvexSolid:
+        """Return one piece as points that span it; its pose has to be taken from here."""
+        kind = (SolidKind.BOX, SolidKind.CYLINDER, SolidKind.SPHERE)[self.kinds[number] - 1]
+        x, y, z = (2 * self.extents[number]).tolist()
+        return convex_solid(kind, (x, y, z), Pose((0.0, 0.0, 0.0)))
+
+    def crossed(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
+        """Return which segments (n, 3) enter a piece (the box inside a round one), (n,); one begun inside does not."""
+        boxes = self.half.copy()
+        round_, balls = self.kinds >= 2, self.kinds == 3
+        boxes[round_, 1] = boxes[round_, 0] = self.half[round_, 0] / np.sqrt(self.kinds[round_])
+        boxes[balls, 2] = boxes[balls, 0]
+        begin = np.einsum("nki,kij->nkj", starts[:, None] - self.centres, self.axes)
+        way = np.einsum("ni,kij->nkj", ends - starts, self.axes)
+        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+        one, other = (-boxes - begin) / way, (boxes - begin) / way
+        first, last = np.minimum(one, other).max(axis=2), np.maximum(one, other).min(axis=2)
+        return np.asarray(((first <= last) & (first > 0.0) & (first <= 1.0)).any(axis=1))
+
+
+def distances(local: Array, half: Array, kinds: Index) -> Array:
+    """Return distances (...) of points (..., 3), in the frames of pieces, from their surfaces, negative inside [m]."""
+    x, y, z = (np.abs(local[..., axis]) for axis in range(3))
+    if (kinds >= 2).any():
+        x = np.where(kinds >= 2, np.hypot(x, np.where(kinds == 3, np.hypot(y, z), y)), x)
+        y, z = np.where(kinds >= 2, 0.0, y), np.where(kinds == 3, 0.0, z)
+    x, y, z = x - half[..., 0], y - half[..., 1], z - half[..., 2]
+    inside = np.minimum(np.maximum(np.maximum(x, y), z), 0.0)
+    for axis in (x, y, z):
+        np.maximum(axis, 0.0, out=axis)
+    return np.asarray(np.sqrt(x * x + y * y + z * z) + inside)
+
+
+def counts(first: Index) -> Index:
     """Return how many members each group has (m,); group i has those from first[i] to first[i + 1] - 1 (m + 1,)."""
     return first[1:] - first[:-1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Movers:
-    """m links or held objects, or convex shapes of them, as spheres in the frames that they move with."""
+class Bodies:
+    """m links, held objects, things of a room, or single shapes of them, as pieces in the frames that they move with.
+
+    What moves is checked by spheres inside of it, what it may meet is as many pieces as it takes.
+    """
 
     names: tuple[str, ...]
-    frames: NDArray[np.intp]
+    frames: Index
     """(m,)."""
-    first: NDArray[np.intp]
-    """The owners of the spheres: mover i has those from [i] to [i + 1] - 1, (m + 1,)."""
-    spheres: Array
-    """Centres and radii (s, 4) [m]."""
-    slack: Array
-    """Distances by which the movers stick out of their spheres (m,) [m]."""
-
-    @staticmethod
-    def of(rows: Sequence[tuple[str, int, Array, float]]) -> Movers:
-        """Return movers from name, frame, spheres (k, 4) and slack of each."""
-        return Movers(
-            tuple(name for name, *_ in rows),
-            np.array([frame for _, frame, *_ in rows], np.intp),
-            np.cumsum([0, *(len(spheres) for _, _, spheres, *_ in rows)]).astype(np.intp),
-            np.concatenate([np.zeros((0, 4)), *(spheres for _, _, spheres, *_ in rows)]),
-            np.array([slack for *_, slack in rows], float),
-        )
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    def only(self, kept: NDArray[np.bool_]) -> Movers:
-        """Return the movers of a mask (m,)."""
-        sizes = counts(self.first)
-        return Movers(
-            tuple(compress(self.names, kept.tolist())),
-            self.frames[kept],
-            np.append(0, np.cumsum(sizes[kept])).astype(np.intp),
-            self.spheres[np.repeat(kept, sizes)],
-            self.slack[kept],
-        )
-
-    def going_with(self, frame: int) -> Movers:
-        """Return the same spheres in another frame."""
-        return replace(self, frames=np.full(len(self), frame, np.intp))
-
-    @staticmethod
-    def joined(several: Sequence[Movers]) -> Movers:
-        """Return the movers of all of several, one after another."""
-        sizes = np.concatenate([counts(movers.first) for movers in several])
-        return Movers(
-            tuple(name for movers in several for name in movers.names),
-            np.concatenate([movers.frames for movers in several]),
-            np.append(0, np.cumsum(sizes)).astype(np.intp),
-            np.concatenate([movers.spheres for movers in several]),
-            np.concatenate([movers.slack for movers in several]),
-        )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Obstacles:
-    """o bodies as convex pieces in the frames that they move with."""
-
-    names: tuple[str, ...]
-    frames: NDArray[np.intp]
-    """(o,)."""
-    first: NDArray[np.intp]
-    """The owners of the pieces: obstacle i has those from [i] to [i + 1] - 1, (o + 1,)."""
+    first: Index
+    """The owners of the pieces: body i has those from [i] to [i + 1] - 1, (m + 1,)."""
     solids: Solids
     slack: Array
-    """Distances by which the real obstacles are larger than their pieces (o,) [m]."""
+    """Distances by which the real bodies stick out of their pieces (m,) [m]."""
+    hulls: tuple[tuple[ConvexSolid, ...], ...]
+    """The real shapes of each; none where they are its pieces."""
+    places: Array
+    """Poses (m, 4, 4) of the frames in which the real shapes are given."""
 
     @staticmethod
-    def of(rows: Sequence[tuple[str, int, Solids, float]]) -> Obstacles:
-        """Return obstacles from name, frame, pieces and slack of each."""
-        return Obstacles(
+    def of(rows: Sequence[tuple[str, int, Solids, float, tuple[ConvexSolid, ...]]]) -> Bodies:
+        """Return bodies from name, frame, pieces, slack and real shapes of each."""
+        return Bodies(
             tuple(name for name, *_ in rows),
             np.array([frame for _, frame, *_ in rows], np.intp),
             np.cumsum([0, *(len(solids) for _, _, solids, *_ in rows)]).astype(np.intp),
             Solids.joined([solids for _, _, solids, *_ in rows]),
-            np.array([slack for *_, slack in rows], float),
+            np.array([slack for *_, slack, _ in rows], float),
+            tuple(hulls for *_, hulls in rows),
+            np.tile(np.eye(4), (len(rows), 1, 1)),
         )
 
     def __len__(self) -> int:
         return len(self.names)
 
-    def only(self, kept: NDArray[np.bool_]) -> Obstacles:
-        """Return the obstacles of a mask (o,)."""
-        sizes = counts(self.first)
-        return Obstacles(
-            tuple(compress(self.names, kept.tolist())),
+    def only(self, kept: NDArray[np.bool_]) -> Bodies:
+        """Return the bodies of a mask (m,)."""
+        sizes, chosen = counts(self.first), kept.tolist()
+        return Bodies(
+            tuple(compress(self.names, chosen)),
             self.frames[kept],
             np.append(0, np.cumsum(sizes[kept])).astype(np.intp),
             self.solids.only(np.repeat(kept, sizes)),
             self.slack[kept],
+            tuple(compress(self.hulls, chosen)),
+            self.places[kept],
         )
 
-    def followed_by(self, other: Obstacles) -> Obstacles:
-        """Return these obstacles, then others."""
-        if not len(other):
-            return self
-        return Obstacles(
-            self.names + other.names,
-            np.concatenate([self.frames, other.frames]),
-            np.concatenate([self.first, self.first[-1] + other.first[1:]]),
-            Solids.joined([self.solids, other.solids]),
-            np.concatenate([self.slack, other.slack]),
+    @staticmethod
+    def joined(several: Sequence[Bodies]) -> Bodies:
+        """Return the bodies of all of several, one after another."""
+        filled = [bodies for bodies in several if len(bodies)] or [Bodies.of(())]
+        if len(filled) == 1:
+            return filled[0]
+        return Bodies(
+            tuple(name for bodies in filled for name in bodies.names),
+            np.concatenate([bodies.frames for bodies in filled]),
+            np.append(0, np.cumsum(np.concatenate([counts(bodies.first) for bodies in filled]))).astype(np.intp),
+            Solids.joined([bodies.solids for bodies in filled]),
+            np.concatenate([bodies.slack for bodies in filled]),
+            tuple(hulls for bodies in filled for hulls in bodies.hulls),
+            np.concatenate([bodies.places for bodies in filled]),
         )
+
+    def moved(self, places: Array) -> Bodies:
+        """Return bodies, each in a frame that sees its present frame at a pose (m, 4, 4)."""
+        of_piece = np.repeat(places, counts(self.first), axis=0)
+        return replace(self, solids=self.solids.moved(of_piece), places=product(places, self.places))
+
+    def spans(self, body: int, piece: int) -> list[tuple[Array, float]]:
+        """Return points (n, 3) in the body's frame that span all its shapes, and how far each goes beyond them [m].
+
+        Of a body whose pieces are its shapes that of one ``piece`` alone.
+        """
+        if not self.hulls[body]:
+            solid, (turn, shift) = self.solids.piece(piece), (self.solids.axes[piece], self.solids.centres[piece])
+            return [(rotated(turn, solid.points) + shift, solid.radius + solid.beyond)]
+        return [
+            (moved(product(self.places[body], solid.pose.matrix()), solid.points), solid.radius + solid.beyond)
+            for solid in self.hulls[body]
+        ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Watched:
-    """w pairs of a mover and an obstacle, by number, that must not be deeper in each other than ``allowed`` [m]."""
+class Pairs:
+    """w pairs of something that moves and an obstacle, by number, that are watched.
 
-    movers: NDArray[np.intp]
-    obstacles: NDArray[np.intp]
+    They must not be deeper in each other than ``allowed`` [m].
+    """
+
+    movers: Index
+    obstacles: Index
     allowed: Array
 
     @staticmethod
-    def of(pairs: Sequence[tuple[int, int]]) -> Watched:
-        """Pairs that must not touch at all."""
+    def of(pairs: Sequence[tuple[int, int]]) -> Pairs:
+        """Return pairs that must not touch at all."""
         rows = np.array(pairs, np.intp).reshape(-1, 2)
-        return Watched(rows[:, 0], rows[:, 1], np.zeros(len(rows)))
+        return Pairs(rows[:, 0], rows[:, 1], np.zeros(len(rows)))
 
-    def followed_by(self, other: Watched) -> Watched:
+    def followed_by(self, other: Pairs) -> Pairs:
         """Return these pairs, then others."""
-        if not len(other.movers):
-            return self
-        return Watched(
+        return Pairs(
             np.concatenate([self.movers, other.movers]),
             np.concatenate([self.obstacles, other.obstacles]),
             np.concatenate([self.allowed, other.allowed]),

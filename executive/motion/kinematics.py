@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import astuple
 from functools import cached_property
 from pathlib import Path
 
@@ -127,7 +128,11 @@ class Chain:
     def digest(self) -> str:
         """Return a digest, equal for chains that move the same: joints, frames, axes, limits, and what is locked."""
         moved = zip(self._joints, self._variables, strict=True)
-        parts = [(joint.kind, joint.origin.tolist(), joint.axis.tolist(), variable) for joint, variable in moved]
+        # rounded: the sine of an origin's angles differs in its last bit from processor to processor
+        parts = [
+            (joint.kind, *((array.round(12) + 0.0).tolist() for array in (joint.origin, joint.axis)), astuple(variable))
+            for joint, variable in moved
+        ]
         limits = (self.names, self.lower.tolist(), self.upper.tolist(), self.continuous.tolist())
         return hashlib.sha256(repr((parts, limits)).encode()).hexdigest()
 

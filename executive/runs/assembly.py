@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from itertools import chain, islice
 
 import numpy as np
@@ -87,8 +87,9 @@ def platform_of(
     truth: World,
     believed: PlanningWorld,
     seed: int,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Platform:
-    """Return a robot in a true and a believed world; its reachability maps are built by :func:`build_maps`."""
+    """Return a robot in a true and a believed world; ``say`` is told of reachability maps that have to be built."""
     belief = Belief(semantic_map, believed)
     belief.sync(believed, truth.configuration())
     planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
@@ -103,21 +104,11 @@ def platform_of(
         robot,
         belief,
         planning_scene,
-        Resolver(planning_scene),
+        Resolver(planning_scene, say),
         ancestors,
         releasing(ontology),
         np.random.default_rng(seed),
     )
-
-
-def build_maps(platform: Platform, say: Callable[[str], None]) -> None:
-    """Build the reachability maps that are not in the cache: later the plan would wait for them."""
-    platform.resolver.maps.build(platform.scene.arms.all, partial(mapped, say))
-
-
-def mapped(say: Callable[[str], None], done: int, count: int, what: str) -> None:
-    """Say that a reachability map is built, which takes seconds and is kept for later runs."""
-    say(f"building reachability maps, once for this robot: {done} of {count} done, {what}")
 
 
 def releasing(ontology: Ontology) -> frozenset[str]:

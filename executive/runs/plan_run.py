@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from executive.belief import Belief, read_map, scene_of
 from executive.robots import bind_robot, missing_capabilities
 from executive.robots.arms import with_carrying
-from executive.runs.assembly import build_maps, platform_of, real_scene, world_at_start
+from executive.runs.assembly import platform_of, real_scene, world_at_start
 from executive.runs.plan_files import (
     Requirements,
     assess,
@@ -211,8 +211,7 @@ class Run:
             real_scene(scene, options.seed, believed), robot.body(), gui=options.gui, seed=options.seed
         )
         self._stack.callback(truth.close)
-        platform = platform_of(robot, semantic_map, truth, believed, options.seed)
-        build_maps(platform, options.progress)
+        platform = platform_of(robot, semantic_map, truth, believed, options.seed, options.progress)
         executive = RobotExecutive(platform, self._modules)
         platform.scene.collisions.prepare()
         # What a trace must have in common with another to be equal to it, beside seed and schedule.

@@ -105,7 +105,7 @@ class BodyWriter:
         return [*before, *self._bound(node, expression, depth)]
 
     def _bound(self, node: Node, expression: Expression, depth: int) -> list[str]:
-        """Awaiting what does a node; its result is assigned, and taken apart, if others use it."""
+        """Return statements that await a node; its result is assigned, and taken apart, if others use it."""
         leaving = self._passing.leaving(node)
         if not leaving:
             return statement(expression, depth=depth, before="await ")
@@ -165,7 +165,7 @@ class BodyWriter:
         return lines
 
     def _awaited(self, node: Node, depth: int) -> tuple[list[str], CallExpression]:
-        """Local functions that a construct needs, and the call that is awaited."""
+        """Return the local functions that a construct needs, and the call that is awaited."""
         use = self._symbols.use
         match node:
             case Perform(name, term):
@@ -194,7 +194,7 @@ class BodyWriter:
         raise TypeError(f"no statement for {node}")
 
     def _branch(self, node: Node, depth: int, key: str | None = None) -> tuple[list[str], Expression]:
-        """Local functions that come first, and an expression for a zero-argument async callable.
+        """Return local functions that come first, and an expression for a zero-argument async callable.
 
         ``key`` is what the branch is called, if it has a name.
         """
@@ -245,7 +245,7 @@ class BodyWriter:
         return anything if number == 1 else f"tuple[{', '.join(several)}]"
 
     def _taken_apart(self, parameters: tuple[str, ...], depth: int) -> list[str]:
-        """Statements that take apart what a step gets from others by parameters, where these made several things."""
+        """Return statements that take apart results that a step gets by parameters, where one holds several."""
         lines = []
         for key in parameters:
             steps = self._given[key]
@@ -360,22 +360,22 @@ class BodyWriter:
             ]
         if state.outcomes:
             outcome = self._local_name("outcome")
-            said = [*statement(expression, depth=depth, before=f"{outcome} = await "), *kept(outcome)]
+            lines = [*statement(expression, depth=depth, before=f"{outcome} = await "), *kept(outcome)]
             if not has_done:
-                return [*said, f"{indent}return str({outcome})"]
+                return [*lines, f"{indent}return str({outcome})"]
             known = sequence([Text(quoted(one)) for one in state.outcomes])
             return [
-                *said,
+                *lines,
                 *statement(known, depth=depth, before=f"if {outcome} in ", after=":"),
                 f"{indent}{INDENT}return str({outcome})",
                 f"{indent}return {quoted(DONE)}",
             ]
         if state.keeps:
             made = self._local_name("made")
-            said = [*statement(expression, depth=depth, before=f"{made} = await "), *kept(made)]
+            lines = [*statement(expression, depth=depth, before=f"{made} = await "), *kept(made)]
         else:
-            said = statement(expression, depth=depth, before="await ")
-        return [*said, f"{indent}return {quoted(DONE)}"]
+            lines = statement(expression, depth=depth, before="await ")
+        return [*lines, f"{indent}return {quoted(DONE)}"]
 
 
 def _spaced(lines: list[str]) -> list[str]:
@@ -400,8 +400,8 @@ def _comment(node: Node, depth: int) -> list[str]:
         case Perform(name=name, label=str(label)) | Scope(name=name, label=str(label)):
             says_more = snake_case(label) != snake_case(name)
             return _words(label, depth) if says_more else []
-        case Gate(body=body, said=said):
-            return [*(_words(said, depth) if said else ()), *_comment(body, depth)]
+        case Gate(body=body, overlaps=overlaps):
+            return [*(_words(overlaps, depth) if overlaps else ()), *_comment(body, depth)]
         case Handle(body=body) | Achieve(body=body) | Hold(body=body):
             return _comment(body, depth)
         case _:

@@ -61,7 +61,7 @@ def compile_recipe(
     scopes: bool = True,
     data_flow: bool = True,
 ) -> CompiledPlan:
-    """Compile the recipe in a file: RDF/XML or Manchester syntax, told by its content.
+    """Compile the recipe in a file: RDF/XML or Manchester syntax, recognised by its content.
 
     ``task`` chooses one of several by local name or IRI; imports are looked for beside the file, then in ``folders``,
     then among the bundled ontologies. With ``allow_abstract`` steps that nothing can execute are warnings. Without
@@ -121,7 +121,7 @@ def canonical(recipes: RecipeSet, *, data_flow: bool = True) -> RecipeSet:
     Equal statements give equal plans, in whatever order a file makes them: it is a set of triples, in which no step
     stands before another. Where the recipe leaves an order open, names decide, and numbers in them count as numbers.
 
-    Recipes come in the order of first use, the task first, as that of steps tells it.
+    Recipes come in the order of first use, the task first, by the order of steps.
     """
     known = {iri: _recipe(recipe, data_flow=data_flow) for iri, recipe in recipes.recipes.items()}
     found: dict[str, Recipe] = {}

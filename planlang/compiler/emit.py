@@ -45,7 +45,7 @@ def emit(
 
 
 def humanised(name: str) -> str:
-    """``ServeADrink`` -> ``Serve a drink``."""
+    """Return a name as a sentence: ``ServeADrink`` becomes ``Serve a drink``."""
     words = re.sub(r"[_\-]+", " ", re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)).split()
     text = " ".join(word if word.isupper() and len(word) > 1 else word.lower() for word in words)
     return text[:1].upper() + text[1:]

@@ -44,7 +44,7 @@ class Expressions:
         return partial_call(self._symbols, call(name, **arguments))
 
     def arguments(self, function: FunctionCall) -> dict[str, Expression | str]:
-        """Keyword arguments of a call."""
+        """Return the keyword arguments of a call."""
         return {self._symbols.thing(own): self.value(given) for own, given in function.arguments}
 
     def action(self, term: ActionTerm) -> CallExpression:

@@ -99,12 +99,12 @@ def sequence(items: Sequence[Expression], brackets: str = "()") -> Display:
 
 
 def statement(expression: Expression, *, depth: int, before: str = "", after: str = "") -> list[str]:
-    """Lines of a statement: ``before`` + expression + ``after``, indented by ``depth`` levels."""
+    """Return the lines of a statement: ``before`` + expression + ``after``, indented by ``depth`` levels."""
     return _lines(expression, depth, before, after)
 
 
 def assignment(targets: Sequence[Expression], expression: Expression, *, depth: int, before: str = "") -> list[str]:
-    """Lines of a statement that assigns a value to one target, or its parts to several.
+    """Return the lines of a statement that assigns a value to one target, or its parts to several.
 
     A value whose beginning does not fit beside its target stands in brackets, if that makes all lines fit.
     """
@@ -120,7 +120,7 @@ def assignment(targets: Sequence[Expression], expression: Expression, *, depth: 
 
 
 def returned(values: Sequence[Expression], *, depth: int) -> list[str]:
-    """Lines of a statement that returns one value, or several."""
+    """Return the lines of a statement that returns one value, or several."""
     line = f"{INDENT * depth}return {', '.join(value.flat() for value in values)}"
     if len(values) == 1 or len(line) <= WIDTH:
         return [line]
@@ -128,7 +128,7 @@ def returned(values: Sequence[Expression], *, depth: int) -> list[str]:
 
 
 def signature(start: str, parameters: Sequence[str], returns: str, *, depth: int) -> list[str]:
-    """First lines of a function: ``start`` is what stands before its brackets, ``returns`` the type of its result.
+    """Return the first lines of a function: ``start`` is before its brackets, ``returns`` is the type of its result.
 
     Parameters share a line if they fit, else have one each. Without any the type is what is broken: inside of its own
     brackets if these begin on the line, else inside of a pair around it.
@@ -184,7 +184,7 @@ def _lines(expression: Expression, depth: int, before: str, after: str) -> list[
 
 
 def _items(items: Sequence[Expression], depth: int) -> list[str]:
-    """Items of a display, each on lines of its own."""
+    """Return the items of a display, each on lines of its own."""
     return [line for item in items for line in _lines(item, depth + 1, "", ",")]
 
 

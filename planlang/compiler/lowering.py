@@ -31,7 +31,7 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order import Precedence
+from planlang.recipe.order import Precedence, recipe_order
 from planlang.recipe.scopes import Unit, scopes_of, single_steps
 
 
@@ -57,7 +57,7 @@ class Lowering:
     @property
     def recoveries(self) -> Mapping[tuple[str, str], tuple[str, ...]]:
         """The recoveries of each step of a recipe (both IRIs), in words; known when there is a tree."""
-        return self._steps.said
+        return self._steps.recoveries_in_words
 
     def _function(self, recipe: Recipe) -> Function:
         body = self._machine(recipe) if recipe.machine is not None else self._ordered(recipe)
@@ -70,7 +70,7 @@ class Lowering:
         return Function(recipe.iri, recipe.label, self._terms.parameters(recipe), body)
 
     def _machine(self, recipe: Recipe) -> Series:
-        """States follow each other, so that none runs beside another; a loop may lead back out of any scope."""
+        """Return the state machine of a recipe: states run one by one, and a loop may lead back out of any scope."""
         self.added[recipe.iri] = ()
 
         def done_in(step: Step) -> Node:
@@ -79,7 +79,7 @@ class Lowering:
         return Series((machine(recipe, done_in, lambda step: self._terms.kept(recipe, step)),))
 
     def _ordered(self, recipe: Recipe) -> Series:
-        order = self._terms.order(recipe)
+        order = recipe_order(recipe)
         found = scopes_of(self._actions, recipe, self._recipes, order) if self._scopes else single_steps(order)
         self.added[recipe.iri] = found.added
         self.diagnostics += added_orders(recipe, found.added)
@@ -89,7 +89,7 @@ class Lowering:
         holding = self._roles.held(recipe, order)
 
         def node(iri: str) -> Node:
-            return self._steps.node(recipe, self._terms.step(recipe, iri), holding)
+            return self._steps.node(recipe, recipe.step(iri), holding)
 
         def unit_node(unit: Unit) -> Node:
             if unit.base is not None and unit.steps:
@@ -98,7 +98,7 @@ class Lowering:
             made = node(iri)
             is_outermost = recipe.iri == self._recipes.task or self._actions.moves_the_base(recipe, self._recipes)
             if unit.base is None and is_outermost:
-                made = self._steps.with_looking(recipe, made, [self._terms.step(recipe, iri)])
+                made = self._steps.with_looking(recipe, made, [recipe.step(iri)])
             return overlaps.gated(iri, made)
 
         nodes = [unit_node(unit) for unit in found.units]
@@ -106,9 +106,9 @@ class Lowering:
 
     def _scope(self, recipe: Recipe, unit: Unit, nodes: list[Node]) -> Node:
         assert unit.base is not None
-        base = self._terms.step(recipe, unit.base)
-        steps = [self._terms.step(recipe, iri) for iri in unit.steps]
-        order = self._terms.order(recipe)
+        base = recipe.step(unit.base)
+        steps = [recipe.step(iri) for iri in unit.steps]
+        order = recipe_order(recipe)
         inner = Precedence(unit.steps, ((one, other) for one in unit.steps for other in order.covers(one)))
         body = structured(inner, nodes, [self._name(recipe, iri) for iri in unit.steps])
         inside = frozenset(unit.steps)
@@ -123,7 +123,7 @@ class Lowering:
 
     def _name(self, recipe: Recipe, iri: str) -> str:
         """Return the name of a step's branch; no function's name if others take the branch's result by this name."""
-        step = self._terms.step(recipe, iri)
+        step = recipe.step(iri)
         is_producer = bool(step.recipes) and any(flow.producer == iri for flow in recipe.flows)
         return f"{step.name}Result" if is_producer else step.name
 
@@ -159,7 +159,7 @@ class Steps:
         self._around: dict[str, tuple[Recover, ...]] = {}
         """The recoveries that leave the place, one for each failure, of each recipe that does not move the base."""
 
-        self.said: dict[tuple[str, str], tuple[str, ...]] = {}
+        self.recoveries_in_words: dict[tuple[str, str], tuple[str, ...]] = {}
         """The recoveries of each step of a recipe (both IRIs), in words."""
 
     def node(self, recipe: Recipe, step: Step, holding: AbstractSet[str]) -> Node:
@@ -179,7 +179,7 @@ class Steps:
         if recoveries:
             node = Handle(node, recoveries)
         leaving = self.recoveries.around_scope(step, self.recoveries.looked_at(step))
-        self.said[recipe.iri, step.iri] = tuple(map(_in_words, (*recoveries, *leaving)))
+        self.recoveries_in_words[recipe.iri, step.iri] = tuple(map(_in_words, (*recoveries, *leaving)))
         if step.iri in holding:
             node = Hold(step.name, self._roles.of(recipe, step), node)
         return node

@@ -79,19 +79,19 @@ class Symbols:
         self._names.reserve(name)
 
     def things(self) -> tuple[Thing, ...]:
-        """All things named so far, by first use."""
+        """Return all things named so far, by first use."""
         return tuple(self._things)
 
     def places(self) -> tuple[Place, ...]:
-        """All places named so far, by first use."""
+        """Return all places named so far, by first use."""
         return tuple(place for place, _ in self._places.values())
 
     def namespaces(self) -> list[tuple[str, str]]:
-        """Constants and the namespaces they stand for, that of the recipe first."""
+        """Return constants and the namespaces they stand for, that of the recipe first."""
         return [(constant, start) for start, constant in self._namespaces.items()]
 
     def imports(self) -> list[tuple[str, list[str]]]:
-        """Modules and the names imported from them, sorted as a linter sorts them."""
+        """Return modules and the names imported from them, sorted as a linter sorts them."""
         return [(module, sorted(names, key=_import_order)) for module, names in sorted(self._imports.items())]
 
     def _claim(self, wanted: str) -> str:
@@ -101,7 +101,7 @@ class Symbols:
 
 
 def namespace(iri: str) -> str:
-    """Everything of an IRI before its local name."""
+    """Return everything of an IRI before its local name."""
     return iri[: len(iri) - len(local_name(iri))]
 
 
@@ -130,7 +130,7 @@ def _import_order(name: str) -> tuple[int, str]:
 
 
 def snake_case(name: str) -> str:
-    """``MoveBaseToGraspPose`` -> ``move_base_to_grasp_pose``; characters Python does not allow become ``_``.
+    """Return ``MoveBaseToGraspPose`` as ``move_base_to_grasp_pose``; characters Python does not allow become ``_``.
 
     Digits stay with the word before them (``bottle1``); a leading digit gets an underscore before it.
     """
@@ -149,7 +149,7 @@ def snake_case(name: str) -> str:
 
 
 def without_digits(name: str) -> str:
-    """Drop trailing digits and what joins them: ``bottle1`` -> ``bottle``; a name of digits only stays."""
+    """Return a name without trailing digits and what joins them, ``bottle`` of ``bottle1``, unless it is all digits."""
     return re.sub(r"[_\-]*\d+$", "", name) or name
 
 
@@ -162,7 +162,7 @@ class Names:
         """The greatest number given out with a name, so that the next is not searched from the start."""
 
     def claim(self, wanted: str, *, is_key: bool = False) -> str:
-        """``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is free and no word of the language.
+        """Return ``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is free and no word of the language.
 
         With ``is_key`` the name is that of a branch: a keyword argument or a parameter, which may be called like a
         builtin function but not ``name`` or ``limit``, which constructs have themselves.

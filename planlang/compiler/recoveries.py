@@ -108,7 +108,7 @@ class Recoveries:
         return max(attempts, default=1)
 
     def around_step(self, cls: str, about: Thing | None, written: frozenset[str]) -> tuple[Recover, ...]:
-        """Recoveries of an action class that keep the base where it is; ``written`` names rules already outside."""
+        """Return the recoveries of a class that keep the base in place; ``written`` names rules already outside."""
         return tuple(
             _recover(failure, rule, strategy, about)
             for failure, rule in self._of(cls)
@@ -119,11 +119,11 @@ class Recoveries:
         )
 
     def names(self, cls: str) -> frozenset[str]:
-        """Names of the rules that hold for a class."""
+        """Return the names of the rules that hold for a class."""
         return frozenset(rule.name for _, rule in self._of(cls))
 
     def around_scope(self, step: Step, about: Thing | None) -> tuple[Recover, ...]:
-        """Recoveries that move the base: of the step's class, and of the actions its primitive implies."""
+        """Return the recoveries that move the base: of the step's class, and of the actions its primitive implies."""
         classes = [step.iri]
         if step.primitive is not None:
             classes += self._primitives[step.primitive].implies

@@ -1,7 +1,7 @@
 """Convert orders, overlaps and transitions to constructs of the plan language.
 
 An order becomes what is one after another, side by side, or a partial order of its own. Steps that overlap run side by
-side: what a relation says about their beginnings and ends (:meth:`planlang.recipe.model.Allen.endpoints`) becomes
+side: what a relation states about their beginnings and ends (:meth:`planlang.recipe.model.Allen.endpoints`) becomes
 gates: a step begins, or counts as ended, only after the events that it has to wait for; two that begin or end together
 each signal that they are ready, and wait for the other. States and transitions become a state machine.
 """
@@ -212,13 +212,13 @@ class Overlaps:
 
     def __init__(self, recipe: Recipe, order: Precedence[str]) -> None:
         self._points: dict[tuple[str, str], _Point] = {}
-        self._told: set[Event] = set()
-        self._said: dict[str, str] = {}
+        self._signalled: set[Event] = set()
+        self._in_words: dict[str, str] = {}
         """What the recipe states about how a step overlaps others, in words, by step."""
         known = {step.iri for step in recipe.steps}
         for overlap in recipe.overlaps:
-            said = f"{overlap.relation.value} {local_name(overlap.second)}"
-            self._said[overlap.first] = ", ".join(filter(None, (self._said.get(overlap.first), said)))
+            text = f"{overlap.relation.value} {local_name(overlap.second)}"
+            self._in_words[overlap.first] = ", ".join(filter(None, (self._in_words.get(overlap.first), text)))
             points = {
                 End.FIRST_BEGINS: (overlap.first, BEGINS),
                 End.FIRST_ENDS: (overlap.first, ENDS),
@@ -235,20 +235,20 @@ class Overlaps:
 
     def gated(self, step: str, node: Node) -> Node:
         """Return the node of a step between its gates, or the node itself if nothing overlaps the step."""
-        if not self._points and not self._told:
+        if not self._points and not self._signalled:
             return node
         opens, closes = self._gates(step, BEGINS), self._gates(step, ENDS)
-        return Gate(local_name(step), opens, node, closes, self._said.get(step, "")) if opens or closes else node
+        return Gate(local_name(step), opens, node, closes, self._in_words.get(step, "")) if opens or closes else node
 
     def _gates(self, step: str, moment: str) -> tuple[Event | tuple[Event, ...], ...]:
-        """First wait, then meet those that are ready, then tell."""
+        """Return the gates at one end of a step: first wait, then meet the steps that are ready, then signal."""
         point = self._points.get((step, moment), _Point())
         gates: list[Event | tuple[Event, ...]] = []
         if point.waits:
             gates.append(tuple(point.waits))
         if point.together:
             gates += [Event(step, _READY[moment]), tuple(point.together)]
-        if Event(step, moment) in self._told:
+        if Event(step, moment) in self._signalled:
             gates.append(Event(step, moment))
         return tuple(gates)
 
@@ -260,7 +260,7 @@ class Overlaps:
                 self._point(mine).together[Event(theirs[0], _READY[theirs[1]])] = None
         else:
             event = Event(*one)
-            self._told.add(event)
+            self._signalled.add(event)
             self._point(other).waits[event] = None
 
     def _with_recipe(
@@ -283,7 +283,7 @@ class Overlaps:
 DONE, TRUE, FALSE = "done", "true", "false"
 
 NOT_SEEN = ObjectNotFound.__name__
-"""The failure by which a step that checks whether something is seen says that it is not."""
+"""The failure by which a step that checks whether something is seen reports that it is not."""
 
 
 def machine(

@@ -44,8 +44,6 @@ class Terms:
         self._actions = actions
         self._parameters: dict[str, tuple[Thing, ...]] = {}
         self._steps: dict[str, tuple[Step, ...]] = {}
-        self._by_iri: dict[str, dict[str, Step]] = {}
-        self._orders: dict[str, Precedence[str]] = {}
         self._passed: dict[str, dict[tuple[str, str], list[Flow]]] = {}
         self._uses: dict[str, tuple[HandUse, ...]] = {}
         self._devices = self._effective_devices()
@@ -54,24 +52,11 @@ class Terms:
         for recipe in callees_first(recipes):
             self._uses[recipe.iri] = tuple(dict.fromkeys(self.hand_uses(recipe, self.steps(recipe))))
 
-    def order(self, recipe: Recipe) -> Precedence[str]:
-        """Return the order of a recipe's steps (IRIs) as the recipe states it."""
-        if recipe.iri not in self._orders:
-            self._orders[recipe.iri] = recipe_order(recipe)
-        return self._orders[recipe.iri]
-
     def steps(self, recipe: Recipe) -> Sequence[Step]:
         """Return the steps of a recipe in the order in which the plan names them."""
         if recipe.iri not in self._steps:
-            by_iri = self._by_iri[recipe.iri] = {step.iri: step for step in recipe.steps}
-            self._steps[recipe.iri] = tuple(by_iri[iri] for iri in self.order(recipe).extension)
+            self._steps[recipe.iri] = tuple(map(recipe.step, recipe_order(recipe).extension))
         return self._steps[recipe.iri]
-
-    def step(self, recipe: Recipe, iri: str) -> Step:
-        """Return a step of a recipe."""
-        if recipe.iri not in self._by_iri:
-            self.steps(recipe)
-        return self._by_iri[recipe.iri][iri]
 
     def parameters(self, recipe: Recipe) -> tuple[Thing, ...]:
         """Return the objects and persons that a recipe uses, itself or in what it calls, by first use."""
@@ -136,7 +121,7 @@ class Terms:
                 flows.setdefault((flow.consumer, flow.consumes or ""), []).append(flow)
             self._passed[recipe.iri] = flows
         found = self._passed[recipe.iri].get((step.iri, property_name), ())
-        order = self.order(recipe)
+        order = recipe_order(recipe)
         makers = [
             flow.producer for flow in found if flow.resource in _names(filler) and order.before(flow.producer, step.iri)
         ]
@@ -199,10 +184,8 @@ class Terms:
         return Passed(producer, own) if producer is not None else None
 
     def _takes(self, recipe: Recipe, flow: Flow) -> bool:
-        consumer = next((step for step in recipe.steps if step.iri == flow.consumer), None)
-        return consumer is not None and any(
-            flow.resource in _names(filler) for filler in consumer.fillers(flow.consumes or "")
-        )
+        consumers = (step for step in recipe.steps if step.iri == flow.consumer)
+        return any(flow.resource in _names(filler) for one in consumers for filler in one.fillers(flow.consumes or ""))
 
     def use(self, place: Place, renaming: Renaming | None = None) -> PlaceUse:
         """Return a place with the things that it depends on, renamed."""
@@ -287,7 +270,7 @@ def renamed(where: PlaceUse | Thing, renaming: Renaming) -> PlaceUse | Thing:
 
 
 def callees_first(recipes: RecipeSet) -> list[Recipe]:
-    """All recipes, called ones before their callers, the task last; nothing recurses."""
+    """Return all recipes, called ones before their callers, the task last; nothing recurses."""
     done: dict[str, Recipe] = {}
     waiting = [recipes.task]
     while waiting:
@@ -360,7 +343,7 @@ Role = tuple[str, str | None]
 
 
 class Roles:
-    """The roles of one set of recipes. Without a device of one side in it the sides are not told apart."""
+    """The roles of one set of recipes. Sides only count if a device of one side is used."""
 
     def __init__(self, recipes: RecipeSet, actions: Actions, terms: Terms) -> None:
         self._recipes = recipes
@@ -374,7 +357,7 @@ class Roles:
         self._has_sides = any(side for _, side in used)
 
     def of(self, recipe: Recipe, step: Step) -> tuple[str, ...]:
-        """Names of all that a step uses, itself or in the recipes below it; ``left_arm`` and ``right_arm`` if sided."""
+        """Return the names of all roles that a step holds, ``left_arm`` and ``right_arm`` where sides count."""
         names = {name for role in self._roles(recipe, step) for name in self._names(*role)}
         return tuple(sorted(names, key=_rank))
 
@@ -426,8 +409,8 @@ def _side(device: Thing | None) -> str | None:
     if device is None:
         return None
     words = {word for name in (device.iri, device.type) if name for word in snake_case(local_name(name)).split("_")}
-    told = [side for side in SIDES if side in words]
-    return told[0] if len(told) == 1 else None
+    named = [side for side in SIDES if side in words]
+    return named[0] if len(named) == 1 else None
 
 
 def _rank(name: str) -> tuple[int, str]:

@@ -59,7 +59,7 @@ class ActionTerm:
 
 @dataclass(frozen=True, slots=True)
 class Perform:
-    """Perform a primitive or abstract action; ``name`` is the step's class, ``label`` what it says in words.
+    """Perform a primitive or abstract action; ``name`` is the step's class, ``label`` its description.
 
     ``step`` is the IRI of the step, by which others refer to its result.
     """
@@ -84,7 +84,7 @@ class Call:
     """Perform a step that has a recipe, or several as alternatives.
 
     ``action`` is None where only the recipe may perform the step, because a process module for its class would
-    perform less than the recipe says.
+    perform less than the recipe.
     """
 
     name: str
@@ -175,7 +175,7 @@ class Series:
 class Event:
     """The beginning or the end of a step that overlaps others, as these see it.
 
-    ``moment`` says which: "begins", "ends", or for those that happen together "is ready to begin", "is ready to end".
+    ``moment`` is one of "begins", "ends", or for those that happen together "is ready to begin", "is ready to end".
     """
 
     step: str
@@ -184,15 +184,15 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Run the body when events have happened, and count as ended when further ones have; tell others of its own."""
+    """Run the body when events have happened, and count as ended when further ones have; signal its own."""
 
     name: str
     opens: tuple[Event | tuple[Event, ...], ...]
-    """Before the body, in order: an event of its own to tell, or events of others to wait for."""
+    """Before the body, in order: an event of its own to signal, or events of others to wait for."""
     body: Node
     closes: tuple[Event | tuple[Event, ...], ...]
     """After the body, likewise."""
-    said: str = ""
+    overlaps: str = ""
     """The overlaps of the step with others, in words."""
 
 

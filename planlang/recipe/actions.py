@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
@@ -37,7 +37,7 @@ class Actions:
         self.goals: dict[str, Goal] = read_goals(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
-        """Action (IRI) -> who performs it, as :func:`planlang.recipe.tasks.recipes_for` tells."""
+        """Action (IRI) -> who performs it, as :func:`planlang.recipe.tasks.recipes_for` returns it."""
         self._statements: dict[str, Statements | None] = {}
         self._last_moving: tuple[RecipeSet, frozenset[str]] | None = None
 
@@ -118,7 +118,7 @@ class Actions:
         )
 
     def properties(self, cls: str) -> frozenset[str]:
-        """IRIs of the properties that the vocabulary lists for an action class or an ancestor of it."""
+        """Return the properties (IRIs) that the vocabulary lists for an action class or an ancestor of it."""
         return frozenset(self.ontology.valid_properties(cls))
 
     def goal(self, cls: str) -> Goal | None:
@@ -177,60 +177,59 @@ class RecoveryRule:
 
 
 def texts(ontology: Ontology, subject: str, property_name: str) -> tuple[str, ...]:
-    """Values of a property as written: text of literals, local names of IRIs."""
-    return tuple(_text(term) for term in ontology.values(subject, property_name))
+    """Return the values of a property as written: text of literals, local names of IRIs."""
+    return tuple(map(_text, ontology.values(subject, property_name)))
+
+
+def _names(ontology: Ontology, subject: str, property_name: str) -> tuple[str, ...]:
+    """Return the IRIs among the values of a property."""
+    return tuple(term for term in ontology.values(subject, property_name) if isinstance(term, str))
 
 
 def read_primitives(ontology: Ontology) -> dict[str, Primitive]:
-    """All primitives, by the IRI of their class."""
-    table: dict[str, Primitive] = {}
-    for individual in ontology.individuals(expand("Primitive")):
-        for action in ontology.values(individual, "performsAction"):
-            if isinstance(action, str):
-                table[action] = Primitive(
-                    action,
-                    _first(texts(ontology, individual, "processModule")) or "",
-                    texts(ontology, individual, "usesResource"),
-                    tuple(term for term in ontology.values(individual, "impliesAction") if isinstance(term, str)),
-                    texts(ontology, individual, "releases"),
-                )
-    return table
+    """Return all primitives, by the IRI of their class."""
+    return {
+        action: Primitive(
+            action,
+            next(iter(texts(ontology, individual, "processModule")), ""),
+            texts(ontology, individual, "usesResource"),
+            _names(ontology, individual, "impliesAction"),
+            texts(ontology, individual, "releases"),
+        )
+        for individual in ontology.individuals(expand("Primitive"))
+        for action in _names(ontology, individual, "performsAction")
+    }
 
 
 def read_goals(ontology: Ontology) -> dict[str, Goal]:
-    """All goals, by the IRI of their action class. A condition is written ``predicate(property, ...)``."""
+    """Return all goals, by the IRI of their action class. A condition is written ``predicate(property, ...)``."""
     table: dict[str, Goal] = {}
     for individual in ontology.individuals(expand("Goal")):
-        for action in ontology.values(individual, "ofAction"):
+        for action in _names(ontology, individual, "ofAction"):
             for condition in texts(ontology, individual, "condition"):
                 predicate, _, inside = condition.partition("(")
                 properties = tuple(part.strip() for part in inside.rstrip(") ").split(",") if part.strip())
-                if isinstance(action, str):
-                    table[action] = Goal(action, predicate.strip(), properties)
+                table[action] = Goal(action, predicate.strip(), properties)
     return table
 
 
 def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:
-    """All recovery rules, in the order of the files."""
+    """Return all recovery rules, in the order of the files."""
     rules = []
     for individual in ontology.individuals(expand("Recovery")):
         problems: list[Diagnostic] = []
-        strategy = _first(texts(ontology, individual, "strategy"))
-        if strategy is None:
-            continue
-        rules.append(
-            RecoveryRule(
+        for strategy in texts(ontology, individual, "strategy")[:1]:
+            rule = RecoveryRule(
                 local_name(individual),
-                tuple(term for term in ontology.values(individual, "recoversAction") if isinstance(term, str)),
+                _names(ontology, individual, "recoversAction"),
                 texts(ontology, individual, "recoversFailure"),
                 strategy,
                 _count(ontology, individual, "attempts", 1, problems),
-                _first(texts(ontology, individual, "escalatesTo")),
+                next(iter(texts(ontology, individual, "escalatesTo")), None),
                 _count(ontology, individual, "rank", 0, problems),
                 ontology.span(individual),
-                tuple(problems),
             )
-        )
+            rules.append(replace(rule, problems=tuple(problems)))
     return tuple(rules)
 
 
@@ -268,7 +267,3 @@ def _text(term: Term) -> str:
     if isinstance(term, Literal):
         return term.value
     return local_name(term) if isinstance(term, str) else ""
-
-
-def _first(values: tuple[str, ...]) -> str | None:
-    return values[0] if values else None

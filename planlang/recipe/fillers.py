@@ -161,7 +161,7 @@ def is_place(ontology: Ontology, iri: str) -> bool:
 def read_filler(ontology: Ontology, term: Term, property_name: str | None = None) -> Filler | None:
     """Return the thing, place, value or name that a term denotes; None for undefined IRIs and anonymous expressions.
 
-    What fills a property (IRI) that takes things is an object if nothing says what kind of thing it is.
+    What fills a property (IRI) that takes things is an object if nothing states its kind.
     """
     if isinstance(term, Literal):
         return read_literal(term, is_number=property_name is not None and takes_numbers(ontology, property_name))
@@ -260,7 +260,7 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
 
     As an individual its facts count, as a class its restrictions. A place that refers to itself, directly or through
     others, loses the reference that closes the circle; so does one that is :data:`MOST_PLACES` references away. What it
-    relates to is an object if nothing says what kind of thing it is.
+    relates to is an object if nothing states its kind.
     """
     relations: list[tuple[str, Thing | Place]] = []
     for relation, term in references(ontology, iri):
@@ -296,14 +296,14 @@ def references_of_unknown_kind(ontology: Ontology, place: str) -> list[tuple[str
 
 
 def unread_references(ontology: Ontology, place: str) -> list[str]:
-    """IRIs that a location designator relates to but that nothing defines."""
+    """Return the IRIs that a location designator relates to but that nothing defines."""
     return [
         term for _, term in references(ontology, place) if isinstance(term, str) and read_filler(ontology, term) is None
     ]
 
 
 def references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
-    """Relations of a location designator and what they relate to: its facts, and its restrictions if it is a class."""
+    """Yield the relations of a location designator, and their other ends, from its facts or restrictions."""
     for triple in ontology.triples(s=place):
         if (relation := _relation(triple.predicate)) is not None:
             yield relation, triple.object
@@ -362,7 +362,7 @@ READ_BY_DIALECTS = (*ON_INDIVIDUALS, "adtChunkSupport")
 def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> Iterator[list[Filling]]:
     """Yield the stated fillers of an action, nearest first: ``more``, those of its facts, its class, its ancestors.
 
-    Superclasses and equivalent classes count alike. What the bundled vocabulary says about its own classes does not.
+    Superclasses and equivalent classes count alike. Restrictions of the bundled vocabulary do not count.
     """
     yield [filling for filling in more if _may_fill(filling.property)]
     cls = iri

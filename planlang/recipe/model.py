@@ -1,4 +1,4 @@
-"""The recipe model: what a recipe says, whatever dialect it was written in.
+"""The model of a recipe, the same for all dialects.
 
 A recipe is steps with four kinds of statements among them, each about IRIs of steps:
 
@@ -9,8 +9,8 @@ A recipe is steps with four kinds of statements among them, each about IRIs of s
   the other. One of the two may be the recipe itself: a step that starts it begins no later than any other step, and
   one that finishes it ends no earlier. An order of steps that follows from overlaps is also among the orderings, with
   reason OVERLAP.
-* ``flows``: one step makes or finds what another one uses. Every flow that says which step comes first also is an
-  ordering with reason DATA_FLOW, so that who looks at orders alone misses nothing; a flow besides says what is passed.
+* ``flows``: one step makes or finds what another one uses. Every flow that orders its steps also is an
+  ordering with reason DATA_FLOW, so that who looks at orders alone misses nothing; the flow adds what is passed.
 * ``machine``: the steps are states, which follow each other by transitions as they end this way or that. Then
   ``orderings`` and ``overlaps`` are empty, every state is a step, and a state may be visited any number of times.
 
@@ -27,6 +27,35 @@ from typing import Any, NamedTuple
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
+
+
+class _Named:
+    """Something that has an IRI."""
+
+    __slots__ = ()
+    iri: str
+
+    @property
+    def name(self) -> str:
+        """Its local name."""
+        return local_name(self.iri)
+
+
+class _Action(_Named):
+    """A task or a step: a class of actions, or an individual of one."""
+
+    __slots__ = ()
+    cls: str | None
+    parameters: tuple[Parameter, ...]
+
+    @property
+    def action_class(self) -> str:
+        """The class of actions (IRI) that the action is, or is an individual of."""
+        return self.cls or self.iri
+
+    def fillers(self, property_name: str) -> tuple[Filler, ...]:
+        """Return the fillers of a property of the action itself, in the order of the file."""
+        return tuple(parameter.filler for parameter in self.parameters if parameter.property == property_name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +102,7 @@ class Thing:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Place(_Named):
     """A location designator: poses that stand in ``relations`` to things and other places.
 
     Without relations it is a named posture of the robot. ``relations`` holds pairs (key of
@@ -85,17 +114,12 @@ class Place:
     label: str | None = None
 
     @property
-    def name(self) -> str:
-        """Local name of the designator."""
-        return local_name(self.iri)
-
-    @property
     def is_posture(self) -> bool:
         """True for a named posture of the robot's own."""
         return not self.relations
 
     def things(self) -> Iterator[Thing]:
-        """All things that the place refers to, also through other places; may repeat."""
+        """Yield all things that the place refers to, also through other places; some may come twice."""
         for _, reference in self.relations:
             if isinstance(reference, Thing):
                 yield reference
@@ -104,15 +128,10 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class Name:
+class Name(_Named):
     """A filler that is neither thing nor place, e.g. a policy."""
 
     iri: str
-
-    @property
-    def name(self) -> str:
-        """Its local name."""
-        return local_name(self.iri)
 
 
 Filler = Thing | Place | Name | str | int | float | bool
@@ -144,7 +163,7 @@ class Description:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class Step(_Action):
     """One sub-action of a recipe.
 
     ``action`` is the nearest class of the vocabulary (local name); ``recipes`` are the classes or individuals (IRIs)
@@ -162,20 +181,6 @@ class Step:
     span: Span | None = None
     cls: str | None = None
     condition: Description | None = None
-
-    @property
-    def name(self) -> str:
-        """Local name of the step's class, or of the step if that is an individual."""
-        return local_name(self.iri)
-
-    @property
-    def action_class(self) -> str:
-        """The class of actions (IRI) that the step is, or is an individual of."""
-        return self.cls or self.iri
-
-    def fillers(self, property_name: str) -> tuple[Filler, ...]:
-        """Return the fillers of a property, in the order of the file."""
-        return tuple(parameter.filler for parameter in self.parameters if parameter.property == property_name)
 
     @property
     def is_abstract(self) -> bool:
@@ -258,7 +263,7 @@ class Flow:
 
     ``resource`` is the individual or class (IRI) that is passed, None if the recipe does not say. ``consumes`` is the
     property of the consumer that it fills (local name of the vocabulary, else an IRI; its parameters have it too),
-    None if no property of the consumer fits: then the flow only orders. ``iri`` names the constraint that says so.
+    None if no property of the consumer fits: then the flow only orders. ``iri`` names the constraint that states it.
     """
 
     producer: str
@@ -273,7 +278,7 @@ class Ending(Enum):
     """The endings of a state that transitions distinguish.
 
     DONE: its step was performed. TRUE and FALSE: what the step checks (its ``condition``) was found to be so, or not.
-    FAILED: its step failed. OTHER: it said the outcome by name.
+    FAILED: its step failed. OTHER: it gave the outcome by name.
     """
 
     DONE = "completed"
@@ -311,7 +316,7 @@ class StateMachine:
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
+class Recipe(_Action):
     """A task: its steps in the order of the file, and what the file states or implies about their order.
 
     ``iri`` is the task's class, or the individual if the task is one; then ``cls`` is its class.
@@ -332,26 +337,12 @@ class Recipe:
     derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Results that were computed from the rest; see :mod:`planlang.recipe.order`."""
 
-    @property
-    def name(self) -> str:
-        """Local name of the task's class, or of the task if that is an individual."""
-        return local_name(self.iri)
-
-    @property
-    def action_class(self) -> str:
-        """The class of actions (IRI) that the task is, or is an individual of."""
-        return self.cls or self.iri
-
     def step(self, iri: str) -> Step:
         """Return the step of a class; KeyError if it is no step."""
         if "steps" not in self.derived:
             self.derived["steps"] = {step.iri: step for step in reversed(self.steps)}
         found: Step = self.derived["steps"][iri]
         return found
-
-    def fillers(self, property_name: str) -> tuple[Filler, ...]:
-        """Return the fillers of a property of the task itself."""
-        return tuple(parameter.filler for parameter in self.parameters if parameter.property == property_name)
 
 
 @dataclass(frozen=True, slots=True)

@@ -269,7 +269,7 @@ class Intervals:
                 self._overlap(overlap)
 
     def contradiction(self) -> tuple[Ordering | Overlap, ...]:
-        """Statements that cannot hold together, each once; empty if all can."""
+        """Return statements that cannot hold together, each once; none if all can."""
         for component in nx.strongly_connected_components(self._graph):
             inside = self._graph.subgraph(component)
             strict = sorted((a, b) for a, b, is_strict in inside.edges(data="strict") if is_strict)
@@ -282,7 +282,7 @@ class Intervals:
         return ()
 
     def implied(self) -> Iterator[tuple[str, str]]:
-        """Pairs (before, after) of steps of which one ends before the other begins, stated or not.
+        """Yield pairs (before, after) of steps of which one ends before the other begins, stated or not.
 
         Means nothing if there is a contradiction.
         """

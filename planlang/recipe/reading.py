@@ -151,7 +151,7 @@ def _judged(
 
 
 def _sorted(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Each once: errors, warnings, notes; within each by file and line."""
+    """Return each diagnostic once: errors, warnings, then notes, each by file and line."""
     rank = {severity: index for index, severity in enumerate(Severity)}
     nowhere = Span("")
     return tuple(sorted(dict.fromkeys(diagnostics), key=lambda found: (rank[found.severity], found.span or nowhere)))

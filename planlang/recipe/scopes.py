@@ -26,7 +26,7 @@ class Unit:
     steps: tuple[str, ...]
 
     def members(self) -> tuple[str, ...]:
-        """All steps of the unit, the base motion first."""
+        """Return all steps of the unit, the base motion first."""
         return (self.base, *self.steps) if self.base else self.steps
 
 
@@ -43,7 +43,7 @@ class Scoping:
 
 
 def single_steps(stated: Precedence[str]) -> Scoping:
-    """Each step a unit of its own."""
+    """Return a scoping in which each step is a unit of its own."""
     return Scoping(tuple(Unit(None, (step,)) for step in stated.nodes), stated, ())
 
 

@@ -193,9 +193,9 @@ def words_of(outcome: str) -> tuple[str, ...]:
 def ending_of(outcome: str) -> Ending:
     """Return the meaning of an outcome by the words in its local name, such as COMPLETED_OK or CONDITION_FALSE."""
     words = {word.lower() for word in words_of(outcome)}
-    said = {ending for ending, meaning in MEANINGS.items() if not words.isdisjoint(meaning)}
-    if Ending.FAILED in said:
+    endings = {ending for ending, meaning in MEANINGS.items() if not words.isdisjoint(meaning)}
+    if Ending.FAILED in endings:
         return Ending.FAILED
-    if Ending.FALSE in said:
-        return Ending.FAILED if Ending.DONE in said else Ending.FALSE
-    return Ending.TRUE if Ending.TRUE in said else Ending.DONE if Ending.DONE in said else Ending.OTHER
+    if Ending.FALSE in endings:
+        return Ending.FAILED if Ending.DONE in endings else Ending.FALSE
+    return Ending.TRUE if Ending.TRUE in endings else Ending.DONE if Ending.DONE in endings else Ending.OTHER

@@ -239,7 +239,7 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
 
 
 def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
-    """States that transitions name and something defines, though they are no sub-actions."""
+    """Yield the defined states that transitions name though they are no sub-actions."""
     if statements.states is not None:
         span = actions.ontology.span(statements.iri)
         for name in statements.mentioned():

@@ -108,7 +108,7 @@ class Shrinker:
     """Looks for the shortest list, of the shortest the smallest, for which ``breaks`` holds.
 
     ``breaks`` runs the plan with a list and returns whether it still does it, and of how many tasks each choice of
-    that run was. At most ``runs`` runs are made; ``proven`` says whether all shorter lists were tried.
+    that run was. At most ``runs`` runs are made; ``proven`` is true if all shorter lists were tried.
     """
 
     def __init__(self, breaks: Callable[[Choices], tuple[bool, Sequence[int]]], runs: int) -> None:
@@ -118,7 +118,7 @@ class Shrinker:
         self._known: dict[Choices, tuple[bool, Sequence[int]]] = {}
 
     def shrink(self, choices: Sequence[int]) -> Choices:
-        """From a list that breaks to the best one found."""
+        """Return the best list found, from one that breaks."""
         best = trimmed(choices)
         while self.left > 0:
             better = self._once(best)
@@ -136,7 +136,7 @@ class Shrinker:
         return self._known[choices]
 
     def _once(self, best: Choices) -> Choices:
-        """One pass: leave out pieces, large ones first, then set choices to zero, then lower them."""
+        """Make one pass: leave out pieces, large ones first, then set choices to zero, then lower them."""
         size = max(1, len(best) // 2)
         while True:
             place = 0

@@ -15,7 +15,7 @@ DOWNSETS = 30_000
 
 
 class Extensions(tuple[Order, ...]):
-    """Orders of all steps. ``complete`` says whether these are all; ``total`` how many there are, if counted."""
+    """Orders of all steps. ``complete`` if these are all; ``total`` is their number, if counted."""
 
     complete: bool
     total: int | None
@@ -70,7 +70,7 @@ def _order_of(
 
 
 def _masks(names: Sequence[str], pairs: Iterable[tuple[str, str]]) -> list[int]:
-    """For each step the set of steps directly before it, as bits."""
+    """Return for each step the set of steps directly before it, as bits."""
     place = {name: number for number, name in enumerate(names)}
     if len(place) != len(names):
         raise ValueError("two steps have the same name")
@@ -96,7 +96,7 @@ def _cyclic(before: Sequence[int]) -> bool:
 
 
 def _counted(before: Sequence[int]) -> dict[int, int] | None:
-    """For each set of done steps, in how many ways the rest can be done; None if there are too many sets."""
+    """Return for each set of done steps in how many ways the rest can be done; None if there are too many sets."""
     layers: list[list[int]] = [[0]]
     known = {0}
     for _ in before:

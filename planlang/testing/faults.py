@@ -1,4 +1,4 @@
-"""Faults: a step fails because the test says so, at an attempt, at a time, whatever the step itself would have done."""
+"""Faults: a step fails because the test wants it, at an attempt, at a time, whatever the step would have done."""
 
 from __future__ import annotations
 

@@ -359,7 +359,7 @@ class Count(int):
         return str(int(self))
 
     def explained(self) -> list[str]:
-        """One line per attempt."""
+        """Return one line per attempt."""
         if not self.attempts:
             return [f"{self.step} never began"]
         return [f"{self.step}, attempt {number}: {line}" for number, line in enumerate(self.attempts, 1)]

@@ -101,12 +101,12 @@ def run_plan(
 ) -> PlanRun[V]:
     """Run a plan in virtual time and return how it went.
 
-    ``script`` says what process modules do (an empty one without it), unless an ``executive`` is given. ``faults``
+    ``script`` is what process modules do (an empty one without it), unless an ``executive`` is given. ``faults``
     are added to those of the script. ``schedule`` as in :func:`planlang.run`. A plan failure is part of the result;
     what else ends the run is raised: programming errors, DeadlockError, StepLimit after ``within`` seconds of plan
     time, NoProgress.
 
-    With ``resumable`` the trace notes which steps of the top-level plan have completed, as :func:`planlang.run` says.
+    With ``resumable`` the trace notes which steps of the top-level plan have completed; see :func:`planlang.run`.
     ``resume`` is such a run, its trace, or one read from a file: steps that completed in it are not run again but give
     what they gave; the belief of the scripted robot, or of an executive with ``restore``, is as they left it.
     """

@@ -51,7 +51,7 @@ class Belief:
         revision: int,
         made_up: dict[str, list[Base]],
     ) -> None:
-        """Believe what was believed before."""
+        """Restore an earlier belief."""
         self.holding[:] = holding
         self.at, self.facts, self.base, self.around, self.made_up = at, facts, base, around, made_up
         self._seen, self._revision = self._state(), revision
@@ -66,7 +66,7 @@ class Belief:
         return self._revision
 
     def holds(self, condition: Condition) -> bool:
-        """``holding(x)`` is looked up in what is held, anything else among the facts."""
+        """Return True if a condition holds: ``holding(x)`` by what is held, anything else by the facts."""
         if condition.predicate == "holding":
             return all(getattr(what, "name", what) in self.holding for what in condition.arguments)
         return self.facts.get(str(condition), False)
@@ -76,7 +76,7 @@ class Belief:
         self.holding[:] = [] if what is None else [held for held in self.holding if held != what]
 
     def places_of(self, location: Location) -> Sequence[Base]:
-        """Places for the base that satisfy a location, best first."""
+        """Return the base poses for a location, best first."""
         for name in (location.name, *(_names(location)), str(location)):
             if name is not None and name in self.places:
                 return self.places[name]
@@ -130,7 +130,7 @@ def _inside_hand(location: object) -> str | None:
 
 
 def _names(location: Location) -> Iterator[str]:
-    """Names of what a location is about, nearest first."""
+    """Yield the names of things that a location is about, nearest first."""
     for relation in location.relations:
         if relation.reference.name is not None:
             yield relation.reference.name
@@ -172,7 +172,7 @@ class Script:
     """
 
     takes: float = 1.0
-    """Duration of an action without a rule that says so [s]."""
+    """Duration of an action without a rule about it [s]."""
     ancestors: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Superclasses of classes of actions, nearest first; without, a class stands for itself."""
     classes: list[str] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""The executive of scripted runs: process modules that do what a script says."""
+"""The executive of scripted runs: process modules that follow a script."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RELEASING = ("OpeningAGripper", "HandingOverAnObject", "PuttingDownAnObject")
 
 @dataclass(eq=False)
 class ScriptedModule:
-    """Performs classes of actions as the script of its executive says."""
+    """A process module that performs classes of actions by the script of its executive."""
 
     name: str
     actions: Sequence[str]
@@ -47,7 +47,7 @@ class ScriptedModule:
         return NEEDS.get(self.name, ())
 
     async def execute(self, action: Action) -> Any:
-        """Wait, change the belief, and return or raise what the script says."""
+        """Wait, change the belief, and return or raise what the script wants."""
         executive = self.executive
         rule = executive.rule_for(action, _step_name())
         seconds = rule.after if rule is not None and rule.after is not None else executive.script.takes
@@ -109,7 +109,7 @@ class ScriptedExecutive:
             self._write("belief", {"revision": self._reported, "holding": belief.holding, "at": belief.at})
 
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """Return the class, its local name, and what the script says is above it."""
+        """Return the class, its local name, and its superclasses in the script."""
         short = local_name(action_type)
         return tuple(dict.fromkeys((action_type, short, *self.script.ancestors.get(short, ()))))
 
@@ -134,7 +134,7 @@ class ScriptedExecutive:
         return self.belief.base == solution.base
 
     def holds(self, condition: Condition) -> bool:
-        """Return True if the belief says so."""
+        """Return True if it holds in the belief."""
         return self.belief.holds(condition)
 
     def before_retry(self) -> Iterable[Action]:

@@ -1,16 +1,27 @@
-"""Facts about the arm that a plan uses where it leaves the choice."""
+"""What a run chooses: the arm, one of several alternatives, where the robot stands when it begins."""
 
 from __future__ import annotations
+
+import json
+import re
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from executive.modules.arms import ArmChoices
 from executive.modules.grasping import Grasping
+from executive.robots import bind_robot
+from executive.runs.assembly import world_at_start
+from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from planlang import VirtualHost, checkpoint, par, perform, run, seq
 from planlang.designators import a_device, a_location, action, an_object
+from planlang.diagnostics import BadInput
+from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.protocols import Solution
-from sim import Body
+from sim import Body, Scene
 from tests.executive.conftest import CABINET, PLACE, MakeStage
 
 CHOICES = "right", "left"
@@ -101,3 +112,83 @@ def test_two_plans_side_by_side_take_two_things_with_two_arms(make_stage: MakeSt
     held = {name: grip.arm for name, grip in stage.belief.held.items()}
     assert sorted(held) == ["first", "second"]
     assert sorted(held.values()) == ["left", "right"]
+
+
+ONTOLOGIES = bundled("ontologies")
+PLAN = Path(__file__).parents[1] / "diagnostics" / "X008_without_gripper.plan"
+
+
+@pytest.fixture
+def options(tmp_path: Path) -> RunOptions:
+    """A run of the plan in the bundled room with the bundled robot, its grippers taken off."""
+    robots = ONTOLOGIES / "robots"
+    urdf, robot = tmp_path / "handless.urdf", tmp_path / "handless.omn"
+    shape = (robots / "amigo.urdf").read_text(encoding="utf-8")
+    urdf.write_text(re.sub(r'(<joint name="finger[^"]*" type=")revolute"', r'\1fixed"', shape), encoding="utf-8")
+    frames = (robots / "amigo.omn").read_text(encoding="utf-8").split("\n\n")
+    robot.write_text("\n\n".join(f for f in frames if not re.match(r"Individual: \w+_gripper\b", f)), encoding="utf-8")
+    room = ONTOLOGIES / "environments" / "hospital_room.omn"
+    return RunOptions(plan=PLAN, robot=robot, urdf=urdf, environment=room, trace=tmp_path / "run.jsonl")
+
+
+def told(result: RunResult) -> list[tuple[str, str, int]]:
+    return [
+        (found.severity.value, Path(found.span.file).name, found.span.line)
+        for found in result.diagnostics
+        if found.code == "X008" and found.span is not None
+    ]
+
+
+def test_an_alternative_that_the_robot_cannot_do_is_told_and_the_plan_runs(options: RunOptions) -> None:
+    result = run_plan_file(options)
+    assert told(result) == [("note", PLAN.name, 29)]
+    assert (result.outcome, result.failure) == (Outcome.DONE, ())
+    assert options.trace is not None
+    header = json.loads(options.trace.read_text(encoding="utf-8").splitlines()[0])
+    assert header["infeasible"] == ["grasp"]
+
+
+def test_a_plan_of_such_alternatives_only_is_refused(options: RunOptions) -> None:
+    result = run_plan_file(replace(options, task="grasp"))
+    assert (result.outcome, result.failure) == (Outcome.LACKS_CAPABILITY, ("MissingCapability",))
+    assert told(result) == []
+
+
+ROBOT = """
+name = "mine"
+urdf = "robot.urdf"
+[base]
+radius = 0.2
+speed = 0.5
+acceleration = 0.5
+turn_speed = 1.0
+turn_acceleration = 1.0
+jerk = 5.0
+"""
+URDF = """<robot name="mine"><link name="base">
+  <collision><origin xyz="0 0 0.5"/><geometry><box size="0.2 0.2 1"/></geometry></collision>
+  <collision><origin xyz="0.5 0 1"/><geometry><box size="1 0.1 0.1"/></geometry></collision>
+</link></robot>"""
+SHELF = Body("shelf", Pose((0.8, 0.0, 0.75)), (0.4, 2.0, 1.5))
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    """A pole on a small base that reaches 1 m ahead of it."""
+    (tmp_path / "robot.urdf").write_text(URDF)
+    (tmp_path / "robot.toml").write_text(ROBOT)
+    return tmp_path / "robot.toml"
+
+
+def test_a_robot_starts_where_its_arms_have_room_too(robot: Path) -> None:
+    with ExitStack() as stack:
+        world = world_at_start(Scene((SHELF,), (-2, -2, 2, 2)), bind_robot(robot), None, stack)
+        assert world.scene.start == world.configuration().base
+        assert world.scene.start[0] < -0.39, "the nearest place with room for the base alone would be at 0"
+        assert not world.contacts()
+
+
+def test_a_robot_whose_arms_have_room_nowhere_has_no_place_to_start(robot: Path) -> None:
+    with ExitStack() as stack, pytest.raises(BadInput) as caught:
+        world_at_start(Scene((SHELF,), (-0.3, -0.3, 0.3, 0.3)), bind_robot(robot), None, stack)
+    assert [diagnostic.code for diagnostic in caught.value.diagnostics] == ["X003"]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,8 @@ from typing import Any
 import numpy as np
 import pybullet_data
 import pytest
-from typer.testing import CliRunner
+from PIL import Image
+from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
 from executive.robots import bind_robot
@@ -187,3 +190,82 @@ def test_what_has_no_camera_sees_from_nowhere(tmp_path: Path) -> None:
     (tmp_path / "drive.py").write_text(DRIVE.format(relation="visible_from"))
     found = run(tmp_path / "drive.py", "--robot", cart(tmp_path, BOX), "--environment", ROOM)
     assert (found["exit_code"], found["failure"]) == (1, ["MissingCapability"])
+
+
+CART = """<robot name="cart"><link name="base"><collision><geometry><box size="0.5 0.5 0.5"/></geometry></collision>
+</link></robot>"""
+NUMBERS = """name = "cart"
+urdf = "cart.urdf"
+[base]
+radius = 0.36
+speed = 0.5
+acceleration = 0.5
+turn_speed = 1.0
+turn_acceleration = 1.0
+jerk = 5.0
+"""
+
+
+def inspected(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, ["robot", "inspect", *map(str, arguments)], prog_name="planlang")
+
+
+def test_it_tells_chains_limits_postures_and_draws_what_the_arms_reach(tmp_path: Path) -> None:
+    result = inspected("amigo", "--picture", tmp_path / "reach.png")
+    assert result.exit_code == 0, result.output
+    for said in ("spindle_joint", "0.090 ..    0.400", "arm left", "carrying:", "reaches, of poses", "missing"):
+        assert said in result.stdout
+    pixels = np.asarray(Image.open(tmp_path / "reach.png").convert("RGB"))
+    yellow = (pixels[..., 0] > 150) & (pixels[..., 2] < 110)
+    blue = (pixels[..., 2] > 120) & (pixels[..., 0] < 110) & (pixels[..., 1] < 140)
+    assert yellow.sum() > 100, "places that are reached with many headings"
+    assert blue.sum() > 1000, "places that are reached with few"
+
+
+def test_what_a_robot_lacks_is_listed(tmp_path: Path) -> None:
+    (tmp_path / "cart.urdf").write_text(CART)
+    (tmp_path / "cart.toml").write_text(NUMBERS)
+    result = inspected(tmp_path / "cart.toml", "--json")
+    assert result.exit_code == 3, result.output
+    missing = json.loads(result.stdout)["missing"]
+    assert missing[0] == "arms"
+    assert any("camera" in what for what in missing)
+    assert any("torso" in what for what in missing)
+
+
+def test_a_picture_of_no_arms_and_a_robot_that_is_not_there_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "cart.urdf").write_text(CART)
+    (tmp_path / "cart.toml").write_text(NUMBERS)
+    result = inspected(tmp_path / "cart.toml", "--picture", tmp_path / "reach.png")
+    assert (result.exit_code, (tmp_path / "reach.png").exists()) == (2, False)
+    assert inspected("no_such_robot").exit_code == 2
+    assert inspected("amigo", "--picture", tmp_path / "reach.jpg").exit_code == 2
+
+
+def test_a_urdf_that_is_no_robots_is_refused() -> None:
+    other = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
+    assert inspected("amigo", "--urdf", other).exit_code == 2
+
+
+def test_a_recording_has_the_robot_and_a_cloud_for_each_arm_and_class_of_grasp(tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the extra [record] is not installed")
+    result = inspected("amigo", "--record", tmp_path / "reach.rrd")
+    assert result.exit_code == 0, result.output
+    command = shutil.which("rerun", path=str(Path(sys.executable).parent))
+    assert command, "the package brings its command"
+    verified = subprocess.run([command, "rrd", "verify", str(tmp_path / "reach.rrd")], capture_output=True, check=False)
+    assert verified.returncode == 0, verified.stderr
+    printed = subprocess.run(
+        [command, "rrd", "print", "-vv", str(tmp_path / "reach.rrd")], capture_output=True, text=True, check=True
+    ).stdout
+    for entity in ("reach/left/side", "reach/right/top", "world/robot/base_plate"):
+        assert entity in printed
+
+
+def test_without_the_package_a_recording_is_refused_with_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.pictures.recording.find_spec", lambda name: None)
+    result = inspected("amigo", "--record", tmp_path / "reach.rrd")
+    assert result.exit_code == 2
+    assert "pip install 'planlang[record]'" in result.output

@@ -1,16 +1,36 @@
-"""Which plan of a file is run, and what its parameters are bound to."""
+"""Plan files: what kind of file it is, which plan is run with which parameters, and what it takes of a robot."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from executive.belief import SemanticMap, read_map
 from executive.belief.semantic_map import default_environment
+<<<<<<< HEAD
 from executive.runs.plan_files import bound_parameters, import_plan, main_plan
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
+=======
+from executive.cli.inputs import PlanFile, RecipeFile, read
+from executive.robots import Availability, FindingKind, Missing
+from executive.runs.plan_files import (
+    Needs,
+    assess,
+    bound_parameters,
+    import_plan,
+    main_plan,
+    needs_of,
+    required_of_plan,
+)
+from executive.runs.plan_run import Outcome, RunOptions, run_plan_file
+from planlang.compiler import compile_recipe
+from planlang.diagnostics import BadInput, Diagnostic, Severity
+>>>>>>> main
 from planlang.ontology import load
 
 CHOSEN = "the environment visiting_hours is chosen, as hospital_room has no cup2"
@@ -164,3 +184,288 @@ def test_the_default_environment_is_the_only_one_that_has_what_is_named(
     notes: list[Diagnostic] = []
     assert default_environment(things, notes) == environment
     assert [one.message for one in notes] == told
+
+
+HEAD = """
+from functools import partial
+import planlang
+from planlang import action, action as act, at_location, par, perform, perform_or, plan, try_in_order
+
+KITCHEN = "http://example.org/kitchen.owl#"
+CLOSING = action("ClosingAGripper")
+
+@plan
+async def grasp(hard: bool = False) -> None:
+    await perform(CLOSING)
+
+@plan
+async def reach() -> None:
+    await perform(action("Reaching"))
+
+@plan
+async def look() -> None:
+    await perform(planlang.action("LookingForSomething"))
+"""
+
+
+def needs(folder: Path, *body: str, before: str = "") -> Needs:
+    """What a plan with these lines needs."""
+    path = folder / "kitchen.py"
+    lines = "".join(f"    {line}\n" for line in body)
+    path.write_text(f"{HEAD}{before}\n@plan\nasync def serve() -> None:\n{lines}", encoding="utf-8")
+    module = import_plan(path)
+    return needs_of(module, main_plan(module, None))
+
+
+def told(found: Needs, *unable: str) -> tuple[list[str], list[tuple[str, str]]]:
+    """What a robot lacks that cannot do some classes of actions, and the alternatives that it cannot do."""
+
+    def lacking(actions: Iterable[str]) -> tuple[Missing, ...]:
+        return tuple(
+            Missing(name, FindingKind.CAPABILITY, Availability.MISSING, (name,), "no")
+            for name in actions
+            if name in unable
+        )
+
+    assessment = assess(found, lacking)
+    infeasible = [(alternative.name, why.name) for alternative, why in assessment.infeasible]
+    return [missing.name for missing in assessment.missing], infeasible
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        (["await perform(action('Reaching'))"], ["Reaching"]),
+        (["await perform(planlang.action('Reaching'))"], ["Reaching"]),
+        (["await perform(act('Reaching'))"], ["Reaching"]),
+        (["await perform(action(KITCHEN + 'Pouring'))"], ["http://example.org/kitchen.owl#Pouring"]),
+        (["await grasp()", "await look()"], ["ClosingAGripper", "LookingForSomething"]),
+        (["await par(grasp, partial(look))"], ["ClosingAGripper", "LookingForSomething"]),
+        (["await at_location(KITCHEN, reach)"], ["Translation-LocationChange", "Reaching"]),
+        (["await planlang.at_location(KITCHEN, lambda: reach())"], ["Translation-LocationChange", "Reaching"]),
+        (["await perform_or(action('GraspingSomething'), grasp)"], ["GraspingSomething", "ClosingAGripper"]),
+        (["async def inner() -> None:", "    await look()", "await par(inner)"], ["LookingForSomething"]),
+        (["async def unused() -> None:", "    await look()", "await grasp()"], ["ClosingAGripper"]),
+        (["wanted = action('Reaching')", "await perform(wanted)"], ["Reaching"]),
+        (["seen = await perform(action('Perceiving'))"], ["Perceiving"]),
+        (["if KITCHEN:", "    await look()", "else:", "    await serve()"], ["LookingForSomething"]),
+    ],
+)
+def test_actions_are_those_of_what_the_plan_names(tmp_path: Path, body: list[str], expected: list[str]) -> None:
+    found = needs(tmp_path, *body)
+    assert sorted(found.actions) == sorted(expected)
+    assert found.choices == ()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "await try_in_order(grasp, look)",
+        "await planlang.try_in_order(partial(grasp, hard=True), look)",
+        "await perform_or(action('PurposefulAction'), partial(try_in_order, grasp, look))",
+        "await try_in_order(first=grasp, second=look)",
+    ],
+)
+def test_one_feasible_alternative_is_enough(tmp_path: Path, line: str) -> None:
+    found = needs(tmp_path, line)
+    assert told(found) == ([], [])
+    assert told(found, "ClosingAGripper") == ([], [("grasp", "ClosingAGripper")])
+    assert told(found, "LookingForSomething") == ([], [("look", "LookingForSomething")])
+    assert told(found, "ClosingAGripper", "LookingForSomething") == (["ClosingAGripper", "LookingForSomething"], [])
+
+
+def test_local_branches_are_alternatives_too(tmp_path: Path) -> None:
+    found = needs(
+        tmp_path,
+        "async def by_hand() -> None:",
+        "    await grasp()",
+        "by_eye = partial(look)",
+        "await try_in_order(by_hand, by_eye)",
+    )
+    assert told(found, "ClosingAGripper") == ([], [("by_hand", "ClosingAGripper")])
+    assert told(found, "LookingForSomething") == ([], [("by_eye", "LookingForSomething")])
+
+
+def test_what_is_needed_beside_a_choice_stays_needed(tmp_path: Path) -> None:
+    found = needs(tmp_path, "await try_in_order(grasp, look)", "await grasp()")
+    assert told(found, "ClosingAGripper") == (["ClosingAGripper"], [("grasp", "ClosingAGripper")])
+
+
+def test_choices_may_be_nested(tmp_path: Path) -> None:
+    found = needs(tmp_path, "await try_in_order(either, look)", before="""
+@plan
+async def either() -> None:
+    await try_in_order(grasp, reach)
+""")  # fmt: skip
+    assert told(found, "ClosingAGripper") == ([], [("grasp", "ClosingAGripper")])
+    assert told(found, "ClosingAGripper", "Reaching") == ([], [("either", "ClosingAGripper")])
+    assert told(found, "ClosingAGripper", "LookingForSomething") == (
+        [],
+        [("grasp", "ClosingAGripper"), ("look", "LookingForSomething")],
+    )
+
+
+def test_plans_that_are_not_called_are_not_needed(tmp_path: Path) -> None:
+    assert told(needs(tmp_path, "await look()"), "ClosingAGripper", "Reaching") == ([], [])
+
+
+def test_plans_that_call_each_other_are_followed_once(tmp_path: Path) -> None:
+    found = needs(tmp_path, "await again()", before="""
+@plan
+async def again() -> None:
+    await serve()
+    await grasp()
+""")  # fmt: skip
+    assert found.actions == ("ClosingAGripper",)
+
+
+def test_what_a_robot_may_lack_is_a_warning_and_refuses_nothing() -> None:
+    unknown = Missing(
+        "http://example.org#Juggling", FindingKind.CAPABILITY, Availability.UNKNOWN, ("Reaching",), "nobody knows"
+    )
+    assessment = assess(Needs(("Reaching",)), lambda actions: (unknown,))
+    assert (assessment.missing, assessment.unknown) == ((), (unknown,))
+    (warning,) = assessment.notes(None)
+    assert (warning.code, warning.severity.value) == ("X009", "warning")
+    assert "Juggling" in warning.message
+
+
+ONTOLOGIES = bundled("ontologies")
+AMIGO = RunOptions(
+    robot=ONTOLOGIES / "robots" / "amigo.omn", environment=ONTOLOGIES / "environments" / "hospital_room.omn"
+)
+LOOKING = """
+Prefix: : <http://example.org/looking.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Prefix: srdl2-comp: <http://knowrob.org/kb/srdl2-comp.owl#>
+Ontology: <http://example.org/looking.owl>
+    Import: <http://knowrob.org/kb/knowrob.owl>
+Individual: bottle
+    Types: knowrob:DrinkingBottle
+Class: Search
+    SubClassOf: knowrob:Action, knowrob:subAction some Look
+Class: Look
+    SubClassOf: knowrob:LookingForSomething, knowrob:objectActedOn value bottle
+"""
+SCANNER = "\n    SubClassOf: srdl2-comp:dependsOnComponent some srdl2-comp:Tilting2DLaserScanner\n"
+
+
+def compiled(recipe: Path, text: str) -> Path:
+    """The plan of a recipe, which is written, too."""
+    recipe.write_text(text, encoding="utf-8")
+    plan = recipe.with_name("search.py")
+    plan.write_text(compile_recipe(recipe).source, encoding="utf-8")
+    return plan
+
+
+@pytest.mark.parametrize("cls", ["Search", "Look"], ids=["of the task", "of a step"])
+def test_a_plan_edited_or_not_is_refused_like_its_recipe_for_what_only_that_says(cls: str, tmp_path: Path) -> None:
+    recipe = tmp_path / "looking.omn"
+    plan = compiled(recipe, LOOKING.replace(f"Class: {cls}", f"Class: {cls}{SCANNER}"))
+    refused = run_plan_file(replace(AMIGO, recipe=recipe))
+    assert (refused.outcome, refused.failure) == (Outcome.LACKS_CAPABILITY, ("MissingCapability",))
+    assert "component Tilting2DLaserScanner: amigo has none" in refused.message
+    assert run_plan_file(replace(AMIGO, plan=plan)).message == refused.message
+    plan.write_text(plan.read_text(encoding="utf-8") + "\n# looked at\n", encoding="utf-8")
+    assert run_plan_file(replace(AMIGO, plan=plan)).message == refused.message
+
+
+@pytest.mark.parametrize(("now", "code"), [(LOOKING + "\n", "C009"), (LOOKING + "(", "C011"), (None, "C011")])
+def test_of_a_recipe_that_is_gone_or_has_changed_a_warning_says_that_its_requirements_are_not_known(
+    now: str | None, code: str, tmp_path: Path
+) -> None:
+    recipe = tmp_path / "looking.omn"
+    plan = compiled(recipe, LOOKING)
+    if now is None:
+        recipe.unlink()
+    else:
+        recipe.write_text(now, encoding="utf-8")
+    found: list[Diagnostic] = []
+    assert required_of_plan(plan, main_plan(import_plan(plan), None), found) is None
+    assert [(one.severity, one.code, str(one.span)) for one in found] == [(Severity.WARNING, code, f"{plan}:1:1")]
+
+
+def test_a_plan_that_a_person_wrote_has_no_recipe_and_no_warning(tmp_path: Path) -> None:
+    plan = tmp_path / "wait.py"
+    plan.write_text("from planlang import plan\n\n\n@plan\nasync def rest() -> None:\n    pass\n")
+    found: list[Diagnostic] = []
+    assert required_of_plan(plan, main_plan(import_plan(plan), None), found) is None
+    assert not found
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"# only a comment\n",
+        b'<?xml version="1.0"?>\n<rdf:RDF/>',
+        b"\xef\xbb\xbf<rdf:RDF/>",
+        '<?xml version="1.0"?><rdf:RDF/>'.encode("utf-16"),
+        b"# a recipe\nPrefix: : <http://example.org/#>\n",
+        b"Ontology: <http://example.org/>\n",
+        b"@prefix : <http://example.org/#> .\n",
+        b"PREFIX : <http://example.org/#>\n",
+        b"complete nonsense, and not Python\n",
+        bytes(range(256)),
+    ],
+)
+@pytest.mark.parametrize("name", ["thing.py", "thing.owl.in", "thing"])
+def test_owl_and_whatever_is_not_python_goes_to_the_recipe_reader(tmp_path: Path, content: bytes, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    assert read(str(path)) == RecipeFile(path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        '"""A plan."""\nfrom planlang import plan\n',
+        "# a comment\nimport planlang\n",
+        "\ufefffrom planlang.failures import GraspMissed\n",
+    ],
+)
+@pytest.mark.parametrize("name", ["plan.py", "plan.owl"])
+def test_python_that_imports_planlang_is_a_plan_whatever_its_suffix(tmp_path: Path, content: str, name: str) -> None:
+    path = tmp_path / name
+    path.write_text(content, encoding="utf-8")
+    assert isinstance(read(str(path)), PlanFile)
+
+
+def test_a_plan_nested_too_deeply_for_the_parser_is_bad_input(tmp_path: Path) -> None:
+    path = tmp_path / "plan.py"
+    path.write_text("import planlang\nx = " + "(" * 100_000 + ")" * 100_000 + "\n")
+    with pytest.raises(BadInput, match="C002"):
+        read(str(path))
+
+
+def test_a_folder_of_the_name_of_a_bundled_recipe_does_not_hide_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "serve_a_drink").mkdir()
+    monkeypatch.chdir(tmp_path)
+    found = read("serve_a_drink")
+    assert isinstance(found, RecipeFile)
+    assert found.is_bundled
+
+
+def test_a_users_own_recipe_is_not_taken_for_a_bundled_one(tmp_path: Path) -> None:
+    path = tmp_path / "serve_a_drink.omn"
+    path.write_text("Ontology: <http://example.org/>\n")
+    found = read(str(path))
+    assert isinstance(found, RecipeFile)
+    assert not found.is_bundled
+
+
+@pytest.mark.parametrize("name", ["", " "])
+def test_an_empty_name_is_said_to_be_empty(name: str) -> None:
+    with pytest.raises(BadInput, match="the name of the recipe is empty"):
+        read(name)
+
+
+@pytest.mark.parametrize("is_named", [True, False])
+def test_a_pipe_is_bad_input_that_says_what_to_do(tmp_path: Path, is_named: bool) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(BadInput, match="is a pipe or device; the recipe is read more than once") as caught:
+        read(str(pipe) if is_named else "-")
+    assert caught.value.diagnostics[0].help == "write it to a file first: ... > recipe.owl"

@@ -28,7 +28,7 @@ PACKAGES = ("planlang", "executive", "sim")
 
 BLOCK = re.compile(r"```console\n\$ planlang (.+)\n((?:(?!```).*\n)*)```")
 ELISION = "...\n"
-FIRST_RUN_ONLY = "building reachability maps"
+FIRST_RUN_ONLY = "building the reachability map"
 """How lines about what is kept for later runs begin; pages show a second run."""
 ROW = re.compile(r"^\| `([A-Z]\d{3})` \| (.+?) \|$", flags=re.MULTILINE)
 

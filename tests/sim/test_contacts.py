@@ -1,9 +1,23 @@
-"""Facts about contacts: what counts, what is left out, and that asking changes nothing."""
+"""Contacts, boxes and outlines: what counts, how much room things take, and that asking changes nothing."""
 
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pybullet
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.protocols import Configuration, Contact
-from sim import Body, PyBulletWorld
-from tests.sim.conftest import GRASPING, MakeWorld, grasp
+from sim import Body, CameraModel, PlanningWorld, PyBulletWorld, RobotBody, Scene
+from tests.sim.conftest import AMIGO, GRASPING, LEVEL_HAND, ROOM, MakeWorld, grasp
+from tests.support.locations.queries import Interrupter, physics
 
 HANGING = {f"{joint}_joint_{side}": 0.0 for joint in ("elbow_pitch", "shoulder_pitch") for side in ("right", "left")}
 BEFORE_THE_CABINET = Configuration((-1.32, 1.73, 1.5708), HANGING)
@@ -139,3 +153,228 @@ def test_worlds_made_alike_and_stepped_alike_are_in_equal_states(make_world: Mak
     assert first.state() == second.state()
     second.step()
     assert first.state() != second.state()
+
+
+JOINTS = ("spindle_joint", "neck_pan_joint", "elbow_pitch_joint_left", "wrist_yaw_joint_right", "finger1_joint_left")
+bases = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-math.pi, math.pi))
+moves = st.tuples(st.none() | bases, st.dictionaries(st.sampled_from(JOINTS), st.floats(0.0, 0.2), max_size=3))
+
+
+@pytest.fixture(scope="module")
+def amigo() -> Iterator[PlanningWorld]:
+    world = PlanningWorld(ROOM, AMIGO)
+    yield world
+    world.close()
+
+
+@given(st.lists(st.tuples(moves, st.booleans()), min_size=1, max_size=6))
+def test_boxes_are_the_same_whatever_moved_before_and_whenever_they_were_asked_for(
+    amigo: PlanningWorld, steps: list[tuple[tuple[tuple[float, float, float] | None, dict[str, float]], bool]]
+) -> None:
+    robot = amigo.robot
+    for (base, joints), asked in steps:
+        robot.show(Configuration(base or robot.base, joints))
+        if asked:
+            robot.boxes()
+    everything = range(len(robot.solid))
+    for found, expected in zip(robot.boxes(), robot.boxes_of(everything), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-5)
+
+
+def test_what_is_held_is_where_the_hand_has_it_whatever_was_looked_at_in_between(world: PlanningWorld) -> None:
+    grasp(world)
+    before = world.pose("bottle")
+    now = world.configuration()
+    elsewhere = Configuration((0.0, 0.0, 0.0), {**now.joints, "elbow_pitch_joint_right": 1.0})
+    world.contacts(elsewhere)
+    assert world.pose("bottle") == before
+    world.set_configuration(elsewhere)
+    moved = world.pose("bottle")
+    assert moved.distance(before) > 0.5
+    put = Pose((moved.position[0], moved.position[1], moved.position[2] + 0.1), moved.orientation)
+    world.set_pose("bottle", put)
+    world.step()
+    assert world.pose("bottle").distance(put) < 1e-6
+
+
+def test_pieces_of_bodies_leave_out_floor_markers_held_and_removed_ones(world: PyBulletWorld) -> None:
+    grasp(world)
+    world.remove("bed")
+    solids = world.solids()
+    places = {solid.pose.position for solid in solids}
+    assert world.scene.body("cabinet").pose.position in places
+    for absent in ("bed", "bottle", "door"):
+        assert world.scene.body(absent).pose.position not in places
+    tops = [solid.pose.position[2] + solid.size[2] / 2 for solid in solids]
+    assert min(tops) > 0.0
+
+
+def test_silhouette_holds_plate_and_hands_and_grows_with_what_is_held(world: PyBulletWorld) -> None:
+    plain = world.silhouette()
+    low = [radius for z_low, _, radius in plain if z_low < 0.1]
+    assert max(low) == pytest.approx(0.333, abs=0.001), "the plate is as wide as its disc"
+    grasp(world)
+    place = world.configuration()
+    assert len(world.silhouette()) == len(plain) + 1
+    assert world.configuration() == place
+    assert max(radius for *_, radius in world.silhouette()) > 0.43
+
+
+def test_refused_configuration_changes_nothing(world: PyBulletWorld) -> None:
+    before = world.state()
+    with pytest.raises(ValueError, match="no joint knee"):
+        world.set_configuration(Configuration((0.0, 0.0, 0.0), {"knee": 1.0}))
+    assert world.state() == before
+    assert world.contacts() == ()
+
+
+def test_released_with_nothing_below_stays_in_the_air(world: PyBulletWorld) -> None:
+    world.set_pose("bottle", Pose((20.0, 0.0, 1.0)))
+    world.attach("grippoint_right", "bottle")
+    world.release("bottle")
+    assert not world.falling("bottle")
+    assert world.support("bottle") is None
+
+
+DIRECTIONS = np.linspace(0.0, 2 * math.pi, 120, endpoint=False)
+
+
+@pytest.fixture
+def alone(make_world: MakeWorld) -> PyBulletWorld:
+    """Amigo at the origin of an empty world, the right hand level."""
+    world = make_world(bodies=(), start=(0.0, 0.0, 0.0))
+    world.set_configuration(Configuration((0.0, 0.0, 0.0), LEVEL_HAND))
+    return world
+
+
+def pushed(world: PyBulletWorld, number: int) -> float:
+    """How far a solid link reaches from the vertical through the origin, by a wall that meets it from all sides."""
+    robot, away = world.robot, 3.0
+    shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[0.01, 5.0, 5.0], physicsClientId=robot.client)
+    wall = pybullet.createMultiBody(0, shape, physicsClientId=robot.client)
+    reach = 0.0
+    for direction in DIRECTIONS:
+        place = [away * math.cos(direction), away * math.sin(direction), 1.0]
+        turn = pybullet.getQuaternionFromEuler([0.0, 0.0, direction])
+        pybullet.resetBasePositionAndOrientation(wall, place, turn, physicsClientId=robot.client)
+        near = pybullet.getClosestPoints(robot.uid, wall, away, robot.solid[number], -1, physicsClientId=robot.client)
+        reach = max([reach, *(away - 0.01 - point[8] for point in near)])
+    pybullet.removeBody(wall, physicsClientId=robot.client)
+    return reach
+
+
+def test_the_spread_of_each_link_is_where_a_wall_meets_it_cylinders_having_round_ends(alone: PyBulletWorld) -> None:
+    alone.contacts()
+    for number, name in enumerate(alone.robot.solid_names):
+        measured = pushed(alone, number)
+        assert measured - 2e-3 <= alone.robot.spread(number) <= measured + 0.02, name
+
+
+def test_the_links_of_a_hand_are_palm_and_fingers(alone: PyBulletWorld) -> None:
+    for side, other in (("right", "left"), ("left", "right")):
+        links = alone.robot.hand_links(f"grippoint_{side}")
+        assert set(AMIGO.hands[f"hand_{side}"]) <= links
+        assert not any(other in name for name in links)
+
+
+def test_a_hand_fits_into_a_tube_of_its_radius_around_the_approach(alone: PyBulletWorld) -> None:
+    radius = alone.robot.hand_radius("grippoint_right", (1.0, 0.0, 0.0))
+    assert 0.03 < radius < 0.2
+    frame = alone.link_pose("grippoint_right").matrix()
+    lower, upper = alone.robot.boxes()
+    for number, name in enumerate(alone.robot.solid_names):
+        if name in alone.robot.hand_links("grippoint_right"):
+            middle = (lower[number] + upper[number]) / 2 - frame[:3, 3]
+            across = middle - (middle @ frame[:3, 0]) * frame[:3, 0]
+            assert np.linalg.norm(across) <= radius, name
+
+
+def test_without_its_arms_the_robot_is_no_wider_than_its_base(alone: PyBulletWorld) -> None:
+    arms = [name for name in alone.configuration().joints if name.endswith(("_right", "_left"))]
+    whole, body = alone.silhouette(), alone.silhouette(without=arms)
+    assert len(body) < len(whole)
+    assert set(body) <= set(whole)
+    assert max(radius for _, _, radius in body) < 0.36 < max(radius for _, _, radius in whole)
+
+
+def test_what_an_arm_holds_counts_with_the_arm(make_world: MakeWorld) -> None:
+    world = make_world()
+    grasp(world)
+    arm = [name for name in world.configuration().joints if name.endswith("_right")]
+    empty = make_world()
+    empty.set_configuration(world.configuration())
+    assert len(world.silhouette()) == len(empty.silhouette()) + 1
+    assert world.silhouette(without=arm) == empty.silhouette(without=arm)
+
+
+def test_asking_how_much_room_is_taken_changes_nothing(make_world: MakeWorld) -> None:
+    world = make_world()
+    grasp(world)
+    before = world.state()
+    world.silhouette()
+    world.silhouette(without=["spindle_joint"])
+    world.solids()
+    assert world.state() == before
+
+
+def test_an_outline_is_where_walls_meet_the_link_and_holds_no_more(alone: PyBulletWorld) -> None:
+    shapes = alone.outlines()
+    assert len(shapes) == len(alone.robot.solid_names)
+    for number, (low, high, corners) in enumerate(shapes):
+        assert low < high
+        widest = float(np.hypot(corners[:, 0], corners[:, 1]).max())
+        assert pushed(alone, number) - 0.02 <= widest <= pushed(alone, number) + 2e-3
+
+
+def test_outlines_are_told_in_the_frame_of_the_base_wherever_it_stands(alone: PyBulletWorld) -> None:
+    before = alone.outlines()
+    alone.set_configuration(Configuration((1.0, -2.0, 0.7), alone.configuration().joints))
+    for one, other in zip(before, alone.outlines(), strict=True):
+        np.testing.assert_allclose(one[2], other[2], atol=1e-9)
+
+
+def test_links_that_a_joint_moves_together_do_not_move_against_each_other(alone: PyBulletWorld) -> None:
+    robot = alone.robot
+    apart = robot.moved_apart(frozenset({"elbow_pitch_joint_right"}))
+    forearm, hand, upper = (robot.number[name] for name in ("fore_arm_right", "hand_right", "upper_arm_right"))
+    assert apart[forearm, upper]
+    assert apart[upper, hand]
+    assert not apart[forearm, hand]
+    assert not robot.moved_apart(frozenset({"x", "y"})).any()
+
+
+DIRTY_ROOM = Scene(
+    (
+        Body("table", Pose((1.5, 0.0, 0.35)), (0.8, 0.8, 0.7)),
+        Body("cup", Pose((1.3, 0.0, 0.75)), (0.08, 0.08, 0.1), "cylinder", movable=True),
+    )
+)
+ELSEWHERE = Configuration((0.5, 0.2, 0.4), {"spindle_joint": 0.3, "elbow_pitch_joint_left": 1.2})
+QUESTIONS: dict[str, Callable[[PlanningWorld], object]] = {
+    "support": lambda world: world.support("cup"),
+    "contacts": lambda world: world.contacts(ELSEWHERE),
+    "link pose": lambda world: world.link_pose("grippoint_left", ELSEWHERE),
+    "silhouette": lambda world: world.silhouette(),
+    "outlines": lambda world: world.outlines(),
+    "sight": lambda world: world.sight("cup", ELSEWHERE),
+}
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # generators that it hits
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_an_interrupted_question_leaves_the_world_and_its_physics_as_they_were(question: str) -> None:
+    urdf = bundled("ontologies") / "robots" / "amigo.urdf"
+    world = PlanningWorld(DIRTY_ROOM, RobotBody(urdf, CameraModel("openni_rgb_optical_frame")))
+    try:
+        before = world.state(), physics(world.robot.client)
+        whole = False
+        for calls in (*range(1, 80), *range(80, 4000, 17)):
+            with contextlib.suppress(KeyboardInterrupt), Interrupter(calls):
+                QUESTIONS[question](world)
+                whole = True
+            if whole:
+                break
+            assert (world.state(), physics(world.robot.client)) == before, f"interrupted at call {calls}"
+        assert whole
+    finally:
+        world.close()

@@ -11,36 +11,8 @@ from typing import Any
 
 from reference_model import Outcome, Tree
 
-from planlang import (
-    Fluent,
-    PlanFailure,
-    Policy,
-    Recovery,
-    VirtualHost,
-    budget,
-    now,
-    par,
-    par_each,
-    partial_order,
-    pursue,
-    race,
-    retry_after_suspension,
-    run,
-    seq,
-    shield,
-    sleep,
-    tag,
-    timeout,
-    try_all,
-    try_in_order,
-    unwind_protect,
-    wait_for,
-    with_failure_handling,
-    with_policies,
-)
+from planlang import *
 from planlang.failures import BranchEvaporated, BudgetExceeded, CompositeFailure, PolicyViolated, Timeout
-from planlang.kernel.errors import CleanupOverrun, DeadlockError
-from planlang.runs import Trace
 
 SLOT = 2**15
 FLUENTS = 2

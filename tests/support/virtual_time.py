@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from planlang import VirtualHost, run
+from planlang import *
 
 
 def go(plan: Any, executive: Any = None, **options: Any) -> Any:

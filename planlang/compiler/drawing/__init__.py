@@ -1,7 +1,7 @@
 """Drawings of a task: its steps, what fills their properties, and what has to come before what.
 
 General layout: ``task_graph`` turns checked recipes into groups of boxes and arrows, with names made safe to show;
-``markup`` and ``svg`` write those in one format each; ``layers`` says where everything goes in an SVG.
+``markup`` and ``svg`` write those in one format each; ``layers`` arranges what an SVG shows.
 """
 
 from collections.abc import Callable, Mapping

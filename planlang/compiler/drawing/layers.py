@@ -192,7 +192,7 @@ def _separated(wanted: Sequence[float], steps: Sequence[float]) -> list[float]:
 def _columns(
     sizes: Sequence[tuple[float, float]], free: Sequence[int], x: float, height: float, gap: float
 ) -> dict[int, Point]:
-    """Boxes that nothing orders, in columns from ``x`` on, as high as the rest or about as high as they are wide."""
+    """Put unordered boxes in columns from ``x`` on, as high as the rest or about as high as they are wide."""
     area = sum((sizes[index][0] + gap) * (sizes[index][1] + gap) for index in free)
     limit = max(height, area**0.5)
     found: dict[int, Point] = {}

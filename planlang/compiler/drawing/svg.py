@@ -131,7 +131,7 @@ def _frame(frame: Frame) -> Iterator[str]:
 
 
 def _beside(graph: TaskGraph, found: Arrangement) -> Iterator[str]:
-    """Overlaps between the sides of two boxes, and states that follow themselves."""
+    """Draw overlaps between the sides of two boxes, and states that follow themselves."""
     where = {placed.box.key: placed for placed in found.boxes}
     for group in graph.groups():
         for arrow in group.of(Order.OVERLAP):

@@ -46,7 +46,7 @@ class Order(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Arrow:
-    """One box comes before another; both are told by their keys. ``hover`` says why.
+    """One box comes before another; both are given by their keys. ``hover`` is the reason.
 
     ``label`` is written beside it: the outcomes of a transition, the relation of an overlap.
     """
@@ -100,7 +100,7 @@ class TaskGraph:
     group: Group
 
     def groups(self) -> Iterator[Group]:
-        """All groups, an outer one before those inside of it."""
+        """Yield all groups, an outer one before those inside of it."""
         waiting = [self.group]
         while waiting:
             group = waiting.pop(0)
@@ -209,9 +209,9 @@ def _transitions(recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
             between.setdefault((transition.source, transition.target), []).append(transition)
     for (source, target), found in between.items():
         outcomes = dict.fromkeys(local_name(one.outcome) if one.outcome else one.ending.value for one in found)
-        said = dict.fromkeys(where for one in found for where in _where(one.span))
+        places = dict.fromkeys(where for one in found for where in _where(one.span))
         hover = (
-            f"{local_name(source)} to {local_name(target)}: {', '.join(outcomes)} {' '.join(f'({w})' for w in said)}"
+            f"{local_name(source)} to {local_name(target)}: {', '.join(outcomes)} {' '.join(f'({w})' for w in places)}"
         )
         yield Arrow(keys[source], keys[target], Order.TRANSITION, shown(hover), shown(", ".join(outcomes), 60))
 
@@ -231,17 +231,17 @@ def _arrow(keys: Mapping[str, str], before: str, after: str, order: Order, why: 
 
 
 def _why(orderings: Iterable[Ordering]) -> str:
-    said = []
+    reasons = []
     for ordering in orderings:
         name = local_name(ordering.iri) if ordering.iri else ordering.reason.value
         if ordering.reason is Reason.DATA_FLOW:
             name += " (data flow)"
-        said.append(" ".join([name, *(f"({where})" for where in _where(ordering.span))]))
-    return ", ".join(said)
+        reasons.append(" ".join([name, *(f"({where})" for where in _where(ordering.span))]))
+    return ", ".join(reasons)
 
 
 def _where(span: Span | None) -> list[str]:
-    """File name and line, without folders, as the same file should look the same everywhere."""
+    """Return file name and line, without folders, as the same file should look the same everywhere."""
     return [f"{span.file.replace(chr(92), '/').rsplit('/', 1)[-1]} line {span.line}"] if span is not None else []
 
 
@@ -259,10 +259,10 @@ def _filler(filler: Filler) -> str:
         case Thing():
             return filler.name if filler.iri is not None else f"any {filler.name}"
         case Place():
-            said = " and ".join(
+            stated = " and ".join(
                 f"{RELATIONS[relation].owl} {_reference(reference)}" for relation, reference in filler.relations
             )
-            return f"{filler.name} ({said or 'posture'})"
+            return f"{filler.name} ({stated or 'posture'})"
         case Name():
             return local_name(filler.iri)
         case bool():
@@ -322,7 +322,7 @@ _WIDTH_OF = {character: width for characters, width in _WIDTHS for character in 
 
 
 def width(text: str, size: float) -> float:
-    """About how wide a line of a sans-serif font of this size is, rather too much than too little [same unit]."""
+    """Estimate the width of a line of a sans-serif font of this size, rather too much than too little [same unit]."""
     total = 0.0
     for character in text:
         if unicodedata.east_asian_width(character) in "WF":

@@ -66,7 +66,7 @@ class CheckedFile:
 
 @dataclass(frozen=True)
 class CheckedRecipe:
-    """A recipe to judge: ``statements`` is what the file says about it, ``recipe`` what was made of that."""
+    """A recipe to judge: ``statements`` as the file states it, ``recipe`` as it was read from these."""
 
     file: CheckedFile
     recipe: Recipe

@@ -70,7 +70,7 @@ def _using(ontology: Ontology, *words: str) -> Sequence[int]:
 
 
 def _of_no_recipe(actions: Actions, cls: str, stated: tuple[Restriction, ...]) -> Iterator[Diagnostic]:
-    """Orders that a class states of which no recipe is: one without sub-actions, whatever it inherits."""
+    """Report orders stated by a class without recipe: without sub-actions of its own, whatever it inherits."""
     order = next(
         (one for one in stated if is_word(one.property, "orderingConstraints", "inputOutputConstraints")), None
     )
@@ -102,10 +102,10 @@ def _permitted(ontology: Ontology, cls: str, stated: tuple[Restriction, ...]) ->
 
 
 def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[Diagnostic]:
-    """Sub-actions and constraints in alternatives, which say nothing certain.
+    """Report sub-actions and constraints in alternatives, which state nothing certain.
 
-    In a complement they say what is not there, and in the definition of a class without a recipe what tasks it is of:
-    neither is lost.
+    In a complement they state what is absent, and in the definition of a class without a recipe its tasks: neither is
+    lost.
     """
     ontology = actions.ontology
     store = ontology.store
@@ -153,7 +153,7 @@ def _is_about_others(actions: Actions, node: int) -> bool:
 
 
 def _texts_of_individuals(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Texts as values of words that name something."""
+    """Report texts as values of properties that name something."""
     store = ontology.store
     for row in _here(ontology, _using(ontology, *NAMING)):
         value = store.terms[store.objects[row]]
@@ -171,9 +171,9 @@ def _text(owner: str, name: str, value: Literal, span: Span) -> Iterator[Diagnos
 def _held_by_nothing(
     ontology: Ontology, holder: str, words: tuple[str, str], stated: list[Restriction]
 ) -> Iterator[Diagnostic]:
-    """Constraints, mappings and transitions that no task has, in files that have others.
+    """Report constraints, mappings and transitions that no task has, in files that have others.
 
-    Where a task has one that is not described, that may be one of them under a wrong name, which is told of it.
+    Where a task has one that is not described, that may be one of them under a wrong name, which R011 reports.
     """
     store = ontology.store
     holding = {name for name in {one.property for one in stated} if is_word(name, holder)}
@@ -194,7 +194,7 @@ def _held_by_nothing(
 
 
 def _crossed(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Constraints with several ends on either side, as two of one name have: each before each."""
+    """Report constraints with several ends on either side, as two of one name have: each before each."""
     store, words = ontology.store, _DESCRIBED_BY["orderingConstraints"]
     several = (Counter(map(store.subjects.__getitem__, _using(ontology, word))) for word in words)
     befores_of, afters_of = ({number for number, times in counted.items() if times > 1} for counted in several)

@@ -1,8 +1,8 @@
 """Misspelt names of a recipe's file: words of the recipe vocabulary, classes, individuals, outcomes.
 
-Each is told once, as an error that names it. The recipe is then read as if the names were right, so that only what is
-wrong besides is told. A name is misspelt if nothing defines it and exactly one slip makes it a name that is known;
-what is merely foreign is left alone. A name that the file itself declares outside of the vocabularies may well be one
+Each is reported once, as an error that names it. The recipe is then read as if the names were right, so that only
+other mistakes are reported besides. A name is misspelt if nothing defines it and one typo makes it a known name; names
+that are merely foreign are left alone. A name that the file itself declares outside of the vocabularies may well be one
 of its own: it is read as it is written, with a warning.
 """
 
@@ -179,7 +179,7 @@ class _Names:
 
 
 def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
-    """Properties that are nearly words of the recipe vocabulary, or properties of KnowRob's."""
+    """Report properties that are nearly words of the recipe vocabulary, or properties of KnowRob's."""
     unknown = {number: row for number, row in names.properties.items() if not names.is_known_property(number)}
     if not unknown:
         return
@@ -244,7 +244,7 @@ def _is_read(name: str) -> bool:
 
 
 def _things(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
-    """Names of classes and individuals that nothing defines, and nearly the same something does."""
+    """Report names of classes and individuals that nothing defines while a similar name is defined."""
     outcomes = {triple.object for triple in ontology.using("causedBy")}
     for written, row in names.undefined.items():
         if written not in outcomes:
@@ -279,7 +279,7 @@ def _unusual(written: str, meant: list[str], span: Span) -> Diagnostic:
 
 
 def _outcomes(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Outcomes with a word that is nearly one that says how a state ends."""
+    """Report outcomes with a word that is nearly one of the words for how a state ends."""
     seen: set[object] = set()
     for triple in ontology.using("causedBy"):
         outcome = triple.object

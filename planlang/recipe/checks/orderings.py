@@ -1,4 +1,4 @@
-"""Checks of ordering constraints: complete, about sub-actions, acyclic, and said once."""
+"""Checks of ordering constraints: complete, about sub-actions, acyclic, and stated once."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def contradictions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     recipe = checked.recipe
     found = Intervals(recipe).contradiction() if recipe.overlaps else ()
     if found:
-        said = ", ".join(_said(one) for one in found)
+        stated = ", ".join(_in_words(one) for one in found)
         spans = [one.span for one in found if one.span is not None]
-        message = f"these cannot all hold in `{recipe.name}`: {said}"
+        message = f"these cannot all hold in `{recipe.name}`: {stated}"
         yield error("R015", message, max(spans, default=recipe.span), "remove one of them")
 
 
-def _said(one: Ordering | Overlap) -> str:
+def _in_words(one: Ordering | Overlap) -> str:
     if isinstance(one, Ordering):
         return f"`{local_name(one.before)}` before `{local_name(one.after)}`"
     return f"`{local_name(one.first)}` {one.relation.value} `{local_name(one.second)}`"
@@ -89,7 +89,7 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 def _constraint(one: Ordering | Overlap) -> str:
     """Return the constraint of an ordering or overlap, or its description in words."""
-    return local_name(one.iri) if isinstance(one, Ordering) and one.iri is not None else _said(one)
+    return local_name(one.iri) if isinstance(one, Ordering) and one.iri is not None else _in_words(one)
 
 
 def _mention(ontology: Ontology, one: Ordering | Overlap, name: str) -> Span | None:

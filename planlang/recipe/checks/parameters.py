@@ -117,7 +117,7 @@ def _owners(checked: CheckedRecipe) -> Iterator[tuple[str, tuple[Filling, ...]]]
 
 
 def _stated(ontology: Ontology, owner: str, more: tuple[Filling, ...]) -> Iterator[Filling]:
-    """All that is stated to fill a property of an action (IRI), nearest first."""
+    """Return all that is stated to fill a property of an action (IRI), nearest first."""
     return chain.from_iterable(fillings(ontology, owner, more))
 
 
@@ -153,7 +153,7 @@ def _references(ontology: Ontology, filling: Filling, reported: set[Term]) -> It
 
 
 def _unused_facts(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
-    """Facts of individuals that no property of actions says, one message for each property."""
+    """Report facts of individuals with properties that actions do not have, one message for each property."""
     found: dict[str, dict[str, Span]] = {}
     for owner in owners:
         if not ontology.is_class(owner):
@@ -222,7 +222,7 @@ def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Di
 
 
 def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
-    """Judge a value: a number where its type or the property says so, in a unit that fits the property."""
+    """Judge a value: a number where its type or the property wants one, in a unit that fits the property."""
     name, short = unit_of(literal), local_name(shorten(property_name))
     datatype = local_name(literal.datatype or "")
     is_number = takes_numbers(ontology, property_name)

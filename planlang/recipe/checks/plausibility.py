@@ -231,7 +231,7 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 def _resources(
     actions: Actions, step: Step, recipes: RecipeSet, known: dict[str, frozenset[str]], *, with_implied: bool
 ) -> frozenset[str]:
-    """Roles that a step needs, those of steps below it included; a role of the hand with the device if that is told.
+    """Return the roles that a step and the steps below it need; a role of the hand with its device if that is stated.
 
     With ``with_implied`` those of what primitives do on the way, too. ``known`` are those of recipes (IRIs) that were
     asked for before.

@@ -1,4 +1,4 @@
-"""Repairs that are safe to make, each with a note: exchanged fillers, and things told only by their class."""
+"""Repairs that are safe to make, each with a note: exchanged fillers, and things given only by their class."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _fits(ontology: Ontology, property_name: str, thing: Thing) -> bool:
 
 
 def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Recipe, list[Diagnostic]]:
-    """Take a thing told only by its class for the only individual of that class that the recipe speaks of."""
+    """Replace a thing given only by its class by the only individual of that class in the recipe."""
     individuals = dict.fromkeys(thing for thing in _things_below(recipe, recipes) if thing.iri is not None)
     notes: list[Diagnostic] = []
 

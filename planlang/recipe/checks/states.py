@@ -16,7 +16,7 @@ from planlang.recipe.model import Ending, Transition
 from planlang.recipe.statements import Statements
 
 MOST_NAMES = 5
-"""States that one message names; of more it says how many there are."""
+"""States that one message names; others are counted."""
 
 
 @check("R050")
@@ -144,7 +144,7 @@ def uncovered_endings(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _unsaid(actions: Actions, state: str, own: list[Transition], *, checked: bool) -> Iterator[Diagnostic]:
-    """Outcomes in whose names no word tells what they mean: what performs the state has to give them by name."""
+    """Report outcomes whose names do not show what they mean: what performs the state has to give them by name."""
     for one in own:
         if one.ending is not Ending.OTHER or one.outcome is None:
             continue

@@ -222,7 +222,7 @@ def _telling(name: str) -> str:
 
 
 def _excluded(ontology: Ontology, needed: str | BNode) -> tuple[str, str] | None:
-    """Two classes above what is needed that are stated to be disjoint."""
+    """Return two classes above what is needed that are stated to be disjoint; None if there are none."""
     named = [one for one in ontology.members(needed) if isinstance(one, str)]
     above = dict.fromkeys(ancestor for name in named for ancestor in ontology.ancestors(name))
     for cls in above:
@@ -233,7 +233,7 @@ def _excluded(ontology: Ontology, needed: str | BNode) -> tuple[str, str] | None
 
 
 def _circles(ontology: Ontology, classes: list[str]) -> Iterator[Diagnostic]:
-    """Capabilities that depend on themselves: available only where a robot states them."""
+    """Report capabilities that depend on themselves: only robots that state them have them."""
     below = {
         cls: {one.filler: one for one in _requirements(ontology, cls) if isinstance(one.filler, str)} for cls in classes
     }

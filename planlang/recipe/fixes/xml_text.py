@@ -278,15 +278,15 @@ def _outermost(element: Element) -> Element:
 
 
 def _names(element: Element) -> dict[str, str]:
-    """Full name -> written name of the attributes with a prefix."""
+    """Return the written names of the attributes with a prefix, by their full names."""
     return {_resolved(key, element.prefixes): key for key in element.attributes if ":" in key}
 
 
 def _names_it(element: Element, name: str) -> bool:
     """Return True if an element describes the thing with this local name."""
     names = _names(element)
-    said = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
-    return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in said)
+    stated = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
+    return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in stated)
 
 
 def _resolved(tag: str, prefixes: Mapping[str, str]) -> str:

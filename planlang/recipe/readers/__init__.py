@@ -3,7 +3,7 @@
 General layout: one file for each reader. ``partial_order`` reads classes with sub-actions and ordering constraints, in
 an intersection, flat or equivalent, as ``subAction`` or ``subEvents``, ``finite_state`` classes with states and
 transitions, ``action_table`` individuals chained by ``nextAction``, ``workflow`` individuals with ``hasStep`` and
-relations of intervals; ``data_flow`` reads what any of them says about inputs and outputs. The reader is chosen by what
+relations of intervals; ``data_flow`` reads inputs and outputs in any of them. The reader is chosen by what
 a class or an individual states, so that one file may mix dialects. ``register`` adds a reader of one more.
 """
 
@@ -26,7 +26,7 @@ class Loose:
     """The marks of parts of a recipe that belong to no task.
 
     ``parts`` names them; ``marks`` are the local names of their properties, ``holder`` that of the property by which a
-    task has them; ``help`` says what is missing where nothing has them.
+    task has them; ``help`` is the advice where nothing has them.
     """
 
     parts: str
@@ -116,7 +116,7 @@ def tasks_of(ontology: Ontology) -> tuple[str, ...]:
 
 
 def loose_parts(ontology: Ontology) -> list[Diagnostic]:
-    """Return an error (R003) that says what should hold together the parts that the main document has, if it has any.
+    """Return an error (R003) about parts of a recipe in the main document that no task holds together, if any.
 
     The first reader that knows such parts is the one that is believed.
     """

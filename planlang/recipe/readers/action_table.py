@@ -2,7 +2,7 @@
 
 A chunk is an individual of a class of actions. ``nextAction`` and ``previousAction`` are the only orders; what no
 chain leads to but ``subAction`` names is unordered. The objects of a table have roles: the main object is acted on, the
-secondary one is where it goes. A chunk acts on what it says itself, else on what stood on its supporting plane, else on
+secondary one is where it goes. A chunk acts on what it states, else on what stood on its supporting plane, else on
 the table's main object, if actions of its class act on objects at all.
 """
 
@@ -76,8 +76,8 @@ def _acted_on(ontology: Ontology, table: str, chunk: str) -> list[Filling]:
     cls = action_class(ontology, chunk)
     if cls is None or acted_on not in ontology.valid_properties(cls):
         return []
-    said = (filling.property for level in fillings(ontology, chunk) for filling in level)
-    if any(acted_on in ontology.superproperties(name) for name in said):
+    stated = (filling.property for level in fillings(ontology, chunk) for filling in level)
+    if any(acted_on in ontology.superproperties(name) for name in stated):
         return []
     return _in_role(ontology, chunk, _ACTED_ON) or _supported(ontology, chunk) or _in_role(ontology, table, _ACTED_ON)
 
@@ -89,9 +89,9 @@ def _supported(ontology: Ontology, chunk: str) -> list[Filling]:
         name = str(plane.term)
         described = [one for one in ontology.using("supportedObject") if isinstance(one.subject, str)]
         own = [one for one in described if one.subject == name]
-        alike = own or [one for one in described if local_name(str(one.subject)) == local_name(name)]
-        if len({one.object for one in alike}) == 1:
-            found.append(Filling(expand(_ACTED_ON), alike[0].object, alike[0].span))
+        named = own or [one for one in described if local_name(str(one.subject)) == local_name(name)]
+        if len({one.object for one in named}) == 1:
+            found.append(Filling(expand(_ACTED_ON), named[0].object, named[0].span))
     return found if len(found) == 1 else []
 
 

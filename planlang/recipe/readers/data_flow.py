@@ -89,7 +89,7 @@ def _mapped(ontology: Ontology, statements: Statements) -> tuple[list[Flow], lis
 
 
 def _produced(ontology: Ontology, statements: Statements) -> list[Flow]:
-    """Flows of what one sub-action creates by name and others use."""
+    """Return the flows of things that one sub-action creates by name and others use."""
     found: dict[tuple[str, str, str], Flow] = {}
     outputs = list(_outputs(ontology, statements))
     if not outputs:
@@ -106,7 +106,7 @@ def _produced(ontology: Ontology, statements: Statements) -> list[Flow]:
 
 
 def _outputs(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, str, Span]]:
-    is_inherited = _says_outputs(ontology)
+    is_inherited = _states_outputs(ontology)
     for sub in statements.sub_actions:
         if sub.iri is not None:
             for filling in _all(ontology, sub) if is_inherited else sub.fillings:
@@ -115,14 +115,14 @@ def _outputs(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, 
                     yield sub.iri, term, filling.span
 
 
-def _says_outputs(ontology: Ontology) -> bool:
+def _states_outputs(ontology: Ontology) -> bool:
     """Return True if any document states what something creates."""
-    if "says outputs" not in ontology.kept:
+    if "states outputs" not in ontology.kept:
         store = ontology.store
         restricted = map(store.name, set(map(store.objects.__getitem__, store.by(OWL.onProperty))))
         is_restricted = any(name is not None and is_word(name, *OUTPUTS) for name in restricted)
-        ontology.kept["says outputs"] = is_restricted or bool(ontology.properties_named(*OUTPUTS))
-    return bool(ontology.kept["says outputs"])
+        ontology.kept["states outputs"] = is_restricted or bool(ontology.properties_named(*OUTPUTS))
+    return bool(ontology.kept["states outputs"])
 
 
 def _consumed(ontology: Ontology, statements: Statements, consumer: str, resource: str | None) -> str | None:

@@ -44,7 +44,7 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
 def _transitions(
     ontology: Ontology, restrictions: Iterable[Restriction]
 ) -> tuple[tuple[Transition, ...], tuple[LooseEnd, ...]]:
-    """One transition for each state it leaves, each outcome and each state it leads to; and those that lack a state."""
+    """Return a transition for each pair of states and each outcome, and the transitions that lack a state."""
     found: list[Transition] = []
     loose: list[LooseEnd] = []
     for restriction in restrictions:

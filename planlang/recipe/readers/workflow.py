@@ -3,8 +3,8 @@
 Steps are tasks: individuals of classes of actions. A workflow ``definesTask`` what it performs, so that a step which
 another workflow defines is nested; a step may also be a workflow itself. Relations are those of J. F. Allen between
 intervals, under the names that DUL, EASE, SOMA and OWL-Time give them. What takes part in a task are roles
-(``isTaskOf``), each of a class that tells the property of the action; what a role is filled with, the role
-``classifies``, or the task's class says. A binding (``hasBindingRole``) of roles of two tasks passes it on.
+(``isTaskOf``), each of a class that gives the property of the action; a role is filled with what it
+``classifies``, or with what the task's class states. A binding (``hasBindingRole``) of roles of two tasks passes it on.
 """
 
 from __future__ import annotations

@@ -1,16 +1,26 @@
-"""Reading maps: which pose counts, how poses compose, how sizes are completed."""
+"""Maps: which pose counts, how sizes are completed, what real ones hold, and the worlds that they become."""
 
+import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.belief import SemanticMap
-from executive.belief.stated_values import rigid
+from executive.belief import SemanticMap, default_starts, read_map, scene_of, support_of
+from executive.belief.stated_values import EXTENTS, rigid
 from planlang.diagnostics import BadInput, Diagnostic, Severity
+from planlang.files import bundled
+from planlang.geometry import Pose
+from planlang.geometry.outline import footprint
+from planlang.ontology import load
+from sim import Body, PlanningWorld, Scene
+from sim.people import figure_of, reach_from
 
 Read = Callable[..., SemanticMap]
 Write = Callable[..., str]
@@ -124,3 +134,211 @@ def test_a_reflection_keeps_the_front_and_the_top_of_a_thing() -> None:
     rotation = rigid(mirrored, "matrix", None, found)
     assert np.allclose(rotation[:, [0, 2]], mirrored[:, [0, 2]])
     assert [d.code for d in found] == ["M001"]
+
+
+MAPS = (
+    "environments/ias_hospital_room@re_stack.owl.in",
+    "environments/ias_hospital_room_with_objects@re_stack.owl.in",
+    "environments/ias_semantic_map@hydro.owl",
+    "environments/map_hospital_room@re_stack.owl.in",
+    "objects/object_model@re_stack.owl.in",
+)
+
+
+def read(corpus: Path, name: str) -> tuple[SemanticMap, dict[str, Any]]:
+    truth = json.loads((corpus / "truth" / f"map_{Path(name).name}.json").read_text())
+    return read_map(load(corpus / name)), truth["objects"]
+
+
+def by_old_or_new_name(truth: dict[str, Any], iri: str) -> dict[str, Any] | None:
+    """The truth keeps the names of the files; the vocabulary's old namespace is read as the new one."""
+    found: dict[str, Any] | None = truth.get(iri) or truth.get(
+        iri.replace("http://knowrob.org/", "http://ias.cs.tum.edu/")
+    )
+    return found
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_every_posed_thing_of_the_truth_is_read_where_it_is(corpus: Path, name: str) -> None:
+    semantic_map, truth = read(corpus, name)
+    compared = 0
+    for thing in semantic_map.objects:
+        expected = by_old_or_new_name(truth, thing.iri)
+        if expected is None or "translation" not in expected:
+            continue
+        assert thing.pose is not None, f"{thing.name} has no pose"
+        assert np.allclose(thing.pose.position, expected["translation"], atol=1e-6), thing.name
+        if not expected["pose_anomalies"]:
+            quaternion = np.array(expected["quaternion_xyzw"])
+            same = abs(float(np.dot(thing.pose.orientation, quaternion / np.linalg.norm(quaternion))))
+            assert same == pytest.approx(1.0, abs=1e-5), thing.name
+        compared += 1
+    assert compared == sum("translation" in thing for thing in truth.values())
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_sizes_types_parts_and_hinges_are_those_of_the_truth(corpus: Path, name: str) -> None:
+    semantic_map, truth = read(corpus, name)
+    for thing in semantic_map.objects:
+        expected = by_old_or_new_name(truth, thing.iri)
+        if expected is None:
+            continue
+        stated = [expected["dimensions"].get(extent) for extent in EXTENTS]
+        assert list(thing.stated_size) == stated, thing.name
+        assert [cls.rsplit("#")[-1] for cls in thing.types] == expected["types"], thing.name
+        assert {part.rsplit("#")[-1] for part in thing.parts} == {part.rsplit("#")[-1] for part in expected["parts"]}
+        assert len(thing.hinged_to) == len(expected["hingedTo"])
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_rotations_that_were_read_are_rigid(corpus: Path, name: str) -> None:
+    semantic_map, _ = read(corpus, name)
+    for pose in [thing.pose for thing in semantic_map.objects if thing.pose]:
+        assert np.linalg.det(pose.matrix()[:3, :3]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_a_world_can_be_made_of_a_real_map_and_a_robot_finds_a_place_in_it(corpus: Path, name: str) -> None:
+    semantic_map, _ = read(corpus, name)
+    scene = scene_of(semantic_map)
+    world = PlanningWorld(scene)
+    assert world.names() == tuple(thing.name for thing in semantic_map.objects if thing.pose)
+    assert next(default_starts(scene, 0.35), None) is not None
+    world.close()
+
+
+def test_the_reflections_of_the_kitchen_are_repaired_and_noted(corpus: Path) -> None:
+    semantic_map, truth = read(corpus, "environments/ias_semantic_map@hydro.owl")
+    repaired = [d for d in semantic_map.diagnostics if d.code == "M001"]
+    anomalies = [thing for thing in truth.values() if thing.get("pose_anomalies")]
+    assert len(repaired) == len(anomalies) == 15
+
+
+def test_what_lies_in_the_closed_cabinet_of_the_hospital_room_is_reported(corpus: Path) -> None:
+    semantic_map, _ = read(corpus, "environments/ias_hospital_room@re_stack.owl.in")
+    found: list[Any] = []
+    scene = scene_of(semantic_map, found)
+    assert [d.code for d in found] == ["M014"]
+    assert scene.body("bottle1").size == (0.07, 0.07, 0.24), "the default size of a drinking bottle"
+    assert scene.body("Room7635").shape == "room"
+    assert isinstance(scene.body("bed1").pose, Pose)
+
+
+@pytest.fixture(scope="module")
+def room() -> Scene:
+    """The bundled hospital room."""
+    return scene_of(read_map(load(bundled("ontologies") / "environments" / "hospital_room.omn")))
+
+
+def test_the_hospital_room_needs_no_repair() -> None:
+    ontology = load(bundled("ontologies") / "environments" / "hospital_room.omn")
+    semantic_map = read_map(ontology)
+    found: list[Diagnostic] = []
+    scene_of(semantic_map, found)
+    assert [*ontology.diagnostics, *semantic_map.diagnostics, *found] == []
+
+
+def test_the_hospital_room_has_a_person_a_room_and_a_bottle_that_can_be_taken(room: Scene) -> None:
+    shapes = {body.name: body.shape for body in room.bodies}
+    assert (shapes["room1"], shapes["patient1"], shapes["bottle1"], shapes["bed1"]) == (
+        "room",
+        "person",
+        "cylinder",
+        "box",
+    )
+    assert [body.name for body in room.bodies if body.graspable] == ["bottle1"]
+    assert [body.name for body in room.bodies if body.movable] == ["bedside_table1", "bottle1", "chair1"]
+    assert room.bounds == (-3.0, -2.5, 3.0, 2.5)
+
+
+def test_everything_in_the_hospital_room_stands_on_something(room: Scene) -> None:
+    supports = {body.name: support_of(room, body.name) for body in room.bodies if body.shape not in ("room", "marker")}
+    assert supports.pop("bottle1") == "cabinet1"
+    assert supports.pop("patient1") == "bed1"
+    assert set(supports.values()) == {"floor"}
+
+
+def test_nothing_in_the_hospital_room_sticks_in_a_wall(room: Scene) -> None:
+    x_min, y_min, x_max, y_max = room.bounds
+    for body in room.bodies:
+        outline = footprint(body.pose, body.size)
+        assert (outline >= (x_min - 1e-6, y_min - 1e-6)).all(), body.name
+        assert (outline <= (x_max + 1e-6, y_max + 1e-6)).all(), body.name
+
+
+def test_the_patient_sits_facing_the_foot_of_the_bed_and_reaches_the_free_side(room: Scene) -> None:
+    patient, bed = room.body("patient1"), room.body("bed1")
+    reach = reach_from(figure_of(patient), patient.pose)
+    assert np.allclose(reach.facing, bed.pose.matrix()[:3, 0], atol=1e-6)
+    free_side = bed.pose.position[1] - bed.size[1] / 2
+    assert reach.comfortable((reach.shoulders[1][0] - 0.35, free_side + 0.05, reach.shoulders[1][2]))
+
+
+def test_a_round_vessel_is_a_cylinder_and_a_long_one_a_box(map_of: Read, thing: Write, seen: Write) -> None:
+    scene = scene_of(
+        map_of(
+            thing("cup1", "Cup", (0.08, 0.08, 0.1)),
+            thing("bottle1", "DrinkingBottle", (0.05, 0.1, 0.2)),
+            seen("cup1", (0, 0, 0.05)),
+            seen("bottle1", (1, 0, 0.1)),
+        )
+    )
+    assert [body.shape for body in scene.bodies] == ["cylinder", "box"]
+
+
+def test_parts_and_hinged_things_stay_where_they_are(map_of: Read, thing: Write, seen: Write) -> None:
+    scene = scene_of(
+        map_of(
+            thing("cabinet1", "Cabinet-PieceOfFurniture", (0.4, 0.8, 0.8), "properPhysicalParts knob1"),
+            thing("knob1", "SpatialThing-Localized", (0.05, 0.05, 0.05)),
+            thing("lid1", "SpatialThing-Localized", (0.05, 0.05, 0.05), "hingedTo cabinet1"),
+            thing("ball1", "SpatialThing-Localized", (0.05, 0.05, 0.05)),
+            *(seen(name, (i, 0, 0.4)) for i, name in enumerate(("cabinet1", "knob1", "lid1", "ball1"))),
+        )
+    )
+    assert [body.name for body in scene.bodies if body.movable] == ["ball1"]
+
+
+def test_a_thing_may_sink_two_centimetres_into_its_support() -> None:
+    table = Body("table", Pose((0, 0, 0.35)), (1, 1, 0.7))
+    for sunk, support in ((0.0, "table"), (0.019, "table"), (-0.02, "table"), (0.03, None), (-0.05, None)):
+        cup = Body("cup", Pose((0.3, 0, 0.75 - sunk)), (0.08, 0.08, 0.1), movable=True)
+        assert support_of(Scene((table, cup)), "cup") == support, f"sunk by {sunk}"
+
+
+def test_the_support_is_the_highest_surface_below() -> None:
+    tray = Body("tray", Pose((0, 0, 0.71)), (0.4, 0.3, 0.02))
+    table = Body("table", Pose((0, 0, 0.35)), (1, 1, 0.7))
+    cup = Body("cup", Pose((0, 0, 0.77)), (0.08, 0.08, 0.1))
+    assert support_of(Scene((table, tray, cup)), "cup") == "tray"
+    assert support_of(Scene((table, tray, cup)), "cup", {"cup": Pose((0.4, 0, 0.75))}) == "table"
+
+
+def test_the_robot_begins_at_the_free_place_nearest_the_middle(room: Scene) -> None:
+    assert next(default_starts(room, 0.333)) == (0.0, 0.0, 0.0)
+    table = Body("table", Pose((0.0, 0.0, 0.35)), (0.8, 1.2, 0.7))
+    start = next(default_starts(replace(room, bodies=(*room.bodies, table)), 0.333))
+    assert start == (-0.85, 0.0, 0.0)
+
+
+def test_a_crowded_room_has_no_place_for_the_robot() -> None:
+    walls = Body("room", Pose((0, 0, 1)), (1.0, 1.0, 2.0), "room")
+    assert next(default_starts(Scene((walls,), (-0.5, -0.5, 0.5, 0.5)), 0.4)) == (0.0, 0.0, 0.0)
+    assert next(default_starts(Scene((walls,), (-0.5, -0.5, 0.5, 0.5)), 0.45), None) is None
+
+
+def test_lamps_far_above_do_not_keep_the_robot_away() -> None:
+    lamp = Body("lamp", Pose((0, 0, 2.4)), (1.0, 1.0, 0.2))
+    assert next(default_starts(Scene((lamp,), (-2, -2, 2, 2)), 0.4)) == (0.0, 0.0, 0.0)
+
+
+def test_a_map_of_far_places_is_searched_near_its_middle_only() -> None:
+    far = Body("far", Pose((3e6, 0, 0.5)), (1.0, 1.0, 1.0))
+    near = Body("near", Pose((-3e6, 0, 0.5)), (1.0, 1.0, 1.0))
+    assert next(default_starts(Scene((far, near), (-3e6, -5, 3e6, 5)), 0.4)) == (0.0, 0.0, 0.0)
+
+
+def test_a_start_may_be_farther_away_than_a_small_room_is_wide() -> None:
+    hall = Body("hall", Pose((0, 0, 0.5)), (30.0, 30.0, 1.0))
+    start = next(default_starts(Scene((hall,), (-20, -20, 20, 20)), 0.4))
+    assert start == (-15.5, 0.0, 0.0)

@@ -1,7 +1,10 @@
-"""Upright prisms around bodies, and hand poses about them, against brute force."""
+"""Upright prisms around bodies, hand poses about them and fingers that close, against brute force."""
+
+from __future__ import annotations
 
 import math
-from itertools import product
+from contextlib import suppress
+from itertools import islice, product
 
 import numpy as np
 import pytest
@@ -9,9 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.belief.believed_bodies import Block, ComfortZone
+from executive.locations import HandSolution
 from executive.locations.grasp_candidates import CLASSES, grasping, held_above, offering, placing
 from executive.robots.arms import HandFrame, Held
+from planlang.designators import a_device, a_location
+from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
+from planlang.protocols import Configuration
+from sim import Body
+from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage
 
 angle, length, size = st.floats(-math.pi, math.pi), st.floats(-3.0, 3.0), st.floats(0.02, 2.0)
 blocks = st.builds(
@@ -152,3 +161,44 @@ def test_poses_above_keep_what_is_held_between_2_and_15_cm_over_the_top(
         pose = Pose.from_matrix(ways.plan(index).poses[0])
         lowest = corners(pose @ held.pose, extents)[:, 2].min()
         assert 0.02 <= lowest - block.high <= 0.15
+
+
+GAPS = (0.05, 0.06, 0.065, 0.1)
+"""From the bottle's middle to the wall behind it [m]; at some, open fingers have room and closing ones have none."""
+
+
+def ways(stage: Stage, most: int) -> list[HandSolution]:
+    """GraspCandidates to take the bottle with the left hand from where the robot stands."""
+    arm = stage.platform.scene.arms.of(a_device("LeftGripper"))[0]
+    found = stage.resolver.hands(a_location(in_center_of=THE_BOTTLE), arm, stage.platform.arm_joints(arm))
+    taken = []
+    with suppress(LocationUnresolvable):
+        for way in islice(found, most):
+            taken.append(way)
+    return taken
+
+
+def closed_on(stage: Stage, way: HandSolution) -> str | None:
+    """What the hand has between its fingers when it closes them at the grasp of a way."""
+    gripper = stage.platform.hands.gripper(way.arm)
+    assert gripper is not None
+    now = stage.truth.configuration()
+    joints = dict(now.joints) | dict(gripper.opened) | dict(zip(way.arm.joints, way.joints[1].tolist(), strict=True))
+    stage.truth.set_configuration(Configuration(now.base, joints))
+
+    async def close() -> str | None:
+        await stage.platform.hands.move(way.arm, closed=True)
+        return stage.platform.hands.between_fingers(way.arm)
+
+    held: str | None = stage.run(close)
+    return held
+
+
+@pytest.mark.parametrize("gap", GAPS)
+def test_fingers_close_on_a_bottle_before_a_wall_by_every_way_that_is_offered(
+    make_stage: MakeStage, gap: float
+) -> None:
+    wall = Body("wall", Pose((1.5 + gap + 0.025, 0.0, 1.1)), (0.05, 1.2, 0.6), type="Cupboard")
+    stage = make_stage(CABINET, BOTTLE, wall, start=(0.827, 0.0, -0.35))
+    offered = ways(stage, 6)
+    assert {closed_on(stage, way) for way in offered} == {"bottle"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.locations.reachability import CELL, GraspClass, ReachabilityMap, row_type
-from executive.locations.reachability_building import packed, reachability_maps, unpacked
+from executive.locations import reachability_files
+from executive.locations.inverse_map import InverseMap
+from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
+from executive.locations.reachability_building import build_map
+from executive.locations.reachability_files import bundled_file, map_key, packed, reachability_map, unpacked
 from executive.locations.reachability_sampling import sampled
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame, lift_of
@@ -44,8 +48,8 @@ GANTRY = [
 ]
 
 
-def arm_of(folder: Path, joints: Sequence[tuple[str, ...]] = JOINTS) -> ArmModel:
-    """By default seven joints on a lift, 0.32 m from shoulder to tip."""
+def arm_of(folder: Path, joints: Sequence[tuple[str, ...]] = JOINTS, torso: str | None = None) -> ArmModel:
+    """By default seven joints on a lift, 0.32 m from shoulder to tip; ``torso`` is the joint that lifts them."""
     links = "".join(
         f'<joint name="{name}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="{origin}"/>'
         f'<axis xyz="{axis}"/><limit lower="{low}" upper="{high}" velocity="1"/></joint>'
@@ -72,13 +76,14 @@ def arm_of(folder: Path, joints: Sequence[tuple[str, ...]] = JOINTS) -> ArmModel
         shoulder_high=np.array([0.1, 0.0, 0.9]),
         reach=0.33,
         seeds=middle[None],
+        lift=lift_of(chain, torso),
     )
 
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> ArmModel:
     """The short arm."""
-    return arm_of(tmp_path_factory.mktemp("arm"))
+    return arm_of(tmp_path_factory.mktemp("arm"), torso="lift")
 
 
 Maps = dict[GraspClass, ReachabilityMap]
@@ -87,7 +92,7 @@ Maps = dict[GraspClass, ReachabilityMap]
 @pytest.fixture(scope="module")
 def maps(arm: ArmModel) -> Maps:
     """Its maps."""
-    return dict(reachability_maps(arm, "lift"))
+    return {grasp: reachability_map(arm, grasp) for grasp in GraspClass}
 
 
 def some(found: ReachabilityMap, count: int = 200) -> Array:
@@ -123,18 +128,17 @@ def test_from_every_base_that_is_found_the_tip_is_at_the_target(
     arm: ArmModel, maps: Maps, grasp: GraspClass, x: float, y: float, z: float, heading: float, roll: int
 ) -> None:
     found = maps[grasp]
-    for torso in found.heights(z):
-        candidates = found.bases((x, y, z), [heading, heading + 1.0], torso=torso, rolls=(roll,))
-        chosen = slice(None, None, max(1, len(candidates) // 20))
-        bases, rows = candidates.bases[chosen], candidates.rows[chosen]
-        headings = heading + candidates.headings[chosen]
-        poses = arm.solver.chain.fk(found.seeds(rows, torso))
-        for base, pose, wanted in zip(bases, poses, headings, strict=True):
-            c, s = math.cos(base[2]), math.sin(base[2])
-            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-            np.testing.assert_allclose(turn @ pose[:3, 3] + [base[0], base[1], 0.0], (x, y, z), atol=5e-4)
-            expected = grasp.rotations(wanted, roll, found.frame)
-            np.testing.assert_allclose(turn @ pose[:3, :3], expected, atol=3e-3)
+    inverse = InverseMap(found).rows(z, roll, 0.0, 1_000_000)
+    assert set(inverse.torsos) <= set(found.heights(z))
+    c, s = math.cos(heading), math.sin(heading)
+    chosen = slice(None, None, max(1, len(inverse.row) // 20))
+    poses = arm.solver.chain.fk(found.seeds(inverse.row[chosen], inverse.torso[chosen]))
+    for pose, v, yaw in zip(poses, inverse.v[chosen], inverse.yaw[chosen], strict=True):
+        base = x - (c * v[0] - s * v[1]), y - (s * v[0] + c * v[1]), heading - yaw
+        turn = np.eye(3)
+        turn[:2, :2] = [[math.cos(base[2]), -math.sin(base[2])], [math.sin(base[2]), math.cos(base[2])]]
+        np.testing.assert_allclose(turn @ pose[:3, 3] + [base[0], base[1], 0.0], (x, y, z), atol=5e-4)
+        np.testing.assert_allclose(turn @ pose[:3, :3], grasp.rotations(heading, roll, arm.frame), atol=3e-3)
 
 
 def test_a_height_that_no_torso_position_reaches_has_none(maps: Maps) -> None:
@@ -176,7 +180,7 @@ def test_what_random_postures_reach_is_in_the_map(arm: ArmModel, maps: Maps) -> 
 
 def test_a_hand_that_cannot_be_turned_upside_down_has_no_rows_with_the_other_roll(tmp_path: Path) -> None:
     arm = arm_of(tmp_path, GANTRY)
-    found = reachability_maps(arm, None, [GraspClass.SIDE])[GraspClass.SIDE]
+    found = reachability_map(arm, GraspClass.SIDE)
     assert len(found) > 0
     assert (found.rows["roll"] == 1).all()
     assert (arm.solver.chain.fk(found.seeds(np.arange(len(found))))[:, 2, 2] > 0).all(), "the hand's z axis points up"
@@ -197,16 +201,13 @@ def test_neither_has_one_of_few_joints(tmp_path: Path, monkeypatch: pytest.Monke
 def test_maps_are_kept_and_those_of_another_arm_are_not_taken_for_them(
     arm: ArmModel, maps: Maps, tmp_path: Path
 ) -> None:
-    built: list[str] = []
-
-    def told(done: int, count: int, what: str) -> None:
-        built.append(what)
-
-    again = reachability_maps(arm, "lift", progress=told)
-    assert not built
+    again = {grasp: reachability_map(arm, grasp, say=pytest.fail) for grasp in GraspClass}
     assert all(np.array_equal(again[grasp].rows, maps[grasp].rows) for grasp in GraspClass)
     assert not again[GraspClass.SIDE].rows.flags.writeable
-    other = arm_of(tmp_path)
+    other = arm_of(tmp_path, torso="lift")
+    assert map_key(other, GraspClass.TOP) == map_key(arm, GraspClass.TOP)
+    turned = replace(other, frame=HandFrame((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)))
+    assert map_key(turned, GraspClass.TOP) != map_key(arm, GraspClass.TOP)
     text = (tmp_path / "arm.urdf").read_text().replace("0.12 0 0", "0.13 0 0")
     (tmp_path / "arm.urdf").write_text(text)
     longer = Chain.from_urdf(tmp_path / "arm.urdf", "l0", "tip")
@@ -222,7 +223,46 @@ def test_only_a_joint_that_slides_straight_up_is_a_lift(arm: ArmModel) -> None:
     assert lift_of(chain, None) is None
 
 
-def test_the_files_of_maps_hold_their_rows() -> None:
-    rows = np.zeros(50, row_type(7))
-    rows["q"], rows["x"] = np.random.default_rng(0).normal(size=(50, 7)), np.arange(50)
-    np.testing.assert_array_equal(unpacked(packed(rows), 7), rows)
+@pytest.mark.parametrize(("joints", "shared"), [(JOINTS, True), (SCARA, False)])
+def test_the_files_of_maps_hold_their_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, joints: Sequence[tuple[str, ...]], shared: bool
+) -> None:
+    monkeypatch.setattr("executive.locations.reachability_sampling.POSTURES", 10_000)
+    arm = arm_of(tmp_path, joints, torso=joints[0][0])
+    built = build_map(arm, GraspClass.SIDE)
+    read = unpacked(packed(built), arm, GraspClass.SIDE)
+    for name in ("z", "roll", "yaw", "x", "y"):
+        np.testing.assert_array_equal(read.rows[name], built.rows[name])
+    np.testing.assert_allclose(read.rows["score"], built.rows["score"], atol=1 / 255)
+    of_rows = [found.postures[found.rows["posture"]] for found in (read, built)]
+    np.testing.assert_allclose(*of_rows, atol=1e-12)
+    assert (len(read.postures) < len(read) / 3) is shared
+    assert packed(read) == packed(built)
+    nothing = ReachabilityMap(arm, GraspClass.SIDE, built.rows[:0], built.postures[:0])
+    assert len(unpacked(packed(nothing), arm, GraspClass.SIDE)) == 0
+
+
+def test_a_map_that_came_along_is_taken_and_one_that_did_not_is_built_with_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm, said = arm_of(tmp_path, GANTRY), list[str]()
+    monkeypatch.setattr(reachability_files, "MAPS", tmp_path)
+    name, content = bundled_file(arm, GraspClass.SIDE, "gantry")
+    (tmp_path / name).write_bytes(content)
+
+    def rows_of_a_new_home(home: str, robot: str = "gantry") -> list[tuple[float, ...]]:
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / home))
+        return list(reachability_map(arm, GraspClass.SIDE, robot, said.append).rows.tolist())
+
+    rows = rows_of_a_new_home("first")
+    assert not said
+    (tmp_path / name).write_bytes(content[:-1] + b"?")
+    assert rows_of_a_new_home("second") == rows
+    assert said[-1].endswith(f"side grasps, once for this robot: {tmp_path / name} is damaged")
+    (tmp_path / name).rename(tmp_path / name.replace(map_key(arm, GraspClass.SIDE)[:16], "0" * 16))
+    assert rows_of_a_new_home("third") == rows
+    assert said[-1].endswith("once for this robot: the URDF is not the one of which planlang has maps")
+    assert rows_of_a_new_home("fourth", "another") == rows
+    assert said[-1] == "building the reachability map of arm arm, side grasps, once for this robot"
+    assert rows_of_a_new_home("fourth", "another") == rows
+    assert len(said) == 3, "it is in the cache"

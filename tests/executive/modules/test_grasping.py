@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from planlang.designators import Action, Location, a_device, a_location, a_perso
 from planlang.failures import (
     ActionUnresolvable,
     GraspMissed,
+    HandoverNotTaken,
     ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
@@ -290,3 +292,75 @@ def test_offering_to_a_patient_brings_the_bottle_into_their_comfort_zone(ward: S
     do(ward, reach(location))
     assert ward.truth.person("patient").comfortable(ward.truth.pose("bottle").position)
     assert held_by(ward.truth, "bottle") == "robot"
+
+
+OFFERED = a_location(in_reach_of=a_person("Patient"))
+HAND_OVER = action("HandingOverAnObject", object_acted_on=THE_BOTTLE, recipient=a_person("Patient"))
+
+
+def offer(stage: Stage, arm: str) -> None:
+    """The robot holds the bottle where the patient takes things."""
+    hold_bottle(stage, arm)
+    stand(stage, next(stage.resolver.bases(a_location(in_reach_of=OFFERED))).base)
+    stage.run(lambda: perform(action("Reaching", to_location=OFFERED)))
+
+
+def hand_over(stage: Stage) -> Any:
+    """Perform the action; what it returns."""
+    return stage.run(lambda: perform(HAND_OVER))
+
+
+@pytest.mark.parametrize("arm", ["right", "left"])
+def test_a_patient_takes_what_is_offered_and_the_gripper_opens(arm: str, ward: Stage) -> None:
+    offer(ward, arm)
+    assert hand_over(ward) == "patient"
+    assert held_by(ward.truth, "bottle") == "patient"
+    assert ward.executive.held() == ()
+    gripper = ward.platform.robot.arm(arm).gripper
+    assert gripper is not None
+    joints = ward.truth.configuration().joints
+    assert {name: joints[name] for name in gripper.joints} == pytest.approx(dict(gripper.opened))
+
+
+def test_the_bottle_is_never_without_a_hand(ward: Stage) -> None:
+    offer(ward, "right")
+    holders, step = [], ward.truth.step
+
+    def watched() -> None:
+        step()
+        holders.append(held_by(ward.truth, "bottle"))
+
+    ward.truth.step = watched  # type: ignore[method-assign]
+    hand_over(ward)
+    assert None not in holders
+    assert list(dict.fromkeys(holders)) == ["robot", "patient"]
+
+
+def test_what_nobody_takes_stays_held_and_is_a_failure_that_names_it(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, BOTTLE)
+    hold_bottle(stage)
+    with pytest.raises(HandoverNotTaken) as caught:
+        hand_over(stage)
+    assert (caught.value.what, caught.value.recipient) == ("bottle", "Patient")
+    assert held_by(stage.truth, "bottle") == "robot"
+    assert stage.executive.held() == ("bottle",)
+    assert stage.truth.steps >= 10 * stage.truth.rate, "the robot was patient"
+
+
+def test_a_patient_far_away_does_not_take_it(ward: Stage) -> None:
+    hold_bottle(ward)
+    with pytest.raises(HandoverNotTaken):
+        hand_over(ward)
+    assert held_by(ward.truth, "bottle") == "robot"
+
+
+def test_an_empty_hand_hands_nothing_over(ward: Stage) -> None:
+    with pytest.raises(ActionUnresolvable, match="no arm holds"):
+        hand_over(ward)
+
+
+def test_what_a_person_has_taken_is_out_of_the_planning_world(ward: Stage) -> None:
+    offer(ward, "right")
+    hand_over(ward)
+    ward.platform.sync()
+    assert "bottle" not in ward.planning.names()

@@ -1,4 +1,4 @@
-"""Facts about paths of the base: they are free, end exactly, prefer room, and failures say what was tried."""
+"""Paths of the base: free, with clearance and a footprint that depends on the heading; failures say what was tried."""
 
 import math
 from collections.abc import Callable
@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from executive.motion.base_path import Touching, plan_base_path
-from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
+from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field, clearances_at
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
+from executive.motion.footprint import TOUCHING, Outline, cores, outlines, stands_in_none
 from planlang.geometry import Array, Pose
 
 GRID = Grid.over((0.0, 0.0), (6.0, 6.0))
@@ -186,3 +187,169 @@ def test_equal_questions_have_equal_answers() -> None:
     walls = room((3.0, 2.0, 0.1, 4.0), (4.0, 4.5, 0.4, 0.4))
     paths = [plan(walls, (1.0, 1.0, 0.0), (5.0, 1.0, 2.0)) for _ in range(2)]
     assert np.array_equal(*paths)
+
+
+SQUARE = np.array([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]])
+WALL = Boxes.around([Pose.planar(1.0, 0.0, 0.0, 0.5)], [(0.2, 4.0, 1.0)])
+"""A wall whose near side is at x = 0.9."""
+
+
+def box_outline() -> tuple[Outline, ...]:
+    return outlines([(0.0, 0.4, SQUARE)])
+
+
+def test_a_square_robot_stands_nearer_to_a_wall_with_a_side_ahead_than_with_a_corner() -> None:
+    near = 0.9 - 0.3 - 0.01
+    assert stands_in_none(np.array([[near, 0.0, 0.0], [near, 0.0, math.pi / 2]]), WALL, box_outline()).all()
+    assert not stands_in_none(np.array([[near, 0.0, math.pi / 4]]), WALL, box_outline())[0]
+    far = 0.9 - 0.3 * math.sqrt(2) - 0.01
+    assert stands_in_none(np.array([[far, 0.0, math.pi / 4]]), WALL, box_outline())[0]
+
+
+def test_corners_of_a_box_count_as_those_of_the_robot_do() -> None:
+    post = Boxes.around([Pose.planar(0.0, 0.0, math.pi / 4, 0.2)], [(0.2, 0.2, 0.4)])
+    reach = 0.1 * math.sqrt(2)
+    free = stands_in_none(
+        np.array([[0.3 + reach + 0.01, 0.0, 0.0], [0.3 + reach - 0.01, 0.0, 0.0]]), post, box_outline()
+    )
+    assert free.tolist() == [True, False]
+
+
+def test_boxes_above_and_below_a_link_are_no_obstacle_to_it() -> None:
+    inside = np.array([[1.0, 0.0, 0.0]])
+    over = Boxes.around([Pose.planar(1.0, 0.0, 0.0, 0.8)], [(0.2, 4.0, 0.8)])
+    assert stands_in_none(inside, over, box_outline())[0]
+    assert not stands_in_none(inside, WALL, box_outline())[0]
+
+
+def test_outlines_agree_with_points_that_fill_them() -> None:
+    rng = np.random.default_rng(0)
+    poses = [Pose.planar(x, y, yaw, 0.5) for x, y, yaw in rng.uniform((-1.5, -1.5, -3.0), (1.5, 1.5, 3.0), (5, 3))]
+    boxes = Boxes.around(poses, np.column_stack([rng.uniform(0.1, 0.8, (5, 2)), np.ones(5)]))
+    shape = Outline.of(0.0, 1.0, np.array([[-0.2, -0.3], [0.5, -0.1], [0.3, 0.25], [-0.25, 0.2]]))
+    bases = np.column_stack([rng.uniform(-2, 2, (300, 2)), rng.uniform(-4, 4, 300)])
+    weights = rng.dirichlet(np.full(4, 0.3), 4000)
+    points: Array = weights @ shape.corners
+    c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
+    turns = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=1)
+    filled = points @ turns.transpose(0, 2, 1) + bases[:, None, :2]
+    room = clearance_at(filled.reshape(-1, 2), boxes, [(0.0, 1.0, 0.0)]).reshape(len(bases), -1).min(axis=1)
+    free = stands_in_none(bases, boxes, (shape,))
+    assert not (free & (room < -2 * TOUCHING)).any(), "a base was called free with a point in a box"
+    assert not (~free & (room > 0.05)).any(), "a base was refused far from all boxes"
+    assert 0.2 < free.mean() < 0.9
+
+
+def test_the_core_is_the_circle_that_every_heading_takes() -> None:
+    (core,) = cores(box_outline())
+    assert core == pytest.approx((0.0, 0.4, 0.3))
+    aside = outlines([(0.0, 0.4, SQUARE + np.array([1.0, 0.0]))])
+    assert cores(aside) == ()
+
+
+def test_links_inside_of_others_are_left_out() -> None:
+    small = 0.5 * SQUARE
+    assert len(outlines([(0.1, 0.3, small), (0.0, 0.4, SQUARE)])) == 1
+    assert len(outlines([(0.1, 0.5, small), (0.0, 0.4, SQUARE)])) == 2
+
+
+PEAR = [(0.0, 0.4, 0.35), (0.4, 1.5, 0.2)]
+
+
+def box(x: float, y: float, low: float, high: float, size: tuple[float, float] = (1.0, 0.5), yaw: float = 0.0) -> Boxes:
+    """One box between two heights."""
+    return Boxes.around([Pose.planar(x, y, yaw, (low + high) / 2)], [(*size, high - low)])
+
+
+def test_clearance_is_the_distance_to_the_side_less_the_radius() -> None:
+    wall = box(2.0, 0.0, 0.0, 1.0)
+    assert clearance_at([[0.0, 0.0]], wall, PEAR)[0] == pytest.approx(1.5 - 0.35)
+    assert clearance_at([[2.0, 1.0]], wall, PEAR)[0] == pytest.approx(0.75 - 0.35)
+    assert clearance_at([[3.5, 1.25]], wall, PEAR)[0] == pytest.approx(math.hypot(1, 1) - 0.35)
+
+
+def test_clearance_inside_a_box_is_negative_by_the_way_out() -> None:
+    assert clearance_at([[2.0, 0.0]], box(2.0, 0.0, 0.0, 1.0), PEAR)[0] == pytest.approx(-0.25 - 0.35)
+
+
+def test_low_base_goes_under_a_high_box_as_far_as_its_column_lets_it() -> None:
+    high, low = box(2.0, 0.0, 0.6, 1.0), box(2.0, 0.0, 0.2, 0.6)
+    assert clearance_at([[1.2, 0.0]], high, PEAR)[0] == pytest.approx(0.3 - 0.2)
+    assert clearance_at([[1.2, 0.0]], low, PEAR)[0] == pytest.approx(0.3 - 0.35)
+
+
+def test_box_above_or_below_the_robot_is_no_obstacle() -> None:
+    assert clearance_at([[2.0, 0.0]], box(2.0, 0.0, 1.5, 2.0), PEAR)[0] == math.inf
+    assert clearance_at([[2.0, 0.0]], box(2.0, 0.0, -0.1, 0.0), PEAR)[0] == math.inf
+
+
+def test_turned_box_is_measured_along_its_own_sides() -> None:
+    turned = box(0.0, 0.0, 0.0, 1.0, size=(2.0, 0.2), yaw=math.pi / 2)
+    assert clearance_at([[1.0, 0.5]], turned, PEAR)[0] == pytest.approx(0.9 - 0.35)
+
+
+def test_clearance_agrees_with_the_nearest_of_many_points_of_the_boxes() -> None:
+    rng = np.random.default_rng(0)
+    poses = [Pose.planar(*rng.uniform(-2, 2, 2), rng.uniform(-3, 3), 0.5) for _ in range(6)]
+    sizes = np.column_stack([rng.uniform(0.2, 1.5, (6, 2)), np.ones(6)])
+    inside = rng.uniform(-0.5, 0.5, (20000, 3))
+    places = rng.uniform(-3, 3, (40, 2))
+    nearest = np.full(40, np.inf)
+    for pose, size in zip(poses, sizes, strict=True):
+        filled = (inside * size) @ pose.matrix()[:3, :3].T + pose.matrix()[:3, 3]
+        away = np.linalg.norm(places[:, None] - filled[None, :, :2], axis=2).min(axis=1)
+        nearest = np.minimum(nearest, away)
+    room = clearance_at(places, Boxes.around(poses, sizes), PEAR) + 0.35
+    np.testing.assert_allclose(np.maximum(room, 0), nearest, atol=0.03)
+
+
+@pytest.mark.parametrize("most", [0.0, 0.3])
+def test_room_up_to_what_is_asked_for_is_the_same_whatever_is_left_out(most: float) -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(40):
+        boxes = Boxes(rng.uniform(-2, 2, (12, 3)), rng.uniform(0.02, 0.6, (12, 3)), rng.uniform(-4, 4, 12))
+        places = rng.uniform(-0.5, 0.5, (30, 2)) + rng.uniform(-1, 1, 2)
+        whole = clearances_at(places, boxes, (PEAR, PEAR[1:]))
+        found = clearances_at(places, boxes, (PEAR, PEAR[1:]), most)
+        np.testing.assert_array_equal(np.minimum(found, most), np.minimum(whole, most))
+
+
+def test_tilted_box_is_replaced_by_a_prism_that_holds_it() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        quaternion = rng.normal(size=4)
+        quaternion /= np.linalg.norm(quaternion)
+        pose = Pose((1.0, 2.0, 3.0), tuple(quaternion.tolist()))
+        size = rng.uniform(0.1, 1.0, 3)
+        prism = Boxes.around([pose], [size])
+        corners = np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1).T * size / 2 @ pose.matrix()[:3, :3].T
+        cosine, sine = np.cos(prism.yaws[0]), np.sin(prism.yaws[0])
+        own = corners @ np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+        np.testing.assert_allclose(np.abs(own).max(axis=0), prism.half_extents[0], atol=1e-9)
+
+
+def test_box_that_lies_on_its_side_keeps_its_extents() -> None:
+    lying = Boxes.around([Pose((0, 0, 0), (math.sqrt(0.5), 0, 0, math.sqrt(0.5)))], [(1.0, 0.2, 0.6)])
+    np.testing.assert_allclose(lying.half_extents, [[0.5, 0.3, 0.1]], atol=1e-9)
+
+
+def test_no_boxes_leave_all_room() -> None:
+    assert (clearance_field(Grid.over((0, 0), (1, 1)), Boxes.around([], np.empty((0, 3))), PEAR) == math.inf).all()
+
+
+def test_field_has_the_value_of_each_cell_centre() -> None:
+    grid = Grid.over((-1.0, -2.0), (3.0, 1.0), 0.1)
+    assert (grid.rows, grid.columns) == (30, 40)
+    wall = box(2.0, 0.0, 0.0, 1.0)
+    field = clearance_field(grid, wall, PEAR)
+    cell = grid.cell(0.52, -0.31)
+    assert cell is not None
+    assert field[cell] == clearance_at([grid.centres()[cell]], wall, PEAR)[0]
+    assert grid.cell(3.2, 0.0) is None
+
+
+def test_sizes_must_go_with_poses() -> None:
+    with pytest.raises(ValueError, match="1 poses do not go with 2 sizes"):
+        Boxes.around([Pose.planar(0, 0)], np.ones((2, 3)))
+    with pytest.raises(ValueError, match="no cell"):
+        Grid.over((0, 0), (0.01, 1))

@@ -15,44 +15,7 @@ from typing import Any
 
 import pytest
 
-from planlang import (
-    Action,
-    CleanupOverrun,
-    DeadlockError,
-    Fluent,
-    NoProgress,
-    PlanFailure,
-    PlanStructureError,
-    RealTimeHost,
-    Recovery,
-    Return,
-    SimulationHost,
-    StepLimit,
-    StuckTask,
-    Trace,
-    VirtualHost,
-    action,
-    checkpoint,
-    in_thread,
-    join,
-    par,
-    par_each,
-    perform,
-    pursue,
-    run,
-    seq,
-    shield,
-    sleep,
-    tag,
-    task,
-    timeout,
-    try_all,
-    unwind_protect,
-    using,
-    wait_for,
-    whenever,
-    with_failure_handling,
-)
+from planlang import *
 from planlang.kernel.cancel import MAX_DELIVERIES
 from planlang.kernel.errors import CutShort
 from planlang.testing import Belief, Script

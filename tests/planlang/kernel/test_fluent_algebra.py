@@ -7,13 +7,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import hypothesis
 import numpy as np
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 from virtual_time import go
 
-from planlang import Fluent, achieve, now, par, sleep, wait_for
+from planlang import *
 
 BINARY: list[Callable[[Any, Any], Any]] = [
     operator.add,
@@ -40,7 +40,9 @@ def outcome(compute: Callable[[], Any]) -> Any:
         return type(error)
 
 
-@given(operation=st.sampled_from(BINARY), a=st.integers(-5, 5), b=st.integers(-5, 5), later=st.integers(-5, 5))
+@hypothesis.given(
+    operation=st.sampled_from(BINARY), a=st.integers(-5, 5), b=st.integers(-5, 5), later=st.integers(-5, 5)
+)
 def test_an_expression_has_the_value_that_python_gives_for_the_current_values(
     operation: Any, a: int, b: int, later: int
 ) -> None:
@@ -52,7 +54,7 @@ def test_an_expression_has_the_value_that_python_gives_for_the_current_values(
     assert outcome(lambda: expressions[0].value) == outcome(lambda: operation(later, b))
 
 
-@given(a=st.integers(0, 2), b=st.integers(0, 2))
+@hypothesis.given(a=st.integers(0, 2), b=st.integers(0, 2))
 def test_and_or_and_not_follow_python(a: int, b: int) -> None:
     left, right = Fluent(a), Fluent(b)
     assert (left & right).value == (a and b)

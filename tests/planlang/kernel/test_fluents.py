@@ -9,25 +9,7 @@ from typing import Any
 import pytest
 from virtual_time import go
 
-from planlang import (
-    DeadlockError,
-    Fluent,
-    PlanStructureError,
-    Return,
-    SimulationHost,
-    VirtualHost,
-    checkpoint,
-    in_thread,
-    now,
-    par,
-    run,
-    sleep,
-    tag,
-    task,
-    task_suspended,
-    wait_for,
-    whenever,
-)
+from planlang import *
 
 
 async def set_later(fluent: Fluent[Any], value: Any, after: float = 1.0) -> None:

@@ -13,32 +13,7 @@ from typing import Any
 import pytest
 from virtual_time import go
 
-from planlang import (
-    DeadlockError,
-    Fluent,
-    PlanFailure,
-    PlanStructureError,
-    RealTimeHost,
-    SimulationHost,
-    StepLimit,
-    Trace,
-    VirtualHost,
-    checkpoint,
-    evaporate,
-    in_thread,
-    now,
-    par,
-    pursue,
-    run,
-    shield,
-    sleep,
-    suspend,
-    tag,
-    task,
-    timeout,
-    wait_for,
-    wake_up,
-)
+from planlang import *
 from planlang.failures import BranchEvaporated, GraspMissed
 
 

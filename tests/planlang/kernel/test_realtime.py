@@ -10,30 +10,7 @@ from typing import Any
 
 import pytest
 
-from planlang import (
-    DeadlockError,
-    Fluent,
-    NoProgress,
-    RealTimeHost,
-    SimulationHost,
-    StepLimit,
-    Trace,
-    VirtualHost,
-    evaporate,
-    in_thread,
-    now,
-    par,
-    pursue,
-    run,
-    seq,
-    sleep,
-    suspend,
-    tag,
-    task,
-    timeout,
-    wait_for,
-    wake_up,
-)
+from planlang import *
 from planlang.failures import BranchEvaporated
 from planlang.kernel.hosts import Inbox
 from planlang.runs import Past, RecordedRun

@@ -11,26 +11,7 @@ from typing import Any
 import pytest
 from virtual_time import go
 
-from planlang import (
-    DeadlockError,
-    Evaporated,
-    Fluent,
-    NoProgress,
-    PlanFailure,
-    PlanStructureError,
-    SimulationHost,
-    StepLimit,
-    StuckTask,
-    Trace,
-    checkpoint,
-    par,
-    pursue,
-    run,
-    shield,
-    sleep,
-    unwind_protect,
-    wait_for,
-)
+from planlang import *
 
 
 class World:

@@ -15,18 +15,7 @@ from typing import Any
 
 import pytest
 
-from planlang import (
-    NoProgress,
-    RealTimeHost,
-    SimulationHost,
-    Trace,
-    VirtualHost,
-    in_thread,
-    par,
-    par_each,
-    run,
-    sleep,
-)
+from planlang import *
 from planlang.kernel import environment as dog
 from planlang.kernel.errors import Overdue
 from planlang.kernel.hosts import WATCHDOG

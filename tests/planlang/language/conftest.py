@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from planlang import Action, Condition, Location, action, sleep
-from planlang.failures import LocationUnresolvable, NavigationFailure, PlanFailure
+from planlang import *
+from planlang.failures import LocationUnresolvable, NavigationFailure
 from planlang.protocols import Solution
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from virtual_time import go
 
-from planlang import Trace, a_device, a_location, a_posture, action, an_object, at_location, par, perform, sleep
+from planlang import *
 from planlang.failures import (
     LocationUnresolvable,
     ManipulationPoseUnreachable,
@@ -17,7 +17,6 @@ from planlang.failures import (
     ObjectNotFound,
     ObjectUndeliverable,
     ObjectUnreachable,
-    PlanFailure,
 )
 
 CUP = an_object("Cup", "http://example.org/map#cup1")

@@ -9,28 +9,7 @@ from typing import Any
 import pytest
 from virtual_time import go
 
-from planlang import (
-    Fluent,
-    PlanFailure,
-    Status,
-    evaporate,
-    now,
-    on_suspension,
-    par,
-    partial_order,
-    pursue,
-    seq,
-    sleep,
-    suspend,
-    tag,
-    task,
-    task_suspended,
-    try_all,
-    try_each_in_order,
-    try_in_order,
-    wait_for,
-    wake_up,
-)
+from planlang import *
 from planlang.failures import CompositeFailure, GraspMissed, ObjectNotFound
 
 Plan = Callable[[], Awaitable[Any]]

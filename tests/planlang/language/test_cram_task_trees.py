@@ -8,31 +8,7 @@ from typing import Any
 import pytest
 from virtual_time import go
 
-from planlang import (
-    Fluent,
-    Handle,
-    PlanFailure,
-    PlanStructureError,
-    Status,
-    evaporate,
-    join,
-    now,
-    on_suspension,
-    par,
-    plan,
-    pursue,
-    retry_after_suspension,
-    sleep,
-    suspend,
-    tag,
-    task,
-    task_suspended,
-    timeout,
-    try_all,
-    unwind_protect,
-    wait_for,
-    wake_up,
-)
+from planlang import *
 from planlang.failures import BranchEvaporated, Timeout
 
 

@@ -10,28 +10,7 @@ from typing import Any
 import pytest
 from virtual_time import go
 
-from planlang import (
-    PlanFailure,
-    Trace,
-    VirtualHost,
-    evaporate,
-    now,
-    par,
-    par_each,
-    partial_order,
-    pursue,
-    race,
-    run,
-    seq,
-    sleep,
-    tag,
-    task,
-    timeout,
-    try_all,
-    try_each_in_order,
-    try_in_order,
-    unwind_protect,
-)
+from planlang import *
 from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, NavigationFailure, Timeout
 from planlang.language.branches import concurrent_branches
 from planlang.runs import with_paths

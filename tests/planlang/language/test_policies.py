@@ -6,31 +6,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import hypothesis
 import pytest
-from hypothesis import given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 from virtual_time import go
 
-from planlang import (
-    CleanupOverrun,
-    DeadlockError,
-    Fluent,
-    PlanFailure,
-    PlanStructureError,
-    Policy,
-    StepLimit,
-    Trace,
-    now,
-    par,
-    pursue,
-    sleep,
-    tag,
-    task,
-    task_suspended,
-    unwind_protect,
-    wait_for,
-    with_policies,
-)
+from planlang import *
 from planlang.failures import GraspMissed, GraspSlipped, ObjectNotFound, PolicyViolated
 from planlang.runs import with_paths
 
@@ -395,7 +377,7 @@ def test_parts_and_violation_are_in_the_trace() -> None:
 
 
 @settings(max_examples=80, deadline=None)
-@given(
+@hypothesis.given(
     checks=st.lists(st.one_of(st.none(), st.integers(0, 5)), max_size=4),
     ends=st.integers(0, 5),
     fails=st.booleans(),

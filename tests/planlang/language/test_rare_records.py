@@ -9,29 +9,8 @@ from typing import Any
 
 import pytest
 
-from planlang import (
-    Fluent,
-    PlanStructureError,
-    Recovery,
-    Trace,
-    VirtualHost,
-    achieve,
-    action,
-    in_thread,
-    now,
-    par,
-    partial_order,
-    perform,
-    plan,
-    rng,
-    run,
-    seq,
-    sleep,
-    wait_for,
-    with_failure_handling,
-)
-from planlang.failures import GraspMissed, ObjectNotFound, PlanFailure
-from planlang.kernel import DeadlockError
+from planlang import *
+from planlang.failures import GraspMissed, ObjectNotFound
 from planlang.kernel.primitives import record
 from planlang.runs import Different, Past, RecordedRun, restore
 from planlang.testing import PlanRun, Script, replay, run_plan

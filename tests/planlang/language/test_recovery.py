@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+import hypothesis
 import pytest
-from hypothesis import given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 from virtual_time import go
 
@@ -347,7 +348,7 @@ KINDS = (GraspMissed, NavigationFailure, taxonomy.ManipulationFailure, taxonomy.
 
 
 @settings(max_examples=200, deadline=None)
-@given(
+@hypothesis.given(
     recoveries=st.lists(
         st.tuples(st.sampled_from(KINDS), st.integers(0, 3), st.sampled_from(["retry", "propagate", "return"])),
         max_size=4,

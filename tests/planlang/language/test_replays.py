@@ -6,44 +6,13 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any
 
+import hypothesis
 import pytest
-from hypothesis import given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 
-from planlang import (
-    Fluent,
-    Policy,
-    Recovery,
-    Trace,
-    VirtualHost,
-    achieve,
-    action,
-    at_location,
-    budget,
-    in_thread,
-    now,
-    par,
-    perform,
-    plan,
-    pursue,
-    rng,
-    run,
-    seq,
-    sleep,
-    suspend,
-    tag,
-    task,
-    timeout,
-    try_all,
-    unwind_protect,
-    using,
-    wait_for,
-    wake_up,
-    with_failure_handling,
-    with_policies,
-)
-from planlang.designators import a_location, an_object, holding
-from planlang.failures import GraspMissed, ManipulationPoseUnreachable, ObjectNotFound, PlanFailure
+from planlang import *
+from planlang.failures import GraspMissed, ManipulationPoseUnreachable, ObjectNotFound
 from planlang.runs import RecordedRun
 from planlang.testing import PlanRun, Script, replay, run_plan
 
@@ -109,7 +78,7 @@ SCRIPTS = st.builds(
 )
 
 
-@given(body=BODIES, script=SCRIPTS, schedule=st.sampled_from([None, None, 0, 1]), data=st.data())
+@hypothesis.given(body=BODIES, script=SCRIPTS, schedule=st.sampled_from([None, None, 0, 1]), data=st.data())
 @settings(max_examples=80, deadline=None)
 def test_random_plans_are_repeated_wherever_their_record_ends(
     body: Branch, script: Script, schedule: int | None, data: st.DataObject

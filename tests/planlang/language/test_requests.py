@@ -5,37 +5,14 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+import hypothesis
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from virtual_time import go
 
-from planlang import (
-    Action,
-    DeadlockError,
-    PlanStructureError,
-    Request,
-    Status,
-    Trace,
-    action,
-    evaporate,
-    join,
-    monitor,
-    now,
-    par,
-    perform,
-    perform_async,
-    pursue,
-    sleep,
-    tag,
-    task,
-    task_suspended,
-    timeout,
-    unwind_protect,
-    using,
-    with_requests,
-)
-from planlang.failures import ActionUnresolvable, BranchEvaporated, GraspMissed, GraspSlipped, PlanFailure, Timeout
+from planlang import *
+from planlang.failures import ActionUnresolvable, BranchEvaporated, GraspMissed, GraspSlipped, Timeout
 from planlang.runs import with_paths
 
 FAILURES = {"missed": GraspMissed, "slipped": GraspSlipped, "broken": KeyError}
@@ -287,7 +264,7 @@ def test_requests_are_nodes_of_the_tree(robot: Any) -> None:
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
+@hypothesis.given(
     requests=st.lists(st.tuples(st.booleans(), st.integers(1, 4), st.booleans()), min_size=1, max_size=6),
     order=st.randoms(use_true_random=False),
     schedule=st.one_of(st.none(), st.integers(0, 99)),

@@ -11,50 +11,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import pytest
-from hypothesis import given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 
-from planlang import (
-    Fluent,
-    PlanStructureError,
-    Policy,
-    Recovery,
-    Return,
-    Trace,
-    VirtualHost,
-    achieve,
-    action,
-    at_location,
-    budget,
-    in_thread,
-    join,
-    now,
-    par,
-    partial_order,
-    perform,
-    plan,
-    race,
-    retry_after_suspension,
-    rng,
-    run,
-    seq,
-    shield,
-    sleep,
-    state_machine,
-    tag,
-    task,
-    timeout,
-    try_all,
-    try_in_order,
-    unwind_protect,
-    wait_for,
-    whenever,
-    with_failure_handling,
-    with_policies,
-)
-from planlang.designators import a_location, an_object
-from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, PlanFailure, Timeout
+from planlang import *
+from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, Timeout
 from planlang.runs import Different, Past, RecordedRun
 from planlang.testing import PlanRun, Script, replay, run_plan
 
@@ -160,7 +123,7 @@ def plan_of(steps: list[tuple[Any, float]], done: list[str]) -> Any:
     return top
 
 
-@given(steps=STEPS, data=st.data())
+@hypothesis.given(steps=STEPS, data=st.data())
 @settings(max_examples=60, deadline=None)
 def test_a_run_cut_anywhere_and_resumed_is_as_if_it_had_not_been_cut(steps: Any, data: st.DataObject) -> None:
     done: list[str] = []
@@ -178,7 +141,7 @@ def test_a_run_cut_anywhere_and_resumed_is_as_if_it_had_not_been_cut(steps: Any,
         assert [event["step"] for event in again.trace.events if event["event"] == "resumed"] == [at]
 
 
-@given(steps=STEPS, data=st.data())
+@hypothesis.given(steps=STEPS, data=st.data())
 @settings(max_examples=25, deadline=None)
 def test_a_resumed_run_can_be_cut_and_resumed_again_and_replayed(steps: Any, data: st.DataObject) -> None:
     whole = run_plan(plan_of(steps, []), resumable=True)
@@ -192,7 +155,7 @@ def test_a_resumed_run_can_be_cut_and_resumed_again_and_replayed(steps: Any, dat
     assert told.equal, told.difference and (told.difference.recorded, told.difference.found)
 
 
-@given(steps=STEPS)
+@hypothesis.given(steps=STEPS)
 @settings(max_examples=25, deadline=None)
 def test_each_step_that_completed_has_its_effect_exactly_once(steps: Any) -> None:
     done: list[str] = []
@@ -206,7 +169,7 @@ def test_each_step_that_completed_has_its_effect_exactly_once(steps: Any) -> Non
         assert once[len(once) - len(done) :] == done
 
 
-@given(
+@hypothesis.given(
     edges=st.sets(st.sampled_from([("a", "c"), ("a", "d"), ("b", "d"), ("c", "d"), ("b", "c")])),
     seconds=st.tuples(*[st.sampled_from([0.0, 0.5, 1.0, 2.0])] * 4),
     limit=st.sampled_from([None, 1, 2]),

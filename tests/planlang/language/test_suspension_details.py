@@ -10,30 +10,7 @@ from typing import Any
 import pytest
 from virtual_time import go
 
-from planlang import (
-    Fluent,
-    PlanFailure,
-    Return,
-    Status,
-    budget,
-    evaporate,
-    now,
-    on_suspension,
-    par,
-    pursue,
-    retry_after_suspension,
-    sleep,
-    suspend,
-    tag,
-    task,
-    task_suspended,
-    try_all,
-    unwind_protect,
-    using,
-    wait_for,
-    wake_up,
-    whenever,
-)
+from planlang import *
 from planlang.failures import BudgetExceeded
 
 word: ContextVar[str] = ContextVar("word", default="nobody's")

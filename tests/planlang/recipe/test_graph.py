@@ -1,10 +1,26 @@
-"""Orders as graphs: closure, reduction, shortest cycles; networkx is the oracle."""
+"""Orders as graphs, with networkx as the oracle; checks, run in an order that makes suppressing true; R046."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
 
 import networkx as nx
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import planlang.compiler
+import planlang.recipe
+from planlang.compiler import compile_recipe
+from planlang.designators import local_name
+from planlang.diagnostics import CODES, Diagnostic, Rename, Severity
+from planlang.recipe import reading
+from planlang.recipe.checks import Check
 from planlang.recipe.order import (
     Precedence,
     order_graph,
@@ -94,3 +110,103 @@ def test_acyclic_orders_have_no_shortest_cycle(graph: nx.DiGraph) -> None:
 def test_orderings_of_strangers_are_left_out(edges: list[tuple[str, str]]) -> None:
     graph = order_graph("AB", [*edges, ("A", "Z"), ("Z", "B")])
     assert list(graph.edges) == edges
+
+
+RUN = {name: value for name, value in vars(reading).items() if name.isupper() and isinstance(value, tuple)}
+"""The lists of checks that reading a recipe goes through."""
+
+
+def modules(package: ModuleType) -> Iterator[ModuleType]:
+    for found in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        yield importlib.import_module(found.name)
+
+
+def declared() -> list[Check[..., object]]:
+    """All checks of recipe and compiler, each once."""
+    inside = [*modules(planlang.recipe), *modules(planlang.compiler)]
+    found = {id(value): value for module in inside for value in vars(module).values() if isinstance(value, Check)}
+    return list(found.values())
+
+
+def test_every_code_of_recipes_is_declared_by_exactly_one_check() -> None:
+    codes = Counter(code for one in declared() for code in one.codes)
+    assert codes == {code: 1 for code in CODES if code.startswith("R")}
+
+
+def test_a_check_is_suppressed_only_by_codes_that_another_one_reports() -> None:
+    codes = {code for one in declared() for code in one.codes}
+    for one in declared():
+        assert one.unless <= codes - set(one.codes), one.codes
+
+
+@pytest.mark.parametrize("name", RUN)
+def test_a_check_runs_after_those_that_suppress_it(name: str) -> None:
+    reported = {code for one in reading.FILE_CHECKS for code in one.codes} if name != "FILE_CHECKS" else set()
+    if name in ("ORDERED_STEPS", "FINITE_STATE"):
+        reported |= {code for one in reading.ANY_RECIPE for code in one.codes}
+    for one in RUN[name]:
+        assert one.unless <= reported, one.codes
+        reported |= set(one.codes)
+
+
+def test_every_check_of_a_recipe_runs() -> None:
+    listed = {id(one) for checks in RUN.values() for one in checks}
+    called = {"R001", "R030", "R041", "R043", "R058"}
+    """First codes of those that are called where they make or choose something, not only judge."""
+    assert {one.codes[0] for one in declared() if id(one) not in listed} == called
+
+
+RECIPE = """
+Prefix: : <http://example.org/fly.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Prefix: srdl2-cap: <http://knowrob.org/kb/srdl2-cap.owl#>
+Prefix: srdl2-comp: <http://knowrob.org/kb/srdl2-comp.owl#>
+Ontology: <http://example.org/fly.owl>
+    Import: <http://knowrob.org/kb/knowrob.owl>
+Class: Watch
+    SubClassOf: knowrob:Action, knowrob:subAction some Look, {required}
+Class: Look
+    SubClassOf: knowrob:LookingForSomething
+"""
+
+
+@pytest.fixture
+def said(tmp_path: Path, request: pytest.FixtureRequest) -> Diagnostic:
+    """What is said of one requirement that nothing defines."""
+    kind = "cap:dependsOnCapability" if "Capab" in request.param else "comp:dependsOnComponent"
+    space = kind.partition(":")[0]
+    path = tmp_path / "watch.omn"
+    path.write_text(RECIPE.format(required=f"srdl2-{kind} some srdl2-{space}:{request.param}"), encoding="utf-8")
+    (found,) = (one for one in compile_recipe(path).diagnostics if one.code == "R046")
+    return found
+
+
+@pytest.mark.parametrize(
+    "said", ["FlyingCapability", "FlyingCapabilty", "PushingCapability", "FlyingComponent"], indirect=True
+)
+def test_names_that_are_alike_only_in_what_all_of_them_end_with_are_not_taken_for_each_other(said: Diagnostic) -> None:
+    assert said.suggestion is None
+    assert said.help == "import the file that defines it, or correct the name"
+
+
+@pytest.mark.parametrize(
+    ("said", "meant", "is_sure"),
+    [
+        ("ArmMotnCapability", "ArmMotionCapability", True),
+        ("GraspCapability", "GraspingCapability", False),
+        ("NavigatingComponnt", "NavigationComponent", True),
+        ("Tilting2DLaserScan", "Tilting2DLaserScanner", True),
+    ],
+    indirect=["said"],
+)
+def test_a_name_that_is_like_another_in_what_tells_it_apart_is_a_guess(
+    said: Diagnostic, meant: str, is_sure: bool
+) -> None:
+    assert isinstance(said.suggestion, Rename)
+    assert (local_name(said.suggestion.meant), said.suggestion.is_sure) == (meant, is_sure)
+
+
+@pytest.mark.parametrize("said", ["FlyingCapability"], indirect=True)
+def test_whether_a_robot_has_what_nothing_defines_is_not_known(said: Diagnostic) -> None:
+    assert (said.severity, "no robot" in said.message) == (Severity.WARNING, False)
+    assert said.message == "`Watch` depends on `FlyingCapability`, which is not defined"

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planlang import TaskTree, Trace, VirtualHost, an_object, par, plan, run, seq, sleep, unwind_protect, using
-from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, ObjectUnfetchable, PlanFailure
+from planlang import *
+from planlang.failures import BranchEvaporated, CompositeFailure, GraspMissed, ObjectUnfetchable
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from planlang.runs import Past, RecordedRun, with_paths

@@ -6,15 +6,8 @@ from functools import partial
 
 import pytest
 
-from planlang import Recovery, action, par, perform, plan, pursue, seq, sleep, tag, try_all, with_failure_handling
-from planlang.failures import (
-    GraspMissed,
-    GraspSlipped,
-    GripperFailure,
-    NavigationFailure,
-    ObjectUnfetchable,
-    PlanFailure,
-)
+from planlang import *
+from planlang.failures import GraspMissed, GraspSlipped, GripperFailure, NavigationFailure, ObjectUnfetchable
 from planlang.testing import NoSuchStep, PlanRun, Script, run_plan
 
 

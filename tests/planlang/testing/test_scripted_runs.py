@@ -6,29 +6,7 @@ from functools import partial
 
 import pytest
 
-from planlang import (
-    Action,
-    Condition,
-    Fluent,
-    Recovery,
-    a_device,
-    a_location,
-    a_person,
-    a_posture,
-    achieve,
-    action,
-    an_object,
-    at_location,
-    holding,
-    par,
-    perform,
-    sleep,
-    suspend,
-    tag,
-    wait_for,
-    wake_up,
-    with_failure_handling,
-)
+from planlang import *
 from planlang.diagnostics import BadInput
 from planlang.failures import (
     ActionUnresolvable,
@@ -44,7 +22,6 @@ from planlang.failures import (
     ObjectUnreachable,
 )
 from planlang.files import bundled
-from planlang.kernel import DeadlockError, StepLimit
 from planlang.testing import Belief, Fault, Script, compiled, run_plan
 from planlang.testing.scripted import ScriptedExecutive
 

@@ -1,0 +1,184 @@
+"""Every diagnostic code about files has a small file that provokes it and says at which line it is reported."""
+
+import json
+import os
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from executive.belief import read_map, scene_of
+from executive.cli.app import app
+from executive.robots import bind_robot
+from planlang.compiler import compile_recipe
+from planlang.diagnostics import CODES, BadInput, Diagnostic, has_errors
+from planlang.ontology import documents, load, xml_text
+from planlang.ontology.writing import Target, convert
+
+HERE = Path(__file__).parent
+URDF = HERE / "robot.urdf"
+ABOUT_OPTIONS = {"C001", "C004", "C005", "C006", "C008", "C010", "C012", "C013", "C014", "C015", "C016",
+                 "P008", "P009", "P010", "P011", "X003", "X004", "X005", "X006", "X007", "X009", "X010", "X012",
+                 "X023", "X024", "X025", "X026", "X027"}  # fmt: skip
+"""Codes about what was asked for, not about a file's content; tests/executive triggers them."""
+WITHOUT_URDF = ("B001", "B008", "B011", "B014")
+WITHOUT_POSITION = ("B010",)
+LIMITS = {"O003": (xml_text, "LARGEST_FILE", 100), "O033": (documents, "MOST_DOCUMENTS", 1)}
+"""What is made small so that a small file exceeds it."""
+ANNOUNCED = re.compile(r"# ([A-Z]\d+) (error|warning|note) at line (\d+): ")
+
+
+def files(letters: str) -> list[Path]:
+    return sorted(HERE.glob(f"[{letters}][0-9][0-9][0-9]_*"))
+
+
+def of_map(path: Path) -> list[Diagnostic]:
+    semantic_map = read_map(load(path))
+    found = list(semantic_map.diagnostics)
+    scene_of(semantic_map, found)
+    return found
+
+
+def of_robot(path: Path) -> tuple[Diagnostic, ...]:
+    if path.suffix == ".urdf":
+        return bind_robot(HERE / "B010_assumed_numbers.omn", path).diagnostics
+    return bind_robot(path, None if path.name[:4] in WITHOUT_URDF else URDF).diagnostics
+
+
+def of_ontology(path: Path) -> tuple[Diagnostic, ...]:
+    return convert(path, Target.MANCHESTER).diagnostics if path.name.startswith("O05") else load(path).diagnostics
+
+
+def of_recipe(path: Path) -> tuple[Diagnostic, ...]:
+    text = path.read_text(encoding="utf-8")
+    task = re.search(r"^# task: (\S+)", text, re.MULTILINE)
+    return compile_recipe(path, task=task[1] if task else None, allow_abstract="# allow abstract" in text).diagnostics
+
+
+READERS = {"M": of_map, "B": of_robot, "O": of_ontology, "R": of_recipe}
+
+
+def diagnostics_of(path: Path) -> list[Diagnostic]:
+    try:
+        return list(READERS[path.name[0]](path))
+    except BadInput as problem:
+        return list(problem.diagnostics)
+
+
+@pytest.mark.parametrize("path", files("MBO"), ids=lambda path: path.name)
+def test_a_file_gives_its_diagnostic_at_the_line_it_says(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = re.search(rb"expect ([MBO]\d{3}) at line (\d+)", path.read_bytes())
+    assert expected, f"{path.name} does not say what is expected"
+    code, line = expected[1].decode(), int(expected[2])
+    if code in LIMITS:
+        monkeypatch.setattr(*LIMITS[code])
+    found = diagnostics_of(path)
+    report = "\n".join(map(str, found)) or "nothing"
+    assert (code, line) in [
+        (d.code, line if code in WITHOUT_POSITION else d.span.line if d.span else None) for d in found
+    ], report
+    if path.name.startswith("O"):
+        assert {d.code for d in found} == {code}, report
+
+
+@pytest.mark.parametrize("path", files("R"), ids=lambda path: path.stem)
+def test_a_recipe_gets_exactly_the_diagnostics_that_it_announces_and_they_say_what_to_do(path: Path) -> None:
+    announced = ANNOUNCED.findall(path.read_text(encoding="utf-8"))
+    found = diagnostics_of(path)
+    told = sorted((d.code, d.severity.value, d.span.line if d.span else 0) for d in found)
+    expected = sorted((code, severity, int(line)) for code, severity, line in announced)
+    assert told == expected, "\n".join(map(str, found))
+    assert all(d.help or d.severity.value == "note" for d in found)
+
+
+def test_every_code_about_a_file_has_a_file_that_provokes_it() -> None:
+    shown = {path.name.split("_")[0] for path in HERE.iterdir()}
+    assert sorted(set(CODES) - shown - ABOUT_OPTIONS) == []
+    assert {path.name[:4] for path in HERE.glob("R*")} <= set(CODES)
+
+
+def test_a_misspelt_section_is_answered_with_the_right_one() -> None:
+    (found,) = diagnostics_of(HERE / "O020_misspelt_section.omn")
+    assert found.span is not None
+    assert found.span.column == 5
+    assert found.help is not None
+    assert found.help.startswith("did you mean SubClassOf:?")
+
+
+def test_an_undefined_entity_is_named_with_its_column() -> None:
+    (found,) = diagnostics_of(HERE / "O005_undefined_entity.owl")
+    assert found.message.endswith("undefined entity &kitchen;")
+    assert found.span is not None
+    assert found.span.column == 36
+
+
+def test_all_syntax_errors_of_a_file_are_reported_in_one_run(tmp_path: Path) -> None:
+    path = tmp_path / "O_wrong.omn"
+    path.write_text(
+        "Prefix: : <http://example.org/t.owl#>\n"
+        "Class: A SubclassOf: B\n"
+        "Class: B\n"
+        "    SubClassOf: p some\n"
+        "Individual: c Facts: p q r\n"
+        "Class: nowhere:D\n"
+    )
+    found = [(d.code, d.span.line) for d in diagnostics_of(path) if d.span]
+    assert found == [("O020", 2), ("O020", 5), ("O020", 5), ("O021", 6)]
+
+
+def test_rdf_about_and_rdf_resource_may_be_exchanged() -> None:
+    thing = load(HERE / "O010_resource_of_a_thing.owl")
+    assert thing.is_class("http://example.org/t.owl#A")
+    ontology = load(HERE / "O010_about_of_a_property.owl")
+    assert ontology.is_a("http://example.org/t.owl#A", "Door")
+
+
+def test_warnings_do_not_stop_a_file() -> None:
+    assert not has_errors(diagnostics_of(HERE / "O012_wrong_namespace.owl"))
+
+
+@pytest.mark.parametrize(
+    ("command", "name", "severity", "line"),
+    [
+        ("check", "C002_syntax_error.plan", "error", 6),
+        ("check", "C003_no_plan.plan", "error", 1),
+        ("compile", "C007_plan.plan", "error", 1),
+        ("check", "C009_changed_recipe.plan", "error", 1),
+        ("check", "C011_recipe_gone.plan", "warning", 1),
+        ("run", "X001_cannot_be_imported.plan", "error", 6),
+        ("run", "X002_defines_no_plan.plan", "error", 1),
+    ],
+)
+def test_a_plan_file_has_its_diagnostic_at_its_line(command: str, name: str, severity: str, line: int) -> None:
+    options = ["--robot", "amigo", "--environment", "hospital_room"] if command == "run" else []
+    result = CliRunner().invoke(app, [command, str(HERE / name), *options, "--json"])
+    (found,) = json.loads(result.stdout)["diagnostics"]
+    assert (found["severity"], found["code"]) == (severity, name.split("_")[0])
+    assert (found["span"]["file"], found["span"]["line"]) == (str(HERE / name), line)
+    assert result.exit_code == (2 if severity == "error" else 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("X020_no_json.jsonl", 3),
+        ("X020_backwards.jsonl", 4),
+        ("X020_no_trace.jsonl", 1),
+        ("X021_ended.jsonl", 1),
+        ("X022_other_plan.jsonl", 1),
+    ],
+)
+def test_a_trace_that_cannot_be_resumed_has_its_diagnostic_at_its_line(name: str, line: int) -> None:
+    result = CliRunner().invoke(app, ["run", "--resume", str(HERE / name), "--trace", os.devnull, "--json"])
+    found = json.loads(result.stdout)["diagnostics"]
+    assert {(one["severity"], one["code"]) for one in found} == {("error", name.split("_")[0])}
+    assert (found[0]["span"]["file"], found[0]["span"]["line"]) == (str(HERE / name), line)
+    assert result.exit_code == 2
+
+
+def test_a_file_of_process_modules_has_its_diagnostic_at_its_line() -> None:
+    name = str(HERE / "X011_cannot_be_imported.module")
+    result = CliRunner().invoke(app, ["run", "serve_a_drink", "--modules", name, "--json"])
+    (found,) = json.loads(result.stdout)["diagnostics"]
+    assert (found["code"], found["span"]["file"], found["span"]["line"]) == ("X011", name, 4)

@@ -1,0 +1,247 @@
+"""``planlang check``: what --fix writes and never does, and what has changed since a plan was compiled."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from executive.cli import app as cli
+from executive.cli.app import app
+from planlang.files import bundled
+
+
+@pytest.fixture
+def recipe(tmp_path: Path) -> Path:
+    """A copy of the bundled recipe under a name of its own."""
+    path = tmp_path / "serve.omn"
+    path.write_text((bundled("recipes") / "serve_a_drink.omn").read_text(encoding="utf-8"), encoding="utf-8")
+    return path
+
+
+def compiled(recipe: Path, *options: str) -> Path:
+    plan = recipe.with_suffix(".py")
+    assert CliRunner().invoke(app, ["compile", str(recipe), "-o", str(plan), *options]).exit_code == 0
+    return plan
+
+
+def checked(plan: Path) -> tuple[str, list[str], str, int]:
+    """State, codes, difference and exit code."""
+    result = CliRunner().invoke(app, ["check", str(plan), "--json"])
+    answer: dict[str, Any] = json.loads(result.stdout)
+    codes = [found["code"] for found in answer["diagnostics"]]
+    return answer["state"], codes, answer["difference"], result.exit_code
+
+
+def change(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+
+
+@pytest.mark.parametrize("options", [(), ("--no-scopes",), ("--no-dataflow",)])
+def test_an_untouched_plan_is_what_its_recipe_compiles_to_with_its_options(
+    recipe: Path, options: tuple[str, ...]
+) -> None:
+    plan = compiled(recipe, *options)
+    assert checked(plan) == ("what serve.omn compiles to", [], "", 0)
+
+
+def test_a_changed_recipe_shows_what_would_differ(recipe: Path) -> None:
+    plan = compiled(recipe)
+    change(recipe, "bring the bottle close to the robot", "hold the bottle close")
+    state, codes, difference, code = checked(plan)
+    assert (state, codes, code) == ("out of date", ["C009"], 2)
+    assert "-    # bring the bottle close to the robot\n+    # hold the bottle close\n" in difference
+
+
+def test_a_changed_recipe_beside_the_plan_counts_and_not_a_bundled_one_of_its_name(recipe: Path) -> None:
+    plan = compiled(recipe.rename(recipe.with_name("serve_a_drink.omn")))
+    assert checked(plan)[1:] == ([], "", 0)
+    change(plan.with_suffix(".omn"), "bring the bottle close to the robot", "hold the bottle close")
+    state, codes, _, code = checked(plan)
+    assert (state, codes, code) == ("out of date", ["C009"], 2)
+
+
+def test_an_edited_plan_of_a_changed_recipe_is_told_as_both(recipe: Path) -> None:
+    plan = compiled(recipe)
+    change(recipe, "bring the bottle close to the robot", "hold the bottle close")
+    change(plan, "attempts=5", "attempts=7")
+    assert checked(plan)[1] == ["C009", "C010"]
+    result = CliRunner().invoke(app, ["compile", str(recipe), "-o", str(plan)])
+    assert (result.exit_code, "C005" in result.stderr) == (2, True)
+
+
+def test_an_edited_plan_shows_its_edits(recipe: Path) -> None:
+    plan = compiled(recipe)
+    change(plan, "attempts=2", "attempts=9")
+    state, codes, difference, code = checked(plan)
+    assert (state, codes, code) == ("an edited plan", ["C010"], 0)
+    assert next(line for line in difference.splitlines() if "attempts=9" in line).startswith("-")
+
+
+def test_another_compiler_is_told_from_an_edit(recipe: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = compiled(recipe)
+    monkeypatch.setattr("planlang.compiler.compile.installed_version", lambda: "9.9.9")
+    state, codes, difference, code = checked(plan)
+    assert (state, codes, code) == ("out of date", ["C006"], 0)
+    assert "+Compiled by planlang 9.9.9 from serve.omn" in difference
+
+
+def test_a_recipe_that_no_longer_compiles_leaves_its_plan_out_of_date(recipe: Path) -> None:
+    plan = compiled(recipe)
+    change(recipe, "knowrob:subAction some GraspBottle,", "knowrob:subAction some GrapsBottle,")
+    assert checked(plan) == ("out of date", ["C009"], "", 2)
+
+
+def test_the_difference_is_printed_for_people(recipe: Path) -> None:
+    plan = compiled(recipe)
+    change(recipe, "bring the bottle close to the robot", "hold the bottle close")
+    said = CliRunner().invoke(app, ["check", str(plan)]).stdout
+    assert f"{plan}: out of date\n--- {plan}\n+++ what serve.omn compiles to now\n" in said
+
+
+RECIPE = """\
+Prefix: : <http://planlang.org/test#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://planlang.org/test>
+
+Class: Serve
+    SubClassOf:
+        knowrob:PurposefulAction,
+        knowrob:subAction some Grasp,
+        knowrob:subAction some Look,
+        knowrob:orderingConstraints value LookFirst
+
+Individual: LookFirst
+    Types: knowrob:PartialOrdering-Strict
+    Facts: knowrob:occursBeforeInOrdering Look, knowrob:occursAfterInOrdering Grasp
+
+Class: Look
+    SubClassOf: knowrob:LookingForSomething
+
+Class: Grasp
+    SubClassOf:
+        knowrob:ClosingAGripper,
+        knowrob:objectActedOn value gripper1,
+        knowrob:deviceUsed value bottle1
+
+Individual: gripper1
+    Types: knowrob:HolderGripper
+
+Individual: bottle1
+    Types: knowrob:DrinkingBottle
+"""
+
+
+def check(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(cli.app, ["check", *map(str, arguments)], prog_name="planlang")
+
+
+@pytest.fixture
+def broken_recipe(tmp_path: Path) -> Path:
+    """A recipe with exchanged fillers."""
+    path = tmp_path / "serve.owl.in"
+    path.write_text(RECIPE, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def misnamed(tmp_path: Path) -> Path:
+    """A recipe of which a sub-action has a name that nothing defines."""
+    path = tmp_path / "misnamed.omn"
+    path.write_text(RECIPE.replace("subAction some Grasp", "subAction some Clasp"), encoding="utf-8")
+    return path
+
+
+def test_a_fixed_copy_is_written_beside_the_recipe_and_the_difference_is_shown(broken_recipe: Path) -> None:
+    result = check(broken_recipe, "--fix")
+    assert result.exit_code == 0
+    assert broken_recipe.read_text(encoding="utf-8") == RECIPE
+    copy = broken_recipe.with_name("serve.fixed.owl.in")
+    assert "knowrob:objectActedOn value bottle1" in copy.read_text(encoding="utf-8")
+    assert f"--- {broken_recipe}\n+++ {copy}\n@@" in result.stdout
+    assert "+        knowrob:deviceUsed value gripper1,\n" in result.stdout
+    assert result.stdout.endswith(f"{copy}: Serve compiles\n")
+    assert "R030" not in result.stderr
+
+
+def test_a_copy_that_a_person_went_on_with_is_not_overwritten_unless_it_is_named(broken_recipe: Path) -> None:
+    copy = broken_recipe.with_name("serve.fixed.owl.in")
+    copy.write_text("mine")
+    result = check(broken_recipe, "--fix")
+    assert result.exit_code == 2
+    assert "error C005" in result.stderr
+    assert copy.read_text() == "mine"
+    assert check(broken_recipe, "--fix", "-o", copy).exit_code == 2, "it has no mark of planlang"
+    assert check(broken_recipe, "--fix", "-o", copy, "--force").exit_code == 0
+    assert "Serve" in copy.read_text()
+    assert check(broken_recipe, "--fix").exit_code == 0, "the same text again is no loss"
+
+
+def test_the_recipe_itself_is_never_the_output(broken_recipe: Path) -> None:
+    result = check(broken_recipe, "--fix", "-o", broken_recipe)
+    assert result.exit_code == 2
+    assert "would overwrite the recipe" in result.stderr
+    assert broken_recipe.read_text(encoding="utf-8") == RECIPE
+
+
+def test_what_is_not_safe_is_listed_with_how_to_accept_it(misnamed: Path) -> None:
+    result = check(misnamed, "--fix")
+    assert result.exit_code == 2, "the error remains"
+    assert "note C016 uncertain, not applied: R010 the sub-action `Clasp` of `Serve` becomes `Grasp`" in result.stderr
+    assert f"{misnamed}:8:32: note C016" in result.stderr
+    assert "--accept R010 applies it" in result.stderr
+    assert not misnamed.with_name("misnamed.fixed.omn").exists()
+
+
+def test_what_is_accepted_is_done_and_what_that_uncovers_is_fixed_too(misnamed: Path, tmp_path: Path) -> None:
+    result = check(misnamed, "--fix", "--accept", "R010", "-o", tmp_path / "new.omn", "--json")
+    assert result.exit_code == 0
+    answer = json.loads(result.stdout)
+    assert [fix["code"] for fix in answer["fixes"]] == ["R010", "R030"]
+    assert answer["fixed"] == str(tmp_path / "new.omn")
+    assert check(tmp_path / "new.omn").exit_code == 0
+
+
+def test_the_imports_of_a_recipe_are_found_when_the_copy_goes_elsewhere(broken_recipe: Path, tmp_path: Path) -> None:
+    (tmp_path / "more.omn").write_text("Ontology: <http://planlang.org/more>\n")
+    text = RECIPE.replace("planlang.org/test>\n\n", "planlang.org/test>\n    Import: <http://planlang.org/more>\n\n")
+    broken_recipe.write_text(text)
+    (tmp_path / "elsewhere").mkdir()
+    result = check(broken_recipe, "--fix", "-o", tmp_path / "elsewhere" / "x.owl")
+    assert result.exit_code == 0
+    assert "O030" not in result.stderr
+
+
+def test_a_recipe_without_mistakes_gets_no_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = check("serve_a_drink", "--fix")
+    assert result.exit_code == 0
+    assert "nothing was fixed; ServeADrink compiles" in result.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("arguments", [["--accept", "R010"], ["-o", "x.omn"]], ids=" ".join)
+def test_options_of_fix_without_fix_are_a_usage_error(arguments: list[str]) -> None:
+    result = check("serve_a_drink", *arguments)
+    assert result.exit_code == 2
+    assert "need --fix" in result.stderr
+
+
+def test_only_fixes_that_wait_for_acceptance_can_be_accepted(broken_recipe: Path) -> None:
+    result = check(broken_recipe, "--fix", "--accept", "R999")
+    assert result.exit_code == 2
+    assert "error C015" in result.stderr
+    assert "codes with uncertain fixes: R010" in result.stderr
+    assert "fixes of R042 are safe: --fix applies them" in check(broken_recipe, "--fix", "--accept", "R042").stderr
+    assert "R012 has no fix: any constraint of the cycle" in check(broken_recipe, "--fix", "--accept", "R012").stderr
+
+
+def test_a_plan_is_not_fixed(tmp_path: Path) -> None:
+    path = tmp_path / "plan.py"
+    path.write_text("from planlang import plan\n")
+    assert "error C007" in check(path, "--fix").stderr

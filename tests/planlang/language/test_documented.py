@@ -1,0 +1,69 @@
+"""The examples of docs/language.md and docs/resuming.md run as they are written there."""
+
+from __future__ import annotations
+
+import linecache
+import re
+from pathlib import Path
+from typing import Any
+
+import planlang
+from planlang import *
+from planlang import failures
+from planlang.diagnostics import CODES
+from planlang.runs.recorded_run import BOOKKEEPING
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "language.md"
+
+
+def test_the_examples_of_the_page_hold() -> None:
+    blocks = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.M | re.S)
+    assert len(blocks) == 12
+    space: dict[str, Any] = {"__name__": "documented"}
+    for number, block in enumerate(blocks):
+        name = f"<example {number}>"
+        linecache.cache[name] = (len(block), None, block.splitlines(keepends=True), name)
+        exec(compile(block, name, "exec"), space)
+    assert {
+        "both_arms",
+        "bounded",
+        "shift",
+        "watch",
+        "feel",
+        "Bell",
+        "exploration",
+        "tree",
+        "careful",
+        "takes_both",
+        "forgetful",
+    } <= set(space)
+
+
+def test_every_name_in_the_page_that_looks_like_one_of_ours_exists() -> None:
+    words = set(re.findall(r"`([A-Za-z_]+)(?:\(|`)", PAGE.read_text(encoding="utf-8")))
+    others = {"planlang", "async", "partial", "await", "transitions", "check", "recover", "clean_up"}
+    others |= {"ValueError", "TypeError", "handle", "b", "body", "with"}
+    homes = (planlang, failures, planlang.Handle, planlang.Plan, planlang.ProcessModule)
+    assert sorted(word for word in words - others if not any(hasattr(home, word) for home in homes)) == []
+
+
+def test_every_function_of_the_language_stands_in_the_page() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    names = [name for name in planlang.__all__ if name.islower()]
+    missing = [name for name in [*names, "changed", "pulsed", "post"] if not re.search(rf"\b{name}\b", page)]
+    assert missing == ["a_device", "a_person", "located"]  # descriptions: in docs/locations.md, and compiled plans
+
+
+RESUMING = (Path(__file__).resolve().parents[3] / "docs" / "resuming.md").read_text(encoding="utf-8")
+
+
+def test_the_example_of_the_page_holds() -> None:
+    (block,) = re.findall(r"^```python\n(.*?)^```$", RESUMING, re.M | re.S)
+    space: dict[str, Any] = {"__name__": "documented"}
+    exec(compile(block, "<resuming>", "exec"), space)
+    assert len(space["done"]) == 3, "once in the run, not in the resumed one, and once in each replay"
+
+
+def test_the_page_tells_of_codes_that_exist_and_of_all_records() -> None:
+    assert set(re.findall(r"`(X\d+)`", RESUMING)) <= set(CODES)
+    assert set(re.findall(r"^\| `(\w+)` \|", RESUMING, re.M)) == set(BOOKKEEPING)

@@ -1,0 +1,116 @@
+"""Import contracts notice what breaks them; the table of facts names tests that exist, and has every fact."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+PACKAGES = ("planlang", "executive", "sim")
+
+BREACHES = {
+    "planlang knows no robot and no physics": ("planlang/kernel", "import sim"),
+    "geometry knows no robot, no world and no plan": ("planlang/geometry", "import planlang.designators"),
+    "no file of geometry imports one that imports it": (
+        "planlang/geometry/matrices.py",
+        "from planlang.geometry.pose import Pose",
+    ),
+    "sim knows designators, protocols and diagnostics only": ("sim", "import planlang.kernel"),
+    "no file of sim imports one that imports it": ("sim/robot.py", "import sim.contact"),
+    "sim does not import the plan author's names": ("sim", "from planlang import run"),
+    "the compiler reads recipes, recipes read ontologies": ("planlang/ontology", "import planlang.recipe"),
+    "the language stands on recorded runs, these on the kernel": ("planlang/kernel", "import planlang.runs"),
+    "phrases know designators and ontologies only": ("planlang/phrases", "import planlang.failures"),
+    "the language does not know recipes": ("planlang/language", "import planlang.recipe"),
+    "only tests use planlang.testing": ("executive/cli", "import planlang.testing"),
+    "the executive imports one way": ("executive/robots", "import executive.belief"),
+}
+"""Contract -> a package, or a file, and an import that it must not contain."""
+CIRCLES = "no circles within a package"
+CIRCLE = {
+    "breach_one.py": "import {package}.breach_two",
+    "breach_two.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from {package} import breach_one",
+}
+"""Files that import each other, one of them for a type only."""
+
+
+def lint_imports(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Check the contracts of the packages in a folder."""
+    command = [sys.executable, "-c", "from importlinter.cli import lint_imports_command; lint_imports_command()"]
+    return subprocess.run(
+        [*command, "--no-cache"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={"PYTHONPATH": str(folder)},
+    )
+
+
+def test_each_contract_is_broken_by_an_import_that_it_forbids(tmp_path: Path) -> None:
+    configuration = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())
+    contracts = {contract["name"]: contract for contract in configuration["tool"]["importlinter"]["contracts"]}
+    assert set(contracts) == {*BREACHES, CIRCLES}, "every contract needs an example that breaks it, here in the test"
+
+    shutil.copy(CHECKOUT / "pyproject.toml", tmp_path)
+    for package in PACKAGES:
+        shutil.copytree(CHECKOUT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for place, statement in BREACHES.values():
+        path = tmp_path / place if place.endswith(".py") else tmp_path / place / "breach.py"
+        with path.open("a") as file:
+            file.write(f"{statement}\n")
+    packages = contracts[CIRCLES]["ancestors"]
+    for package in packages:
+        for name, text in CIRCLE.items():
+            (tmp_path / package.replace(".", "/") / name).write_text(text.format(package=package))
+    found = lint_imports(tmp_path)
+    broken = set(re.findall(r"^(.+?) BROKEN", found.stdout, flags=re.MULTILINE))
+    assert broken == set(contracts), found.stdout + found.stderr
+    for package in packages:
+        assert f"No cycles are allowed in {package}." in found.stdout
+
+
+TESTS = CHECKOUT / "tests" / "planlang"
+TABLE = TESTS.parent / "CONFORMANCE.md"
+NUMBERED = re.compile(r"test_[lkfp]\d+_")
+FACTS = [
+    f"{letter}{number}"
+    for letter, last in (("L", 32), ("K", 11), ("F", 19), ("P", 16))
+    for number in range(1, last + 1)
+]
+
+
+def rows() -> dict[str, str]:
+    lines = [line for line in TABLE.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return {row[0]: row[-1] for row in cells if row[0] != "fact"}
+
+
+def defined() -> set[str]:
+    return {
+        f"{path.relative_to(TESTS).as_posix()}::{name}"
+        for path in TESTS.rglob("test_*.py")
+        for name in re.findall(r"^(?:def )?(test_\w+|Test\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+
+
+def test_every_fact_has_a_line() -> None:
+    assert [fact for fact in rows() if fact in FACTS] == FACTS
+
+
+def test_every_test_in_the_table_exists() -> None:
+    known = defined()
+    assert [test for test in rows().values() if "::" in test and test not in known] == []
+
+
+def test_a_fact_has_a_test_or_a_reason() -> None:
+    assert [fact for fact, test in rows().items() if "::" not in test and len(test.split()) < 4] == []
+
+
+def test_every_numbered_test_is_in_the_table() -> None:
+    listed = set(rows().values())
+    assert sorted(test for test in defined() if NUMBERED.search(test) and test not in listed) == []
