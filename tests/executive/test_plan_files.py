@@ -11,11 +11,6 @@ import pytest
 
 from executive.belief import SemanticMap, read_map
 from executive.belief.semantic_map import default_environment
-<<<<<<< HEAD
-from executive.runs.plan_files import bound_parameters, import_plan, main_plan
-from planlang.diagnostics import BadInput, Diagnostic
-from planlang.files import bundled
-=======
 from executive.cli.inputs import PlanFile, RecipeFile, read
 from executive.robots import Availability, FindingKind, Missing
 from executive.runs.plan_files import (
@@ -30,7 +25,7 @@ from executive.runs.plan_files import (
 from executive.runs.plan_run import Outcome, RunOptions, run_plan_file
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Severity
->>>>>>> main
+from planlang.files import bundled
 from planlang.ontology import load
 
 CHOSEN = "the environment visiting_hours is chosen, as hospital_room has no cup2"

@@ -17,11 +17,7 @@ from typer.testing import CliRunner, Result
 from executive.cli.app import app
 from executive.cli.console import show
 from planlang.diagnostics import note, warning
-<<<<<<< HEAD
-from planlang.files import Bundled
-=======
 from planlang.files import Bundled, bundled
->>>>>>> main
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ROOM = Bundled.ENVIRONMENT.find("hospital_room")

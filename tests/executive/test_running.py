@@ -23,13 +23,10 @@ from executive.runs.traces import ListenedTrace, line_of, lines_of
 from planlang import VirtualHost, run, sleep
 from planlang.designators import action, an_object
 from planlang.diagnostics import BadInput
-<<<<<<< HEAD
-from planlang.files import bundled
-=======
 from planlang.failures import ObjectNotFound
+from planlang.files import bundled
 from planlang.kernel.core import Task
 from planlang.kernel.tree import Node
->>>>>>> main
 from planlang.ontology import load
 from sim import PlanningWorld, PyBulletWorld
 

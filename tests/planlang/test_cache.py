@@ -11,19 +11,12 @@ import numpy as np
 import pytest
 
 from planlang.cache import Cache
-<<<<<<< HEAD
-from planlang.files import bundled
-from planlang.ontology.manchester import read_manchester
-from planlang.ontology.triples import Triples
-=======
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput
-from planlang.files import from_printable, printable, read_file
+from planlang.files import bundled, from_printable, printable, read_file
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.triples import Triples
 from planlang.outputs import header
-from planlang.files import bundled
->>>>>>> main
 
 CACHE = Cache("kind", most=3, largest=10_000)
 CONTENT = bytes(range(256)) * 8
