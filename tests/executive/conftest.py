@@ -175,4 +175,4 @@ def furnisher(
 
 
 def _thing(body: Body) -> MapObject:
-    return MapObject(PLACE + body.name, body.name, (expand(body.type),), body.pose, body.size, body.size)
+    return MapObject(PLACE + body.name, body.name, (expand(body.type),), body.pose, body.size)

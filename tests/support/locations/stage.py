@@ -128,4 +128,4 @@ class Stage:
 
 def _thing(body: Body) -> MapObject:
     types = (expand(body.type),)
-    return MapObject(body.iri or PLACE + body.name, body.name, types, body.pose, body.size, body.size)
+    return MapObject(body.iri or PLACE + body.name, body.name, types, body.pose, body.size)
