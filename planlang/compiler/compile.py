@@ -16,7 +16,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, has_errors
 from planlang.kernel.environment import quiet_collector
 from planlang.ontology import Ontology, load
-from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES
+from planlang.outputs import NO_DATA_FLOW, NO_SCOPES
 from planlang.recipe import read_recipe
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import (

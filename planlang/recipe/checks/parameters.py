@@ -10,6 +10,7 @@ from itertools import chain
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
+from planlang.files import bundled
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.actions import Actions
@@ -45,7 +46,6 @@ from planlang.recipe.readers.data_flow import OUTPUTS, made
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import Filling, is_word
 from planlang.relations import RELATIONS, owl_properties
-from planlang.resources import bundled
 
 DATA_PROPERTY = OWL.DatatypeProperty
 AGENTS = frozenset({"performedBy", "doneBy"})
