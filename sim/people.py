@@ -264,7 +264,7 @@ class People:
     def reach(self, name: str) -> Reach:
         """Return what a person reaches now; ``KeyError`` when that is no person."""
         if name not in self.persons:
-            raise KeyError(f"{name!r} is no person; the persons are {', '.join(self.persons) or 'none'}")
+            raise KeyError(f"{name!r} is not a person; the persons are {', '.join(self.persons) or 'none'}")
         pose = self.bodies.poses[name]
         if name not in self._reach or self._reach[name][0] != pose:
             self._reach[name] = (pose, reach_from(self.persons[name].figure, pose))

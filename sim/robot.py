@@ -446,7 +446,7 @@ def _text(name: bytes) -> str:
 
 
 def _primitive(kind: int, dimensions: Sequence[float]) -> tuple[SolidKind, tuple[float, float, float]] | None:
-    """Return the kind and extents [m] of a primitive, as PyBullet tells them; None for a mesh."""
+    """Return the kind and extents [m] of a primitive, as PyBullet gives them; None for a mesh."""
     a, b, c = dimensions
     match kind:
         case bullet.GEOM_BOX:

@@ -94,7 +94,7 @@ def _check(robot: Robot, now: Configuration, trajectory: Trajectory) -> None:
     if rows.ndim != 2 or not len(rows) or rows.shape[1] != len(names) or len(set(names)) != len(names):
         raise ValueError(f"a trajectory of {len(names)} different names needs (n, {len(names)}) rows, got {rows.shape}")
     if not np.isfinite(rows).all():
-        raise ValueError(f"the trajectory of {', '.join(names)} contains what is no number")
+        raise ValueError(f"the trajectory of {', '.join(names)} contains a value that is not finite")
     here = [coordinate(now, name) for name in names]
     for k, name in enumerate(names):
         offset = abs(rows[0, k] - here[k])

@@ -91,7 +91,7 @@ class Belief:
             self._bound[what] = self._find(what, near)
         return self._bound[what]
 
-    def alike(self, what: Object) -> tuple[str, ...]:
+    def of_class(self, what: Object) -> tuple[str, ...]:
         """Return the things of a designator's class, in the order of the map."""
         return tuple(
             thing.name for thing in self.map.objects if thing.name in self._poses and self._is_a(thing, what.type)
@@ -117,7 +117,7 @@ class Belief:
         return nearest
 
     def _is_a(self, thing: MapObject, cls: str) -> bool:
-        """Return whether a thing is of a class; one that the map's vocabulary lacks is told by its local name."""
+        """Return whether a thing is of a class; one that the map's vocabulary lacks is recognised by its local name."""
         ontology = self.map.ontology
         if ontology.defined(expand(cls)):
             return any(ontology.is_a(one, expand(cls)) for one in thing.types)

@@ -169,7 +169,7 @@ class BelievedBodies:
         if not all(map(math.isfinite, (*pose.position, *pose.orientation, *size))):
             raise LocationUnresolvable(f"{name} is believed to be at no place: its pose is {pose}", designator=name)
         if abs(math.hypot(*pose.orientation) - 1) > 1e-3:
-            problem = f"the orientation of {name} is no rotation: {pose.orientation} is not of length 1"
+            problem = f"the orientation of {name} is not a rotation: {pose.orientation} is not of length 1"
             raise LocationUnresolvable(problem, designator=name)
         return Block.of(pose, size, cylinder=self.is_round(name))
 

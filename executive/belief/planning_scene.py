@@ -26,7 +26,7 @@ from sim import PlanningWorld
 SEEN_SHARE = 0.3
 """Share of an object that must be visible for a base pose to count as one from where it is seen."""
 CELL = 0.01
-"""Places of a thing, as the robot has it before it, that are told apart [m]."""
+"""Places of a thing, as the robot has it before it, that are distinguished [m]."""
 SPOTS = (-0.8, 0.0, 0.8)
 """Points of a thing that are looked at, as shares of its half extents across the line of sight."""
 FEW = 0.12

@@ -13,8 +13,7 @@ from executive.belief.belief import Belief
 from executive.motion import Boxes, QuickCheck, clearance_at
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
 from executive.motion.bodies import Solids
-from executive.motion.clearance import Band, clearances_at
-from executive.motion.footprint import TOUCHING, Outline, cores, outlines, stands_in_none
+from executive.motion.clearance import TOUCHING, Band, Outline, clearances_at, cores, outlines, stands_in_none
 from executive.robots import Robot
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
@@ -32,7 +31,7 @@ CELL = 0.05
 HAIR = 1e-6
 """Share of a cell by which places on the border of two are taken to be in one of them."""
 SLACK = 0.03
-"""Room that may be missing in the grid, whose cells are 5 cm wide: places are judged exactly later [m]."""
+"""Room that may be missing in the grid, whose cells are 5 cm wide: places are validated exactly later [m]."""
 DOUBTFUL = 0.15
 """How good a place is where there may be room: at the border of its cell, or with some headings."""
 ROOMY = 0.3

@@ -12,10 +12,10 @@ import numpy as np
 from executive.belief.stated_values import EXTENTS, TRIPLES, Size, read_size, read_transform, stated
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
+from planlang.files import Bundled
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.ontology import Literal, Ontology, expand, load
-from planlang.resources import Bundled
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +30,6 @@ class MapObject:
     """Pose of the box centre in the map; None for what has no place of its own (a building)."""
     size: Size | None
     """Extents along its own axes [m]; None for a mere place."""
-    stated_size: tuple[float | None, float | None, float | None]
-    """What the file says of the extents; None where it says nothing."""
     parts: tuple[str, ...] = ()
     hinged_to: tuple[str, ...] = ()
     inside: tuple[str, ...] = ()
@@ -74,7 +72,7 @@ def read_map(ontology: Ontology) -> SemanticMap:
     objects = []
     for iri in things:
         types = ontology.types(iri)
-        size, said = read_size(ontology, iri, types, found)
+        size = read_size(ontology, iri, types, found)
         matrix = poses.of(iri)
         objects.append(
             MapObject(
@@ -83,7 +81,6 @@ def read_map(ontology: Ontology) -> SemanticMap:
                 types,
                 None if matrix is None else Pose.from_matrix(matrix),
                 size,
-                said,
                 parts=_individuals(ontology, iri, "properPhysicalParts"),
                 hinged_to=_individuals(ontology, iri, "hingedTo"),
                 inside=_individuals(ontology, iri, "in-ContGeneric"),

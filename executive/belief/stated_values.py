@@ -76,35 +76,34 @@ THIN = 0.001
 """Extent of a door that has none [m]."""
 
 
-def read_size(
-    ontology: Ontology, iri: str, types: Iterable[str], found: list[Diagnostic]
-) -> tuple[Size | None, tuple[float | None, float | None, float | None]]:
-    """Return the size of an individual and what the file states of it; what was filled in is noted.
+def read_size(ontology: Ontology, iri: str, types: Iterable[str], found: list[Diagnostic]) -> Size | None:
+    """Return the size of an individual; extents that the file does not state are filled in, and noted.
 
-    The size is None when an extent is neither stated nor known for a class: such a thing is a marker.
+    It is None when an extent is neither stated nor known for a class: such a thing is a marker.
     """
-    said = _stated(ontology, iri, found)
-    if all(said):
-        x, y, z = (value or 0.0 for value in said)
-        return (x, y, z), said
+    extents = stated_size(ontology, iri, found)
+    if all(extents):
+        x, y, z = (value or 0.0 for value in extents)
+        return (x, y, z)
     types = tuple(types)
     size, origins = [], []
-    for name, value in zip(EXTENTS, said, strict=True):
-        filled, origin = (value, "") if value else _default(ontology, types, name, any(said), found)
+    for name, value in zip(EXTENTS, extents, strict=True):
+        filled, origin = (value, "") if value else _default(ontology, types, name, any(extents), found)
         size.append(filled)
         origins.append(f"{name} {filled} m ({origin})" if origin else "")
     span = ontology.span(iri)
     if None in size:
-        if any(value is not None for value in said):
+        if any(value is not None for value in extents):
             missing = ", ".join(name for name, value in zip(EXTENTS, size, strict=True) if value is None)
             found.append(note("M006", f"{local_name(iri)} has no {missing} and no class that knows one: a place", span))
-        return None, said
+        return None
     found.append(note("M005", f"{local_name(iri)}: {', '.join(filter(None, origins))}", span))
     x, y, z = (value or 0.0 for value in size)
-    return (x, y, z), said
+    return (x, y, z)
 
 
-def _stated(ontology: Ontology, iri: str, found: list[Diagnostic]) -> tuple[float | None, float | None, float | None]:
+def stated_size(ontology: Ontology, iri: str, found: list[Diagnostic]) -> tuple[float | None, ...]:
+    """Return the three extents that a file states, None for each that it does not."""
     values: list[float | None] = [None, None, None]
     for name in TRIPLES:
         triple = stated(ontology, iri, name)
@@ -121,7 +120,7 @@ def _stated(ontology: Ontology, iri: str, found: list[Diagnostic]) -> tuple[floa
     if radius and numbers and values[0] is None and values[1] is None:
         diameter = _positive(2 * numbers[0], "radius", radius.span, found)
         values[0] = values[1] = diameter
-    return values[0], values[1], values[2]
+    return tuple(values)
 
 
 def _positive(value: float, name: str, span: Span | None, found: list[Diagnostic]) -> float:

@@ -41,7 +41,7 @@ class OntologyArguments(Arguments):
         folders = tuple(self.ontologies or ())
         wrong = [path for path in folders if not os.path.isdir(path)]
         if wrong:
-            raise BadInput([error("C001", f"--ontologies {path} is no folder") for path in wrong])
+            raise BadInput([error("C001", f"--ontologies {path} is not a folder") for path in wrong])
         return folders
 
 

@@ -22,13 +22,13 @@ from executive.runs.assembly import platform_of, world_at_start
 from planlang.designators import Location, Object, Person, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable
+from planlang.files import Bundled
 from planlang.ontology import expand, load, shorten
 from planlang.outputs import check_outputs
 from planlang.outputs import replace as write_complete
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.relations import RELATIONS
-from planlang.resources import Bundled
 from sim import PyBulletWorld
 
 
@@ -120,11 +120,11 @@ def _meant(designators: Iterable[Object], lexicon: Lexicon, platform: Platform) 
 def _choices(meant: Mapping[Object, str], lexicon: Lexicon, platform: Platform) -> Iterator[Diagnostic]:
     """Yield a note for each thing that was chosen among several."""
     for what, name in meant.items():
-        others = [other for other in platform.belief.alike(what) if other != name]
+        others = [other for other in platform.belief.of_class(what) if other != name]
         if what.iri is None and others:
             help = f"name it to mean another: {', '.join(others)}"
-            said = write_thing(what, lexicon)
-            yield note("P009", f"{said} is {name}, the nearest of {len(others) + 1}", help=help)
+            stated = write_thing(what, lexicon)
+            yield note("P009", f"{stated} is {name}, the nearest of {len(others) + 1}", help=help)
 
 
 def _of_no_place(
@@ -147,17 +147,17 @@ def _used(location: Location, what: Object | None, platform: Platform) -> Locati
     return without_unused(location, platform.scene, platform.base()[:2])
 
 
-def _idle(said: Location, used: Location) -> Iterator[Diagnostic]:
+def _idle(stated: Location, used: Location) -> Iterator[Diagnostic]:
     """Yield a warning for unused arms and grasps, those of nested locations included."""
     idle = []
-    if said.device is not None and used.device is None:
-        idle.append(f"with {write_thing(said.device)}")
-    if said.grasp is not None and used.grasp is None:
-        idle.append(GRASP_FORMS[said.grasp][0])
+    if stated.device is not None and used.device is None:
+        idle.append(f"with {write_thing(stated.device)}")
+    if stated.grasp is not None and used.grasp is None:
+        idle.append(GRASP_FORMS[stated.grasp][0])
     if idle:
         help = "arms and grasps belong to a thing to reach: in reach of the bottle with the left arm from the top"
         yield warning("P011", f"{' '.join(idle)!r} has no effect here; it is left out", help=help)
-    for one, other in zip(said.relations, used.relations, strict=True):
+    for one, other in zip(stated.relations, used.relations, strict=True):
         if isinstance(one.reference, Location) and isinstance(other.reference, Location):
             yield from _idle(one.reference, other.reference)
 

@@ -9,20 +9,20 @@ from executive.cli.arguments import MatchArguments
 from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import check_files, chosen, read_recipe_file, refuse
 from executive.robots import Semantics, bind_robot, match, possessions_of
-from executive.robots.matching import Judge, Possessions
+from executive.robots.matching import Matcher, Possessions
 from executive.robots.self_model import claims_of, parts_of, read_self_model
 from executive.robots.tasks import with_remedies
 from planlang.diagnostics import BadInput, Diagnostic, has_errors, note
+from planlang.files import Bundled
 from planlang.ontology import Ontology, load
 from planlang.recipe import Actions, read_recipe
-from planlang.resources import Bundled
 
 LARGEST_LIBRARY = 200
 """Files of the ``--ontologies`` folders that are searched for missing things: more would take minutes."""
 
 
 def command(arguments: MatchArguments) -> Answer:
-    """Compare, and explain; a robot without URDF is judged by its self-model alone. Raises BadInput."""
+    """Compare, and explain; a robot without URDF is compared by its self-model alone. Raises BadInput."""
     file = read_recipe_file(arguments.recipe)
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf)
@@ -42,7 +42,7 @@ def command(arguments: MatchArguments) -> Answer:
     matched = match(ontology, reading.recipes, possessions, semantics)
     if matched.feasible is not True and semantics is Semantics.CLOSURE:
         knowledge = (ontology, *_knowledge(possessions, environment, folders))
-        matched = with_remedies(matched, Judge(ontology, possessions, semantics), knowledge)
+        matched = with_remedies(matched, Matcher(ontology, possessions, semantics), knowledge)
     code = ExitCode.DONE if matched.feasible is not False else ExitCode.MISSING_CAPABILITY
     if has_errors(found):
         code = ExitCode.BAD_INPUT
@@ -58,7 +58,7 @@ def _possessions(robot: Path, urdf: Path | None, folders: Sequence[Path], found:
         model = read_self_model(load(robot, folders=folders))
         advice = "with --urdf FILE, its claims are compared with its arms and grippers"
         found.append(
-            note("B008", f"there is no URDF of {model.name}: judged by its self-model alone", model.span, advice)
+            note("B008", f"there is no URDF of {model.name}: compared by its self-model alone", model.span, advice)
         )
         return Possessions(model.name, parts_of(model), claims_of(model), model)
     found += bound.diagnostics

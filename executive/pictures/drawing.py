@@ -15,7 +15,7 @@ PAPER, INK, FAINT = (255, 255, 255), (40, 40, 40), (120, 120, 120)
 
 
 class Sheet:
-    """A white picture of so many pixels; sizes of text and lines are told in pixels of the result, places are not."""
+    """A white picture of so many pixels; sizes of text and lines are in pixels of the result, places are not."""
 
     def __init__(self, width: float, height: float) -> None:
         self.image = Image.new("RGB", (round(width * FINE), round(height * FINE)), PAPER)

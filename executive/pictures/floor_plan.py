@@ -87,15 +87,15 @@ class Resolution:
 
     title: str
     places: Sequence[BasePose]
-    judged: Sequence[Validated]
+    validated: Sequence[Validated]
     scored: Sequence[tuple[Array, Array]] = ()
-    """Candidates (m, 3) before they were judged, and their scores (m,)."""
+    """Candidates (m, 3) before they were validated, and their scores (m,)."""
     refused: Sequence[tuple[str, Array]] = ()
-    """Reasons, and candidates (m, 3 or 2) that were refused for it before they were judged."""
+    """Reasons, and candidates (m, 3 or 2) that were refused for it before they were validated."""
     counts: Mapping[str, int] = field(default_factory=dict)
     blocking: Mapping[str, int] = field(default_factory=dict)
     details: Sequence[str] = ()
-    """What is said of each place besides where it is."""
+    """What is stated of each place besides where it is."""
 
 
 class FloorPlan:
@@ -126,7 +126,7 @@ class FloorPlan:
             self._bodies()
             self._candidates()
         self._regions()
-        self._judged()
+        self._validated()
         self._robot()
         self._places(numbered)
         self._names()
@@ -204,8 +204,8 @@ class FloorPlan:
                 ends = (*self._at(x - step / 2, y), *self._at(x + step / 2, y))
                 self.pen.line(ends, fill=colour, width=2 * FINE)
 
-    def _judged(self) -> None:
-        for one in sorted(self.resolution.judged, key=lambda one: one.reason == ""):
+    def _validated(self) -> None:
+        for one in sorted(self.resolution.validated, key=lambda one: one.reason == ""):
             colour, tick = self.colours[one.reason], 6 * FINE
             for u, v in self._pixels(np.array([one.base])):
                 yaw = one.base[2]
@@ -347,7 +347,7 @@ def save_picture(path: Path, scenery: Scenery, resolution: Resolution) -> None:
 
 def picture(scenery: Scenery, resolution: Resolution) -> Image.Image:
     """Title, map and legend, and a close view where the places are near to each other."""
-    of = colours([*resolution.counts, *(one.reason for one in resolution.judged), *dict(resolution.refused), ""])
+    of = colours([*resolution.counts, *(one.reason for one in resolution.validated), *dict(resolution.refused), ""])
     x_min, y_min, x_max, y_max = scenery.bounds
     scale = min(WIDTH / max(x_max - x_min, 1e-3), TALLEST / max(y_max - y_min, 1e-3))
     near = close_view(scenery, resolution.places)
@@ -421,11 +421,11 @@ def _legend(scenery: Scenery, resolution: Resolution, of: Mapping[str, Colour]) 
     places = resolution.places
     entry(f"{len(places)} place{'' if len(places) == 1 else 's'}, best first" if places else "no place", size=16)
     for number, (x, y, yaw) in enumerate(places[:MOST_LISTED], 1):
-        said = resolution.details[number - 1] if number <= len(resolution.details) else ""
-        entry(f"{number}:  x {x:.3f}  y {y:.3f}  yaw {yaw + 0.0:.2f}  {said}".rstrip())
+        stated = resolution.details[number - 1] if number <= len(resolution.details) else ""
+        entry(f"{number}:  x {x:.3f}  y {y:.3f}  yaw {yaw + 0.0:.2f}  {stated}".rstrip())
     gap()
     entry("candidates, by what became of them", size=16)
-    taken = sum(one.reason == "" for one in resolution.judged)
+    taken = sum(one.reason == "" for one in resolution.validated)
     if taken > len(places):
         entry(f"accepted: {taken}, others beside these places", mark=ACCEPTED)
     else:

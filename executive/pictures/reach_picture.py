@@ -68,8 +68,8 @@ class _Drawing:
     def _title(self, name: str, models: Sequence[ArmModel]) -> None:
         sheet, left = self.sheet, MARGIN * FINE
         sheet.text((left, 14 * FINE), f"{name}: where its hands can be", 19)
-        said = f"of {YAWS} headings of the hand, how many are reached there:"
-        sheet.text((left, 46 * FINE), said, 13, FAINT)
+        stated = f"of {YAWS} headings of the hand, how many are reached there:"
+        sheet.text((left, 46 * FINE), stated, 13, FAINT)
         at = left + 370 * FINE
         sheet.text((at - 8 * FINE, 46 * FINE), "1", 13, FAINT, "ra")
         sheet.scale((at, 47 * FINE), (160 * FINE, 12 * FINE), SCALE)

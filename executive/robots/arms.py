@@ -118,7 +118,7 @@ class ArmModel:
 
 
 def arm_models(robot: Robot, world: PlanningWorld) -> tuple[ArmModel, ...]:
-    """Return all arms of a robot, in its order; ``world`` tells which links belong to a hand."""
+    """Return all arms of a robot, in its order; ``world`` knows which links belong to a hand."""
     return tuple(_model(robot, arm, world) for arm in robot.arms)
 
 
@@ -249,12 +249,12 @@ def with_carrying(robot: Robot) -> Robot:
             joints |= _best(robot, arm, joints, world)
     finally:
         world.close()
-    said = note(
+    assumed = note(
         "B010",
         f"{robot.name} has no posture to drive in; one with level hands close to the body is used",
         help="a robot file (TOML) says one under [postures.carrying]",
     )
-    return replace(robot, postures={**robot.postures, CARRYING: joints}, diagnostics=(*robot.diagnostics, said))
+    return replace(robot, postures={**robot.postures, CARRYING: joints}, diagnostics=(*robot.diagnostics, assumed))
 
 
 def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWorld) -> dict[str, float]:

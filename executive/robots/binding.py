@@ -21,9 +21,9 @@ from executive.robots.robot_file import (
 from executive.robots.self_model import Part, SelfModel, claims_of, inherent, parts_of, read_self_model
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
+from planlang.files import Bundled
 from planlang.geometry.matrices import inverse, product
 from planlang.ontology import Ontology, load
-from planlang.resources import Bundled
 from sim import CameraModel
 from sim.description import read_description
 
@@ -104,17 +104,17 @@ def _mentions(urdf: Path, joints: Iterable[str]) -> bool:
 
 def _matching(model: SelfModel) -> RobotFile | None:
     """Return the bundled robot whose self-model this is, else that with most of its joints and all of one arm."""
-    said = set(model.joints.values())
+    moving = set(model.joints.values())
     own = Path(model.ontology.documents[0].path).resolve()
     best: tuple[int, RobotFile] | None = None
     for numbers in _installed():
         if numbers.self_model is not None and numbers.self_model.resolve() == own:
             return numbers
-        if not _mentions(numbers.urdf, said):
+        if not _mentions(numbers.urdf, moving):
             continue
         mechanism = Mechanism(numbers.urdf)
-        common = sum(mechanism.actuated(joint) for joint in sorted(said))
-        whole = any(said.issuperset(mechanism.movers(arm.tip)) for arm in numbers.arms)
+        common = sum(mechanism.actuated(joint) for joint in sorted(moving))
+        whole = any(moving.issuperset(mechanism.movers(arm.tip)) for arm in numbers.arms)
         if whole and (best is None or common > best[0]):
             best = (common, numbers)
     return best[1] if best else None

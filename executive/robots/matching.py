@@ -56,7 +56,7 @@ class ClosedWorld:
         return upper in above
 
     def types(self, thing: Term) -> tuple[str, ...]:
-        """Return the classes that an individual is said to be of."""
+        """Return the classes that an individual is stated to be of."""
         if isinstance(thing, Literal):
             return ()
         return tuple(dict.fromkeys(cls for one in self.ontologies for cls in one.types(thing)))
@@ -272,19 +272,27 @@ class Missing:
 
 def missing_capabilities(ontology: Ontology, actions: Iterable[str], robot: Robot) -> tuple[Missing, ...]:
     """Return what action classes require and the robot lacks or may lack, capabilities first."""
-    judge = Judge(ontology, possessions_of(robot))
+    matcher = Matcher(ontology, possessions_of(robot))
+    found = missing_in(matcher.action(action) for action in dict.fromkeys(actions))
+    return tuple(sorted(found, key=lambda one: one.kind.value))
+
+
+def missing_in(trees: Iterable[Finding]) -> tuple[Missing, ...]:
+    """Return what findings lack or may lack, each once, without what only one of several alternatives needs."""
     found: dict[tuple[FindingKind, str], Missing] = {}
-    for action in dict.fromkeys(actions):
-        for finding, path in judge.action(action).walk():
-            if finding.kind in NEEDED and finding.state is not AVAILABLE:
-                because = tuple(one.iri or one.text for one in (*path, finding))
-                what = finding.iri or finding.text
-                missing = Missing(what, finding.kind, finding.state, because, finding.reason)
-                found.setdefault((finding.kind, what), missing)
-    return tuple(sorted(found.values(), key=lambda one: one.kind.value))
+    for finding, path in (pair for tree in trees for pair in tree.walk()):
+        if finding.kind not in NEEDED or finding.state is AVAILABLE:
+            continue
+        choices = [one.state for one in path if one.kind is FindingKind.ALTERNATIVES]
+        if AVAILABLE in choices or (finding.state is MISSING and any(one is not MISSING for one in choices)):
+            continue
+        because = tuple(one.iri or one.text for one in (*path, finding) if one.kind is not FindingKind.ALTERNATIVES)
+        what = finding.iri or finding.text
+        found.setdefault((finding.kind, what), Missing(what, finding.kind, finding.state, because, finding.reason))
+    return tuple(found.values())
 
 
-class Judge:
+class Matcher:
     """Compares requirements, as one ontology states them, with the possessions of one robot."""
 
     def __init__(self, ontology: Ontology, robot: Possessions, semantics: Semantics = Semantics.CLOSURE) -> None:
@@ -376,11 +384,11 @@ class Judge:
             case "name":
                 return any(self.world.is_below(cls, str(expression.term)) for cls in part.classes)
             case "and":
-                return False if False in answers else None if None in answers else True
+                return _all(answers)
             case "or":
-                return True if True in answers else None if None in answers else False
+                return _any(answers)
             case "not":
-                return None if answers[0] is None else not answers[0]
+                return _not(answers[0])
         return None
 
     def _shows(self, name: str | None) -> bool:
@@ -399,14 +407,14 @@ class Judge:
                     FindingKind.CAPABILITY, local_name(cls), cls, MISSING, "it depends on itself", counts=False
                 )
             self._open[cls] = None
-            finding = self._judged(cls)
+            finding = self._validated(cls)
             del self._open[cls]
             if self._open:  # what it found may stand on something that is still open
                 return finding
             self._known[cls] = finding
         return self._known[cls]
 
-    def _judged(self, cls: str) -> Finding:
+    def _validated(self, cls: str) -> Finding:
         """Return the finding about a capability with all that it takes, which a claimed one takes all the same."""
         needed = requirements_of(self.ontology, cls, self.semantics)
         components = [self.requirement(one) for one in needed if one.kind is FindingKind.COMPONENT]
@@ -432,11 +440,11 @@ class Judge:
 
     def _claimed(self, cls: str, claim: str, components: Iterable[Finding]) -> tuple[Availability, str]:
         components = tuple(components)
-        said = f"{self.robot.robot} claims {'it' if claim == cls else local_name(claim)}"
+        stated = f"{self.robot.robot} claims {'it' if claim == cls else local_name(claim)}"
         state = together(one.state for one in components)
         if self.semantics is Semantics.ORIGINAL or state is AVAILABLE:
-            return AVAILABLE, said
-        return state, f"{said}, but {_lacking(state, components)}"
+            return AVAILABLE, stated
+        return state, f"{stated}, but {_lacking(state, components)}"
 
 
 def _lacking(state: Availability, below: Iterable[Finding]) -> str:

@@ -16,18 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from executive.robots.self_model import SelfModel
-from planlang.cache import Cache
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
 from planlang.geometry.mesh import mesh_places
 from planlang.geometry.urdf import Joint, displacement, read_urdf
-from planlang.geometry.xml_tree import BadXml, Element, read_content, read_tree
+from planlang.geometry.xml_tree import BadXml, Element, read_tree
 
-VERSION = 1
-"""Raised whenever the same source is written otherwise."""
-_CACHE = Cache("urdf", most=50)
 BASE, MOUNT = "mobile_base", "mobile_base_mount"
 """Link and joint of a base that is added."""
 
@@ -59,20 +55,16 @@ def packaged(name: str, file: str) -> Path:
     raise NotInstalled(f"the installed package {name} has no {file}")
 
 
-def composed(urdf: Path, mount: Mount | None) -> Path:
-    """Return a copy of a URDF whose meshes are named by full paths, on a base if one is asked for.
+def mounted(urdf: Path, mount: Mount) -> Path:
+    """Return a copy of a URDF on a base, its meshes named by full paths, in a folder of this process alone.
 
-    A URDF that cannot be read is returned as it is, so that its reader tells what is wrong with it.
+    A URDF that cannot be read is returned as it is, so that its reader reports what is wrong with it.
     """
     try:
-        facts = repr((VERSION, str(urdf), hashlib.sha256(read_content(urdf)).hexdigest(), mount))
-        content = _CACHE.load(facts)
-        if content is None:
-            content = _text(urdf, mount).encode()
-            _CACHE.keep(facts, content)
+        content = _text(urdf, mount).encode()
     except BadXml:
         return urdf
-    path = _own_folder() / f"{urdf.stem}-{hashlib.sha256(facts.encode()).hexdigest()[:32]}.urdf"
+    path = _own_folder() / f"{urdf.stem}-{hashlib.sha256(content).hexdigest()[:32]}.urdf"
     path.write_bytes(content)
     return path
 
@@ -85,19 +77,15 @@ def _own_folder() -> Path:
     return Path(folder)
 
 
-def _text(urdf: Path, mount: Mount | None) -> str:
+def _text(urdf: Path, mount: Mount) -> str:
     robot = read_tree(urdf)
     for mesh in robot.iter("mesh"):
         name = mesh.get("filename", "")
         found = next((place for place in mesh_places(urdf, name) if place.is_file()), None)
         if found is not None:
             mesh.set("filename", str(found.resolve()))
-    if mount is not None:
-        _put_on(robot, mount)
-    for child in list(robot):
-        if child.tag not in ("link", "joint", "material"):
-            robot.remove(child)  # extensions that some readers stumble over
-    ElementTree.indent(robot)  # PyBullet reads lines of 1024 characters at most
+    _put_on(robot, mount)
+    ElementTree.indent(robot)
     return ElementTree.tostring(robot, "unicode")
 
 

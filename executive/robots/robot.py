@@ -154,8 +154,8 @@ class Robot:
 
 def side_of(*names: str) -> str | None:
     """ "left" or "right" if the names say one of them and not the other."""
-    said = {word.lower() for name in names for word in re.findall(r"(?<![Uu]p)(?:[Ll]eft|[Rr]ight)|LEFT|RIGHT", name)}
-    return said.pop() if len(said) == 1 else None
+    sides = {word.lower() for name in names for word in re.findall(r"(?<![Uu]p)(?:[Ll]eft|[Rr]ight)|LEFT|RIGHT", name)}
+    return sides.pop() if len(sides) == 1 else None
 
 
 def is_device(what: Object) -> bool:

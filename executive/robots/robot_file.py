@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from executive.robots.mechanism import Mount, NotInstalled, composed, packaged
+from executive.robots.mechanism import Mount, NotInstalled, mounted, packaged
 from executive.robots.robot import Axis, BaseDrive, JointLimits
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import open_regular, read_file
@@ -291,9 +291,7 @@ def _urdf(path: Path, table: _Table) -> Path:
         urdf = path.parent / table.text("urdf")
         if stated is not None and not urdf.is_file():
             table.bad("urdf", f"there is no {stated} beside this file")
-    if table.report.found or (mount is None and not isinstance(stated, dict)):
-        return urdf
-    return composed(urdf, mount)
+    return urdf if mount is None or table.report.found else mounted(urdf, mount)
 
 
 def _mount(table: _Table) -> Mount | None:

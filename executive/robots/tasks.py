@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from executive.robots.matching import Judge, Missing, Possessions
+from executive.robots.matching import Matcher, Missing, Possessions, missing_in
 from executive.robots.requirements import (
     NEEDED,
     Availability,
@@ -58,19 +58,7 @@ class Match:
 
     def lacking(self) -> tuple[Missing, ...]:
         """Return what the task lacks or may lack, without what only one of several alternatives needs."""
-        found: dict[tuple[FindingKind, str], Missing] = {}
-        for finding, path in self.tree.walk():
-            if finding.kind not in NEEDED or finding.state is Availability.AVAILABLE:
-                continue
-            choices = [one.state for one in path if one.kind is FindingKind.ALTERNATIVES]
-            if Availability.AVAILABLE in choices or (
-                finding.state is Availability.MISSING and any(one is not Availability.MISSING for one in choices)
-            ):
-                continue
-            because = tuple(one.iri or one.text for one in (*path, finding) if one.kind is not FindingKind.ALTERNATIVES)
-            what = finding.iri or finding.text
-            found.setdefault((finding.kind, what), Missing(what, finding.kind, finding.state, because, finding.reason))
-        return tuple(found.values())
+        return missing_in([self.tree])
 
     def lines(self, *, all_of_it: bool = True) -> Iterator[str]:
         """Yield the verdict, the tree, and where what is missing could be had."""
@@ -97,20 +85,20 @@ def match(
     ontology: Ontology, recipes: RecipeSet, robot: Possessions, semantics: Semantics = Semantics.CLOSURE
 ) -> Match:
     """Compare a recipe with a robot. ``ontology`` is the one that the recipe was read from."""
-    judge = Judge(ontology, robot, semantics)
-    return Match(robot.robot, semantics, _Tree(judge, recipes).task(recipes.main, ()))
+    matcher = Matcher(ontology, robot, semantics)
+    return Match(robot.robot, semantics, _Tree(matcher, recipes).task(recipes.main, ()))
 
 
 class _Tree:
-    def __init__(self, judge: Judge, recipes: RecipeSet) -> None:
-        self.judge = judge
+    def __init__(self, matcher: Matcher, recipes: RecipeSet) -> None:
+        self.matcher = matcher
         self.recipes = recipes.recipes
 
     def task(self, recipe: Recipe, above: tuple[str, ...]) -> Finding:
         """Return the finding about a recipe: what its own class requires, and its steps."""
-        own = self.judge.action(recipe.action_class, span=recipe.span)
+        own = self.matcher.action(recipe.action_class, span=recipe.span)
         steps: tuple[Step, ...] = recipe.steps
-        if self.judge.semantics is Semantics.ORIGINAL and recipe.dialect not in SEEN_BY_THE_ORIGINAL:
+        if self.matcher.semantics is Semantics.ORIGINAL and recipe.dialect not in SEEN_BY_THE_ORIGINAL:
             steps = ()
         performed = [self.step(step, (*above, recipe.iri)) for step in steps]
         state = together(one.state for one in (own, *performed))
@@ -119,7 +107,7 @@ class _Tree:
 
     def step(self, step: Step, above: tuple[str, ...]) -> Finding:
         """Return the finding about a step: what its class requires, and the best recipe that performs it."""
-        own = self.judge.action(step.action_class, span=step.span)
+        own = self.matcher.action(step.action_class, span=step.span)
         inner = [self.recipes[iri] for iri in step.recipes if iri in self.recipes and iri not in above]
         performed = tuple(self.task(recipe, above) for recipe in inner)
         if len(performed) > 1:
@@ -135,28 +123,28 @@ DEEPEST = 8
 """Requirements of requirements that are followed."""
 
 
-def with_remedies(match: Match, judge: Judge, knowledge: Iterable[Ontology]) -> Match:
+def with_remedies(match: Match, matcher: Matcher, knowledge: Iterable[Ontology]) -> Match:
     """Return the match with a remedy at everything missing or unknown for which the knowledge base has one."""
-    search = _Search(judge, tuple(knowledge))
-    return replace(match, tree=search.told(match.tree))
+    search = _Search(matcher, tuple(knowledge))
+    return replace(match, tree=search.with_remedies(match.tree))
 
 
 class _Search:
-    def __init__(self, judge: Judge, knowledge: tuple[Ontology, ...]) -> None:
-        self.judge = judge
+    def __init__(self, matcher: Matcher, knowledge: tuple[Ontology, ...]) -> None:
+        self.matcher = matcher
         self.knowledge = knowledge
-        own = {part.iri for part in judge.robot.parts}
+        own = {part.iri for part in matcher.robot.parts}
         self.own = frozenset(iri for iri in own if iri)
 
-    def told(self, finding: Finding) -> Finding:
-        below = tuple(self.told(one) for one in finding.below)
+    def with_remedies(self, finding: Finding) -> Finding:
+        below = tuple(self.with_remedies(one) for one in finding.below)
         remedy = ""
         if finding.iri and finding.state is not Availability.AVAILABLE and finding.kind in NEEDED:
-            had = self.had(finding.kind, finding.iri, ())
-            remedy = f"could be had: {', with '.join(had)}" if had else ""
+            ways = self.remedy(finding.kind, finding.iri, ())
+            remedy = f"could be had: {', with '.join(ways)}" if ways else ""
         return replace(finding, below=below, remedy=remedy)
 
-    def had(self, kind: FindingKind, cls: str, above: tuple[str, ...]) -> tuple[str, ...]:
+    def remedy(self, kind: FindingKind, cls: str, above: tuple[str, ...]) -> tuple[str, ...]:
         """Return what to get so that a missing class is there, with what that takes; nothing if there is no way."""
         if cls in above or len(above) >= DEEPEST:
             return ()
@@ -165,7 +153,7 @@ class _Search:
             if kind is FindingKind.COMPONENT and self._is_hardware(special):
                 continue
             unmet = self._unmet(special)
-            needed = [self.had(one.kind, one.iri or "", inside) for one in unmet]
+            needed = [self.remedy(one.kind, one.iri or "", inside) for one in unmet]
             if any(not one for one in needed):
                 continue
             met = tuple(what for one in needed for what in one)
@@ -187,8 +175,8 @@ class _Search:
     def _unmet(self, cls: str) -> list[Finding]:
         """Return what a class requires and the robot does not have."""
         stated = [(one, needed) for one in self.knowledge for needed in requirements_of(one, cls)]
-        judged = {needed.text: self.judge.requirement(needed) for _, needed in stated}
-        return [one for one in judged.values() if one.state is not Availability.AVAILABLE]
+        found = {needed.text: self.matcher.requirement(needed) for _, needed in stated}
+        return [one for one in found.values() if one.state is not Availability.AVAILABLE]
 
     def _individuals(self, cls: str) -> Iterator[str]:
         """Yield individuals of just this class that are no parts of the robot, with where they are."""

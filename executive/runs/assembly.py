@@ -78,7 +78,7 @@ def _check_start(world: PlanningWorld) -> None:
         raise BadInput([error("X007", f"{place}: that is off the map", help=advice)])
     touched = sorted({contact.body for contact in world.contacts()})
     if touched:
-        raise BadInput([error("X007", f"{place}: it would stand in {', '.join(touched)}", help=advice)])
+        raise BadInput([error("X007", f"{place}: it would collide with {', '.join(touched)}", help=advice)])
 
 
 def platform_of(

@@ -202,7 +202,7 @@ def _term(name: str, body: str, within: float | None, beyond: float | None, nega
 def _viewer(what: Any, place: Any) -> tuple[Location, tuple[float, float]]:
     location, (x, y) = load(what), place
     if not isinstance(location, Location):
-        raise TypeError(f"{location!r} is no location")
+        raise TypeError(f"{location!r} is not a location")
     return location, (float(x), float(y))
 
 

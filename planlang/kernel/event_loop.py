@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import heapq
+from collections import deque
 from collections.abc import AsyncGenerator, Awaitable
 from contextvars import copy_context
 from types import CoroutineType
@@ -79,12 +80,10 @@ def _round(scheduler: Scheduler, root: Task) -> None:
                 "has to wait for what takes time, such as sleep(0.1), or for what is not true yet; still running"
             )
             raise NoProgress(listing(title, queue))
-        if choice is None or len(queue) == 1:
+        if isinstance(queue, deque):
             task = queue.popleft()
         else:
-            place = choice.choose(tuple(queue))
-            task = queue[place]
-            del queue[place]
+            task = queue.pop(choice.choose(queue) if choice is not None and len(queue) > 1 else 0)
         task.in_queue = False
         if task.holds or task.dead:  # suspended, or evaporated before it began, since it was queued
             continue

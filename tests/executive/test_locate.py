@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from robot_files import cart_in
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from planlang.resources import bundled
+from planlang.files import bundled
 
 WARD = ("--robot", "amigo", "--environment", "hospital_room")
 
@@ -192,24 +193,8 @@ def test_a_bottle_inside_of_a_wall_is_out_of_reach_because_of_the_wall(tmp_path:
     assert answer["blocking"].keys() == {"room1"}
 
 
-CART = """<robot name="cart"><link name="base"><collision><geometry><box size="0.5 0.5 0.5"/></geometry></collision>
-</link></robot>"""
-NUMBERS = """name = "cart"
-urdf = "cart.urdf"
-[base]
-radius = 0.36
-speed = 0.5
-acceleration = 0.5
-turn_speed = 1.0
-turn_acceleration = 1.0
-jerk = 5.0
-"""
-
-
 def test_a_robot_without_arms_reaches_nothing_but_stands_near_things(tmp_path: Path) -> None:
-    (tmp_path / "cart.urdf").write_text(CART)
-    (tmp_path / "cart.toml").write_text(NUMBERS)
-    where = ("--robot", str(tmp_path / "cart.toml"), "--environment", "hospital_room")
+    where = ("--robot", str(cart_in(tmp_path)), "--environment", "hospital_room")
     answer = located("in reach of the bottle", code=3, where=where)
     assert answer["failure"] == ["MissingCapability"]
     assert answer["message"] == "the robot has no arm that could reach there"

@@ -14,43 +14,18 @@ import numpy as np
 import pybullet_data
 import pytest
 from PIL import Image
+from robot_files import BASE, PANDA_ARM, cart_in
 from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
+from planlang.files import bundled
 from planlang.protocols import Configuration
-from planlang.resources import bundled
 from sim import PlanningWorld, Scene
 
 ROOM = bundled("ontologies") / "environments" / "hospital_room.omn"
 
-BASE = """
-name = "mine"
-urdf = "robot.urdf"
-[base]
-radius = 0.36
-speed = 0.5
-acceleration = 0.5
-turn_speed = 1.0
-turn_acceleration = 1.0
-jerk = 5.0
-"""
-PANDA = (
-    BASE
-    + """
-[arms.arm]
-tip = "panda_grasptarget"
-hand = "panda_hand"
-approach = [0, 0, 1]
-closing = [0, 1, 0]
-[arms.arm.gripper]
-opened = { panda_finger_joint1 = 0.04, panda_finger_joint2 = 0.04 }
-closed = { panda_finger_joint1 = 0.0, panda_finger_joint2 = 0.0 }
-fingers = ["panda_leftfinger", "panda_rightfinger"]
-max_opening = 0.075
-"""
-)
 BOX = """<link name="base"><collision><origin xyz="0 0 0.25"/><geometry><box size="0.5 0.5 0.5"/></geometry></collision>
 </link>"""
 MOUNT = """<joint name="mount" type="fixed"><parent link="base"/><child link="panda_link0"/><origin xyz="0 0 0.5"/>
@@ -131,7 +106,7 @@ def panda(tmp_path: Path) -> Path:
     text = (folder / "panda.urdf").read_text()
     first = text.index('<link name="panda_link0"')
     (folder / "robot.urdf").write_text(text[:first] + BOX + MOUNT + text[first:])
-    (folder / "robot.toml").write_text(PANDA)
+    (folder / "robot.toml").write_text(BASE + PANDA_ARM)
     return folder / "robot.toml"
 
 
@@ -192,20 +167,6 @@ def test_what_has_no_camera_sees_from_nowhere(tmp_path: Path) -> None:
     assert (found["exit_code"], found["failure"]) == (1, ["MissingCapability"])
 
 
-CART = """<robot name="cart"><link name="base"><collision><geometry><box size="0.5 0.5 0.5"/></geometry></collision>
-</link></robot>"""
-NUMBERS = """name = "cart"
-urdf = "cart.urdf"
-[base]
-radius = 0.36
-speed = 0.5
-acceleration = 0.5
-turn_speed = 1.0
-turn_acceleration = 1.0
-jerk = 5.0
-"""
-
-
 def inspected(*arguments: str | Path) -> Result:
     return CliRunner().invoke(app, ["robot", "inspect", *map(str, arguments)], prog_name="planlang")
 
@@ -223,9 +184,7 @@ def test_it_tells_chains_limits_postures_and_draws_what_the_arms_reach(tmp_path:
 
 
 def test_what_a_robot_lacks_is_listed(tmp_path: Path) -> None:
-    (tmp_path / "cart.urdf").write_text(CART)
-    (tmp_path / "cart.toml").write_text(NUMBERS)
-    result = inspected(tmp_path / "cart.toml", "--json")
+    result = inspected(cart_in(tmp_path), "--json")
     assert result.exit_code == 3, result.output
     missing = json.loads(result.stdout)["missing"]
     assert missing[0] == "arms"
@@ -234,9 +193,7 @@ def test_what_a_robot_lacks_is_listed(tmp_path: Path) -> None:
 
 
 def test_a_picture_of_no_arms_and_a_robot_that_is_not_there_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "cart.urdf").write_text(CART)
-    (tmp_path / "cart.toml").write_text(NUMBERS)
-    result = inspected(tmp_path / "cart.toml", "--picture", tmp_path / "reach.png")
+    result = inspected(cart_in(tmp_path), "--picture", tmp_path / "reach.png")
     assert (result.exit_code, (tmp_path / "reach.png").exists()) == (2, False)
     assert inspected("no_such_robot").exit_code == 2
     assert inspected("amigo", "--picture", tmp_path / "reach.jpg").exit_code == 2

@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.belief import SemanticMap, default_starts, read_map, scene_of, support_of
-from executive.belief.stated_values import EXTENTS, rigid
+from executive.belief.stated_values import EXTENTS, rigid, stated_size
 from planlang.diagnostics import BadInput, Diagnostic, Severity
+from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.geometry.outline import footprint
 from planlang.ontology import load
-from planlang.resources import bundled
 from sim import Body, PlanningWorld, Scene
 from sim.people import figure_of, reach_from
 
@@ -184,7 +184,7 @@ def test_sizes_types_parts_and_hinges_are_those_of_the_truth(corpus: Path, name:
         if expected is None:
             continue
         stated = [expected["dimensions"].get(extent) for extent in EXTENTS]
-        assert list(thing.stated_size) == stated, thing.name
+        assert list(stated_size(semantic_map.ontology, thing.iri, [])) == stated, thing.name
         assert [cls.rsplit("#")[-1] for cls in thing.types] == expected["types"], thing.name
         assert {part.rsplit("#")[-1] for part in thing.parts} == {part.rsplit("#")[-1] for part in expected["parts"]}
         assert len(thing.hinged_to) == len(expected["hingedTo"])

@@ -10,10 +10,11 @@ import numpy as np
 import pybullet
 import pybullet_data
 import pytest
+from robot_files import BASE, PANDA_ARM
 
 from executive.motion import Chain
 from executive.robots import Robot, bind_robot, robots
-from executive.robots.mechanism import Mount, composed
+from executive.robots.mechanism import Mount, mounted
 from planlang.designators import Device
 from planlang.diagnostics import BadInput
 from planlang.geometry import Pose
@@ -238,34 +239,11 @@ def test_a_posture_is_known_by_name(amigo: Robot, request: pytest.FixtureRequest
     assert ask("yoga") is None
 
 
-PANDA = """
-name = "panda"
-urdf = "panda.urdf"
-[base]
-radius = 0.26
-speed = 0.5
-acceleration = 0.5
-turn_speed = 1.0
-turn_acceleration = 1.0
-jerk = 5.0
-[arms.arm]
-tip = "panda_grasptarget"
-hand = "panda_hand"
-approach = [0, 0, 1]
-closing = [0, 1, 0]
-[arms.arm.gripper]
-opened = { panda_finger_joint1 = 0.04, panda_finger_joint2 = 0.04 }
-closed = { panda_finger_joint1 = 0.0, panda_finger_joint2 = 0.0 }
-fingers = ["panda_leftfinger", "panda_rightfinger"]
-max_opening = 0.075
-"""
-
-
 def test_a_single_arm_without_torso_neck_and_camera_binds(tmp_path: Path) -> None:
     source = Path(pybullet_data.getDataPath()) / "franka_panda"
     shutil.copytree(source, tmp_path / "panda")
     path = tmp_path / "panda" / "robot.toml"
-    path.write_text(PANDA)
+    path.write_text(BASE.replace("robot.urdf", "panda.urdf") + PANDA_ARM)
     robot = bind_robot(path)
     assert (robot.torso, robot.neck, robot.camera, robot.base_link) == (None, (), None, "panda_link0")
     assert [arm.joints for arm in robot.arms] == [tuple(f"panda_joint{k}" for k in range(1, 8))]
@@ -324,11 +302,11 @@ def test_a_base_of_a_primitive_shape_is_put_under_the_root(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (tmp_path / "arm.urdf").write_text(ARM_URDF)
-    made = composed(tmp_path / "arm.urdf", Mount(size, (0.1, 0.0, 0.6)))
+    made = mounted(tmp_path / "arm.urdf", Mount(size, (0.1, 0.0, 0.6)))
     assert made != tmp_path / "arm.urdf"
     assert f"<{shape}" in made.read_text()
-    assert composed(tmp_path / "arm.urdf", Mount(size, (0.1, 0.0, 0.6))) == made
-    assert composed(tmp_path / "arm.urdf", Mount(size, (0.2, 0.0, 0.6))) != made
+    assert mounted(tmp_path / "arm.urdf", Mount(size, (0.1, 0.0, 0.6))) == made
+    assert mounted(tmp_path / "arm.urdf", Mount(size, (0.2, 0.0, 0.6))) != made
 
 
 @pytest.mark.parametrize(

@@ -11,15 +11,15 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.robots import FindingKind, Robot, Semantics, bind_robot, missing_capabilities, requirements
-from executive.robots.matching import ClosedWorld, Judge, Possessions, compared
+from executive.robots.matching import ClosedWorld, Matcher, Possessions, compared
 from executive.robots.self_model import Part, claims_of, parts_of, read_self_model
 from executive.robots.tasks import Match, match, with_remedies
 from planlang.diagnostics import Span
+from planlang.files import bundled
 from planlang.ontology import BNode, Ontology, expand, load
 from planlang.ontology.expressions import Expression
 from planlang.ontology.writing.expression_text import expression_of, text_of
 from planlang.recipe import Actions, read_recipe
-from planlang.resources import bundled
 
 RECIPES = {
     "serve_drink_hydro": "serve_drink@knowrob_hydro_2014-11.owl",
@@ -125,7 +125,7 @@ def tea(folder: Path, requires: str = "", claims: str = "", more: str = "") -> M
     path = written(folder, text)
     ontology = load(path)
     found = matched(path, modelled(path), task="MakingTea")
-    return with_remedies(found, Judge(ontology, modelled(path)), [ontology])
+    return with_remedies(found, Matcher(ontology, modelled(path)), [ontology])
 
 
 def needing(component: str) -> str:

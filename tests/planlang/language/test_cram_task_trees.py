@@ -414,8 +414,10 @@ def test_a_handle_shows_the_live_children_by_path() -> None:
             seen.extend((child.path, child.status.value) for child in handle.children)
             inner: Handle = handle.children[0]
             suspend(inner)
-            seen.append(inner.status.value)
+            again = handle.children[0]  # a second handle of the same task
+            seen.append((inner.status.value, again.status.value))
             wake_up(inner)
+            seen.append((inner.status.value, again.status.value))
 
         tree = partial(par, first=partial(sleep, 1), second=partial(sleep, 1))
         await par(partial(tag, "tree", tree), look)
@@ -424,7 +426,8 @@ def test_a_handle_shows_the_live_children_by_path() -> None:
     assert seen == [
         ("body/par/tag/tree/par/first", Status.RUNNING),
         ("body/par/tag/tree/par/second", Status.RUNNING),
-        Status.SUSPENDED,
+        (Status.SUSPENDED, Status.SUSPENDED),
+        (Status.RUNNING, Status.RUNNING),
     ]
 
 
