@@ -13,8 +13,7 @@ from executive.belief.belief import Belief
 from executive.motion import Boxes, QuickCheck, clearance_at
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
 from executive.motion.bodies import Solids
-from executive.motion.clearance import Band, clearances_at
-from executive.motion.footprint import TOUCHING, Outline, cores, outlines, stands_in_none
+from executive.motion.clearance import TOUCHING, Band, Outline, clearances_at, cores, outlines, stands_in_none
 from executive.robots import Robot
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array

@@ -12,9 +12,8 @@ from pathlib import Path
 import typer
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
-from planlang.files import open_regular
-from planlang.plan_header import PlanHeader, header
-from planlang.resources import Bundled
+from planlang.files import Bundled, open_regular
+from planlang.outputs import PlanHeader, header
 
 
 def chosen(

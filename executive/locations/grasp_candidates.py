@@ -18,6 +18,7 @@ from executive.belief.believed_bodies import Block, ComfortZone
 from executive.locations.reachability import GraspClass
 from executive.robots.arms import HandFrame, Held
 from planlang.geometry import Array
+from planlang.geometry.matrices import product, rotated
 
 APPROACH = 0.08
 """Distance of the pre-grasp back along the approach direction [m] (rules of `in_front_of`)."""
@@ -204,7 +205,7 @@ def placing(name: str, centres: Array, frame: HandFrame, held: Held, *, fine: bo
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(centres)), np.arange(len(turns)), indexing="ij"))
     weights = 1.0 - 0.5 * at / max(len(centres), 1)
     base, grasp, heading, roll = _held_upright(frame, held)
-    rotations = _turned(turns[turn] - heading) @ base
+    rotations = product(upright(turns[turn] - heading), base)
     points = centres[at] - held.offsets(rotations)
     offsets = np.tile(np.array([[0.0, 0.0, LOWERING], [0.0, 0.0, 0.0]]), (len(at), 1, 1))
     return GraspCandidates(
@@ -226,7 +227,7 @@ def retreating(name: str, grasp: Array, frame: HandFrame) -> GraspCandidates:
     ``grasp`` (4, 4) is the tip pose at which the object was grasped.
     """
     kind, heading, roll = classified(grasp[:3, :3], frame)
-    approach = grasp[:3, :3] @ np.asarray(frame.approach)
+    approach = rotated(grasp[:3, :3], np.asarray(frame.approach))
     rises = np.array([[0.0, 0.0, rise] for rise in LIFTS])
     count = len(rises)
     return GraspCandidates(
@@ -270,8 +271,8 @@ def joined(parts: list[GraspCandidates]) -> GraspCandidates:
 
 def classified(rotation: Array, frame: HandFrame) -> tuple[int, float, int]:
     """Return the nearest class of a tip rotation (3, 3): its index in CLASSES, the heading [rad] and the roll."""
-    approach = rotation @ np.asarray(frame.approach)
-    closing = rotation @ np.asarray(frame.closing)
+    approach = rotated(rotation, np.asarray(frame.approach))
+    closing = rotated(rotation, np.asarray(frame.closing))
     pitch = math.asin(float(np.clip(-approach[2], -1.0, 1.0)))
     grasp = min(range(len(CLASSES)), key=lambda index: abs(CLASSES[index].pitch - pitch))
     if CLASSES[grasp] is GraspClass.TOP:
@@ -310,7 +311,7 @@ def _level(
             else replace(candidates, points=_raised(candidates.points, lowest(candidates.rotations)))
         )
     base, grasp, heading, roll = _held_upright(frame, held)
-    rotations = _turned(headings - heading) @ base
+    rotations = product(upright(headings - heading), base)
     points = places - held.offsets(rotations)
     if lowest is not None:
         points[:, 2] = places[:, 2]
@@ -330,8 +331,8 @@ def _held_upright(frame: HandFrame, held: Held) -> tuple[Array, int, float, int]
     return (base, *classified(base, frame))
 
 
-def _turned(angles: Array) -> Array:
-    """Return rotations (m, 3, 3) about the vertical."""
+def upright(angles: Array) -> Array:
+    """Return rotations (m, 3, 3) about the vertical by angles (m,) [rad]."""
     turns = np.zeros((len(angles), 3, 3))
     turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angles)
     turns[:, 1, 0] = np.sin(angles)

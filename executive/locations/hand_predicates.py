@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from functools import partial
 from itertools import islice
 
@@ -29,10 +30,10 @@ from executive.locations.grasp_candidates import (
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
 from executive.locations.resting import thing_holds, thing_poses
-from executive.locations.search_budget import Stage
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Location
 from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import product, rigid, rotated
 from planlang.relations import HEIGHTS, RELATIONS, Sense
 
 AT_CENTRE = 0.01
@@ -86,13 +87,10 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
                 return np.zeros(len(points), bool)
             demand = ThingDemand(term.body) if meaning.sense is Sense.SUPPORT else ThingDemand(None, term.body)
             offset = held.pose.matrix()[:3, :3]
-            poses = (
-                Pose.from_matrix(_matrix(turn @ offset, middle))
-                for turn, middle in zip(rotations, middles, strict=True)
-            )
+            poses = map(Pose.from_matrix, rigid(product(rotations, offset), middles))
             return np.array([thing_holds(held.name, pose, held.size, demand, scene) for pose in poses], bool)
         case Sense.PRE_GRASP if handled:
-            ahead = points + APPROACH * (rotations @ np.asarray(arm.frame.approach)) - block.centre
+            ahead = points + APPROACH * rotated(rotations, np.asarray(arm.frame.approach)) - block.centre
             raised = max(LIFTS) if scene.arms.is_held(term.body) else 0.0
             near = np.linalg.norm(ahead[:, :2], axis=1) <= AT_POSE
             return np.asarray(near & (ahead[:, 2] >= -AT_POSE) & (ahead[:, 2] <= raised + AT_POSE))
@@ -117,15 +115,18 @@ def _is_at(points: Array, centre: Array) -> Mask:
 def _level(rotations: Array, arm: ArmModel, held: Held | None) -> Mask:
     """Return whether the hand is level, or what it holds upright."""
     if held is not None:
-        return np.asarray((rotations @ held.pose.matrix()[:3, 2])[:, 2] >= math.cos(LEVEL))
-    axes = [rotations @ np.asarray(axis) for axis in (arm.frame.approach, arm.frame.closing)]
+        return np.asarray(rotated(rotations, held.pose.matrix()[:3, 2])[:, 2] >= math.cos(LEVEL))
+    axes = [rotated(rotations, np.asarray(axis)) for axis in (arm.frame.approach, arm.frame.closing)]
     return np.asarray(np.max([np.abs(axis[:, 2]) for axis in axes], axis=0) <= math.sin(LEVEL))
 
 
-def _matrix(rotation: Array, point: Array) -> Array:
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, point
-    return matrix
+class Stage(IntEnum):
+    """The share of a hand's candidates that is looked at; each stage has those of the ones before."""
+
+    NATURAL = 0
+    ALL = 1
+    CLOSEST = 2
+    """With twice as many directions of a grasp: between things that stand close a few degrees matter."""
 
 
 NATURAL = (GraspClass.SIDE,)

@@ -17,12 +17,13 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import blocks
 from executive.locations.demands import Reach, ReachKind
-from executive.locations.grasp_candidates import CLASSES, GraspCandidates, HandPoses
+from executive.locations.grasp_candidates import CLASSES, GraspCandidates, HandPoses, upright
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.motion import QuickCheck, cartesian_path
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+from planlang.geometry.matrices import inverse, product, rigid, rotated
 
 FARTHEST = 1.2
 """Largest move of a joint between neighbouring poses of a candidate [rad, m]."""
@@ -44,13 +45,7 @@ class Solved:
 
 def base_matrices(bases: Array) -> Array:
     """Return poses (m, 4, 4) of the base frame in the map for bases (m, 3)."""
-    matrices = np.zeros((len(bases), 4, 4))
-    matrices[:, 0, 0] = matrices[:, 1, 1] = np.cos(bases[:, 2])
-    matrices[:, 1, 0] = np.sin(bases[:, 2])
-    matrices[:, 0, 1] = -matrices[:, 1, 0]
-    matrices[:, 0, 3], matrices[:, 1, 3] = bases[:, 0], bases[:, 1]
-    matrices[:, 2, 2] = matrices[:, 3, 3] = 1.0
-    return matrices
+    return rigid(upright(bases[:, 2]), np.column_stack([bases[:, :2], np.zeros(len(bases))]))
 
 
 def unblocked(candidates: GraspCandidates, check: QuickCheck, rejections: Rejections) -> GraspCandidates:
@@ -108,8 +103,7 @@ def solve(
             reasons[row] = reason
         return rows[[reasons[row] is None for row in rows.tolist()]]
 
-    to_base = np.linalg.inv(base_matrices(bases))
-    targets = to_base[:, None] @ candidates.poses(index)
+    targets = product(inverse(base_matrices(bases))[:, None], candidates.poses(index))
     alive = np.arange(count)
     if slack is not None:
         alive = left(alive, _in_the_way(_blocked(seeds[:, :1], bases, check, slack)))
@@ -197,7 +191,7 @@ def straight(solution: HandSolution, base: BasePose) -> Array | None:
 
     Without those at the first pose, where the lines begin.
     """
-    poses = np.linalg.inv(base_matrices(np.array([base]))[0]) @ solution.plan.poses
+    poses = product(inverse(base_matrices(np.array([base]))[0]), solution.plan.poses)
     q, rows = solution.joints[0], [solution.joints[:0]]
     for one, other in pairwise(poses):
         line = cartesian_path(solution.arm.solver, q, one, other, lambda _: True)
@@ -332,7 +326,7 @@ def within_reach(
     candidates: GraspCandidates, index: NDArray[np.intp], placed: Array, arm: ArmModel
 ) -> NDArray[np.bool_]:
     """Return whether key poses are no farther from a base at ``placed`` (4, 4) than the arm is long: a quick test."""
-    points = (candidates.points[index] - placed[:3, 3]) @ placed[:3, :3]
+    points = rotated(placed[:3, :3].T, candidates.points[index] - placed[:3, 3])
     shoulders = np.repeat(((arm.shoulder_low + arm.shoulder_high) / 2)[None], len(points), 0)
     shoulders[:, 2] = np.clip(points[:, 2], arm.shoulder_low[2], arm.shoulder_high[2])
     return np.asarray(np.linalg.norm(points - shoulders, axis=1) <= arm.reach)

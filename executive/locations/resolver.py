@@ -2,7 +2,7 @@
 
 A location is bound to the planning scene (``demands``). Base poses come from reachability maps if something has to be
 reached (``search``), else from the floor (``floor_search``), and are validated (``validation``). When a first, natural
-choice of hand poses leads to nothing, more and more of them are looked at (``search_budget``) before it fails.
+choice of hand poses leads to nothing, more and more of them are looked at (``BUDGETS``) before it fails.
 """
 
 from __future__ import annotations
@@ -18,13 +18,12 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.consistency import meaningless
 from executive.locations.demands import BaseDemand, Reach, ReachKind, base_demand, hand_demand, thing_demand
 from executive.locations.floor_search import search_floor
-from executive.locations.hand_predicates import candidates_of, hand_holds
+from executive.locations.hand_predicates import Stage, candidates_of, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base, is_among, stopped_by, unblocked
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.rejections import COLLISION, Rejections
 from executive.locations.resting import thing_holds, thing_poses
-from executive.locations.search import ReachSearch
-from executive.locations.search_budget import BUDGETS, Stage
+from executive.locations.search import BUDGETS, ReachSearch
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Device, Location, Object

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -18,7 +19,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Misses, invert, moved_to_room
 from executive.locations.demands import BaseDemand, Reach
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
-from executive.locations.hand_predicates import candidates_of
+from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import (
     OFF_LATTICE,
     ON_LATTICE,
@@ -29,7 +30,6 @@ from executive.locations.hand_solutions import (
     unblocked,
 )
 from executive.locations.rejections import Rejections
-from executive.locations.search_budget import SearchBudget
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion, scored, unmet
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
@@ -42,6 +42,45 @@ AT_ONCE = 2048
 """Base poses of which room is looked at in one go, at most."""
 TRAVEL = 8.0
 """Distance over which a base pose loses most of its worth [m]."""
+
+
+ALL = 1_000_000
+"""More rows than a map has, more base poses than a candidate."""
+
+
+@dataclass(frozen=True, slots=True)
+class SearchBudget:
+    """Bounds of one search."""
+
+    stage: Stage
+    least: float
+    """Score of a map's rows that are used."""
+    rows: int
+    """So many of them for each height of the torso."""
+    each: int
+    """Base poses of one candidate."""
+    most: int
+    """Base poses in all."""
+    block: int
+    """Base poses whose inverse kinematics is solved at once."""
+    exact: int
+    """Base poses that are validated exactly."""
+    then: SearchBudget | None = None
+    """Bounds for base poses between those of the maps, when there is nothing at these: no more is looked for then."""
+
+    @property
+    def fine(self) -> bool:
+        """Return True if not only natural candidates are looked at."""
+        return self.stage > Stage.NATURAL
+
+
+BETWEEN = SearchBudget(Stage.CLOSEST, least=0.0, rows=2_000, each=ALL, most=12_000, block=512, exact=500)
+BUDGETS = (
+    SearchBudget(Stage.NATURAL, least=0.1, rows=400, each=16, most=384, block=48, exact=40),
+    SearchBudget(Stage.NATURAL, least=0.1, rows=400, each=256, most=6_000, block=48, exact=80),
+    SearchBudget(Stage.ALL, least=0.05, rows=400, each=128, most=12_000, block=128, exact=150),
+    SearchBudget(Stage.CLOSEST, least=0.0, rows=2_000, each=ALL, most=40_000, block=512, exact=500, then=BETWEEN),
+)
 
 
 class ReachSearch:

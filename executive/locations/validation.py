@@ -11,7 +11,7 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Area, Clear, Facing
 from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
-from executive.locations.hand_predicates import candidates_of
+from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import (
     HandSolution,
     from_base,
@@ -23,7 +23,6 @@ from executive.locations.hand_solutions import (
 )
 from executive.locations.inverse_map import InverseMaps
 from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
-from executive.locations.search_budget import Stage
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location

@@ -3,11 +3,11 @@
 General layout: ``symbolic`` is the mathematics behind ``kinematics``, ``row_function`` computes it for many rows.
 ``bodies`` are convex pieces, ``spheres`` fill shapes, ``arm_bodies`` puts a robot's links and a room together, and
 ``collision`` checks configurations and base poses by them, here and for ``executive.locations``.
-``arm_path`` searches a ``joint_space`` with it, ``tip_line`` goes straight; ``base_path`` (on ``clearance``) drives.
+``arm_path`` searches a joint space with it, ``tip_line`` goes straight; ``base_path`` (on ``clearance``) drives.
 ``timing`` turns waypoints into trajectories. Random generators are passed in; ``errors`` lists what is raised.
 """
 
-from executive.motion.arm_path import plan_path
+from executive.motion.arm_path import JointSpace, plan_path
 from executive.motion.base_path import plan_base_path
 from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
 from executive.motion.collision import QuickCheck
@@ -19,7 +19,6 @@ from executive.motion.errors import (
     StartInCollision,
 )
 from executive.motion.gaze import Gaze
-from executive.motion.joint_space import JointSpace
 from executive.motion.kinematics import Chain, InverseKinematics
 from executive.motion.timing import time_curve, time_path
 from executive.motion.tip_line import TipLine, cartesian_path, keeps_line

@@ -419,6 +419,12 @@ def _members(first: Index, groups: Index) -> tuple[Index, Index]:
 
 
 def _gaps(points: Array, radii: Array, solids: Solids, pieces: Index) -> Array:
-    """Return the gaps (k,) between spheres and pieces, each pair in one frame."""
-    local = np.einsum("kij,ki->kj", solids.axes[pieces], points - solids.centres[pieces])
-    return distances(local, solids.half[pieces], solids.kinds[pieces]) - radii
+    """Return the gaps (k,) between spheres and pieces, each pair in one frame; spheres need no axes."""
+    away = points - solids.centres[pieces]
+    gaps = np.sqrt(_squares(away)) - solids.reach[pieces] - radii
+    others = np.flatnonzero(solids.kinds[pieces] != 3)
+    if len(others):
+        pieces = pieces[others]
+        local = np.einsum("kij,ki->kj", solids.axes[pieces], away[others])
+        gaps[others] = distances(local, solids.half[pieces], solids.kinds[pieces]) - radii[others]
+    return np.asarray(gaps)

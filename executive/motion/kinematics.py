@@ -228,7 +228,6 @@ class ChainFunctions:
     def __init__(self, symbolic: SymbolicChain, lower: Array, upper: Array) -> None:
         """``lower`` and ``upper`` (d,) are infinite for joints that turn without end."""
         self._symbolic, self._lower, self._upper = symbolic, lower, upper
-        self._steps: dict[tuple[float, ...] | None, RowFunction] = {}
 
     @cached_property
     def tip(self) -> RowFunction:
@@ -245,12 +244,10 @@ class ChainFunctions:
         """Forward kinematics of all moving links."""
         return RowFunction(self._symbolic.frames_function())
 
-    def step(self, free_axis: tuple[float, ...] | None) -> RowFunction:
-        """Return a step of inverse kinematics."""
-        if free_axis not in self._steps:
-            axis = None if free_axis is None else np.array(free_axis)
-            self._steps[free_axis] = RowFunction(self._symbolic.step_function(self._lower, self._upper, axis))
-        return self._steps[free_axis]
+    @cached_property
+    def step(self) -> RowFunction:
+        """A step of inverse kinematics."""
+        return RowFunction(self._symbolic.step_function(self._lower, self._upper))
 
     def within(self, q: Array) -> Array:
         """Return configurations (d, n) with each joint at the limit that it is beyond."""
@@ -265,19 +262,8 @@ MOST_CHAINS = 32
 class InverseKinematics:
     """Configurations of a chain that bring its tip to a pose, by Levenberg-Marquardt from given seeds."""
 
-    def __init__(self, chain: Chain, *, free_axis: ArrayLike | None = None) -> None:
-        """``free_axis`` (3,) in the tip's frame: the tip may turn about it, as a hand does around a cylinder."""
+    def __init__(self, chain: Chain) -> None:
         self.chain = chain
-        self._free_axis = None
-        if free_axis is not None:
-            axis = np.asarray(free_axis, float)
-            if axis.shape != (3,) or np.linalg.norm(axis) < 1e-9:
-                raise ValueError(f"free_axis must be a vector (3,) of some length, got {free_axis!r}")
-            self._free_axis = axis / np.linalg.norm(axis)
-
-    @cached_property
-    def _step(self) -> RowFunction:
-        return self.chain.functions.step(None if self._free_axis is None else tuple(self._free_axis.tolist()))
 
     def solve(self, targets: ArrayLike, seeds: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
         """Solve for targets (m, 4, 4) in the base frame, each from its seeds (m, s, d) in order until one converges.
@@ -319,7 +305,7 @@ class InverseKinematics:
         row, least = np.arange(q.shape[1]), np.full(q.shape[1], np.inf)
         slow = np.zeros(q.shape[1], np.intp)
         for step in range(STEPS + 1):
-            moved, squares = self._step(q, targets)
+            moved, squares = self.chain.functions.step(q, targets)
             met = (squares <= TOLERANCES).all(axis=0)
             error = squares[0] + ROTATION_WEIGHT**2 * squares[1]
             nearer = error < STALLED * least
@@ -333,16 +319,6 @@ class InverseKinematics:
                     break
             q = moved
         return found, errors, solved
-
-    def solve_one(
-        self, target: ArrayLike, seed: ArrayLike, rng: np.random.Generator | None = None, restarts: int = 20
-    ) -> Array | None:
-        """Return q (d,) for one target (4, 4) from a seed (d,), then random seeds if ``rng`` is given; or None."""
-        seeds = np.asarray(seed, float)[None]
-        if rng is not None:
-            seeds = np.concatenate([seeds, self.chain.sample(rng, restarts)])
-        q, ok = self.solve(np.asarray(target, float)[None], seeds[None])
-        return q[0] if ok[0] else None
 
 
 def _master(joint: Joint, every: Mapping[str, Joint]) -> tuple[str, float, float]:

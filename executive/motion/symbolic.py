@@ -100,26 +100,19 @@ class SymbolicChain:
     def _function(self, name: str, output: Any) -> Any:
         return casadi.Function(name, [self.q], [output], {"cse": True})
 
-    def step_function(self, lower: Array, upper: Array, free_axis: Array | None) -> Any:
+    def step_function(self, lower: Array, upper: Array) -> Any:
         """Return (q, target) -> (q after one step, squared errors [m^2, rad^2] at q), within limits (d,), or infinite.
 
-        A target is a row of 12: the rotation row by row, the position. ``free_axis`` (3,) is one of the tip about
-        which it may turn freely.
+        A target is a row of 12: the rotation row by row, the position.
         """
         q, target = self.q, casadi.SX.sym("target", 12)
         wanted, place = casadi.reshape(target[:9], 3, 3).T, target[9:]
         linear = place - self.position
-        if free_axis is None:
-            angular = _log(wanted @ self.rotation.T)
-            turning = self.jacobian[3:, :]
-        else:
-            axis = self.rotation @ casadi.SX(casadi.DM(free_axis))
-            angular = _turn_between(axis, wanted @ casadi.SX(casadi.DM(free_axis)))
-            turning = self.jacobian[3:, :] - axis @ (axis.T @ self.jacobian[3:, :])
+        angular = _log(wanted @ self.rotation.T)
         squares = casadi.vertcat(casadi.dot(linear, linear), casadi.dot(angular, angular))
 
         error = casadi.vertcat(linear, ROTATION_WEIGHT * angular)
-        jacobian = casadi.vertcat(self.jacobian[:3, :], ROTATION_WEIGHT * turning)
+        jacobian = casadi.vertcat(self.jacobian[:3, :], ROTATION_WEIGHT * self.jacobian[3:, :])
         low, high = casadi.DM(lower), casadi.DM(upper)
         slope = jacobian.T @ error
         leaving = casadi.logic_or(
@@ -147,18 +140,6 @@ def _log(rotation: Any) -> Any:
         casadi.logic_and(sine < HALF_TURN, cosine < 0),
         column * (angle / casadi.norm_2(column)),
         twice / 2 * (angle / sine),
-    )
-
-
-def _turn_between(axis: Any, wanted: Any) -> Any:
-    """Return the shortest rotation vector that turns one unit vector onto another; of opposite ones one of many."""
-    cross = casadi.cross(axis, wanted)
-    sine = casadi.sqrt(casadi.dot(cross, cross) + 1e-20)
-    cosine = casadi.dot(axis, wanted)
-    angle = casadi.atan2(sine, cosine)
-    across = _longest(casadi.SX.eye(3) - axis @ axis.T)
-    return casadi.if_else(
-        casadi.logic_and(sine < HALF_TURN, cosine < 0), across * (angle / casadi.norm_2(across)), cross * (angle / sine)
     )
 
 

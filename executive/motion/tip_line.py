@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from executive.motion.kinematics import InverseKinematics
 from planlang.geometry import Array
+from planlang.geometry.matrices import cross_matrix, product, rotated
 
 UNTURNED = 1e-12
 """Poses turned against each other by no more than half of this have the same rotation [rad]."""
@@ -75,12 +76,12 @@ def keeps_line(poses: Array, start: Array, goal: Array) -> bool:
     moved = poses[:, :3, 3] - start[:3, 3]
     along = np.clip(moved @ way / max(float(way @ way), UNMOVED), 0.0, 1.0)
     stray = np.linalg.norm(moved - along[:, None] * way, axis=1).max()
-    turns = poses[:, :3, :3] @ start[:3, :3].T
+    turns = product(poses[:, :3, :3], start[:3, :3].T)
     axis, _ = _turn(start, goal)
     if axis is None:
         cosines = (np.trace(turns, axis1=1, axis2=2) - 1) / 2
     else:  # turned about it alone, an axis stays where it is
-        cosines = (turns @ axis) @ axis
+        cosines = rotated(turns, axis) @ axis
     return bool(stray <= LARGEST_STRAY and cosines.min() >= math.cos(LARGEST_TILT))
 
 
@@ -113,17 +114,17 @@ def _between(start: Array, goal: Array, steps: int) -> Array:
     poses[:, :3, 3] += shares[:, None] * (goal[:3, 3] - start[:3, 3])
     axis, angle = _turn(start, goal)
     if axis is not None:
-        cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+        cross = cross_matrix(axis)
         parts = shares[:, None, None] * angle
-        turns = np.eye(3) + np.sin(parts) * cross + (1 - np.cos(parts)) * (cross @ cross)
-        poses[:, :3, :3] = turns @ start[:3, :3]
+        turns = np.eye(3) + np.sin(parts) * cross + (1 - np.cos(parts)) * product(cross, cross)
+        poses[:, :3, :3] = product(turns, start[:3, :3])
     poses[-1] = goal
     return poses
 
 
 def _turn(start: Array, goal: Array) -> tuple[Array | None, float]:
     """About which axis (3,) and how far [rad] one pose (4, 4) is turned against another; None where it is not."""
-    turn = goal[:3, :3] @ start[:3, :3].T
+    turn = product(goal[:3, :3], start[:3, :3].T)
     twice = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     cosine, double_sine = (np.trace(turn) - 1) / 2, math.sqrt(twice @ twice)
     if cosine >= 0 and double_sine <= UNTURNED:

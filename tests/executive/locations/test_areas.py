@@ -15,8 +15,7 @@ from executive.belief.planning_scene import Unseen
 from executive.belief.scene_collisions import DOUBTFUL, Floor
 from executive.locations.areas import area_of
 from executive.locations.base_candidates import BaseCandidates
-from executive.motion.clearance import Boxes
-from executive.motion.footprint import outlines
+from executive.motion.clearance import Boxes, outlines
 from planlang.designators import a_location, an_object, located
 from planlang.geometry import Array, Pose
 from planlang.relations import RELATIONS

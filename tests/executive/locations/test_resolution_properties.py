@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from executive.locations import Rejections, Resolver
 from executive.locations.resolver import APART, MOST, Answers
-from executive.locations.search_budget import BUDGETS
+from executive.locations.search import BUDGETS
 from planlang import at_location
 from planlang.designators import Location, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable, ManipulationPoseUnreachable, ObjectUnreachable

@@ -15,8 +15,7 @@ import pytest
 from executive.belief.scene_collisions import CELL, Floor
 from executive.locations.base_candidates import FINER, BaseCandidates, moved_to_room
 from executive.locations.reachability import YAWS
-from executive.motion.clearance import Boxes
-from executive.motion.footprint import outlines
+from executive.motion.clearance import Boxes, outlines
 from planlang.designators import Location, a_location
 from planlang.geometry import Array, Pose
 from tests.support.locations.answers import lines

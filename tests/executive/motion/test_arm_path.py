@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from executive.motion.arm_path import plan_path
+from executive.motion.arm_path import JointSpace, plan_path
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
-from executive.motion.joint_space import JointSpace
 from planlang.geometry import Array
 
 LOW, HIGH = np.zeros(2), np.ones(2) * 4
