@@ -114,7 +114,7 @@ ANYTHING = ("EnduringThing-Localized", "SpatialThing-Localized", "SpatialThing")
 """Classes of things that are somewhere, whatever they are."""
 
 MOST_PLACES = 10
-"""Places that may refer to each other in a chain."""
+"""Places that may refer to each other in a chain: a plan calls the function of each in that of the one before."""
 
 _SIZES = ("long", "int", "short", "byte", "unsignedLong", "unsignedInt", "unsignedShort", "unsignedByte")
 _SIGNS = ("positiveInteger", "nonNegativeInteger", "negativeInteger", "nonPositiveInteger")
