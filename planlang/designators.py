@@ -354,7 +354,7 @@ def holding(what: Object) -> Condition:
 
 
 def located(where: Location, what: Object | None = None) -> Condition:
-    """True while the robot's base, or the hand that is given as a device, or an object, is at a location."""
+    """Return the condition that the robot's base, or a hand (given as a device), or an object, is at a location."""
     _LOCATED.instance("where", where, Location, "a location")
     if what is not None:
         _LOCATED.instance("what", what, Object, "an object")
@@ -406,7 +406,7 @@ _LENGTH = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d{1,3})?)\s*([A
 
 
 def metres(length: float | str) -> float:
-    """A length in metres, from metres or from a number with a unit: 0.3, "30 cm", "1 ft".
+    """Return a length in metres, from metres or from a number with a unit: 0.3, "30 cm", "1 ft".
 
     Raises ValueError for what is no length, is negative or not finite, telling the units there are.
     """

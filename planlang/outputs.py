@@ -229,7 +229,7 @@ class PlanHeader:
         return hashlib.sha256(content).hexdigest().startswith(self.sha256)
 
     def is_edited(self, source: str) -> bool:
-        """True if the plan's source is not as it was compiled, or that cannot be told."""
+        """Return True if the plan's source is not as it was compiled, or that cannot be told."""
         return self.digest != digest(source)
 
     def find_recipe(self, plan: Path, folders: Iterable[Path] = ()) -> Path | None:

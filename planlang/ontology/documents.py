@@ -48,13 +48,8 @@ _TURTLE = re.compile(
 )
 
 
-def syntax_of(content: bytes, file: str) -> Syntax:
-    """Return the syntax of a file's content. Raises BadInput if it is none of the known ones."""
-    return syntax_of_text(decode(content, file), file)
-
-
-def syntax_of_text(text: str, file: str) -> Syntax:
-    """Return the syntax of a text; see :func:`syntax_of`."""
+def syntax_of(text: str, file: str) -> Syntax:
+    """Return the syntax of a file's text. Raises BadInput if it is none of the known ones."""
     beginning = _NOTHING_SAID.match(text)
     assert beginning is not None
     position = beginning.end()
@@ -75,7 +70,7 @@ def syntax_of_text(text: str, file: str) -> Syntax:
 def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
     """Return the triples of a file in any of the syntaxes. Raises BadInput as their readers do."""
     text = decode(content, file)
-    match syntax_of_text(text, file):
+    match syntax_of(text, file):
         case Syntax.RDFXML:
             from planlang.ontology.rdfxml import read_rdfxml as read
         case Syntax.MANCHESTER:

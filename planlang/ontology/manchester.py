@@ -219,7 +219,7 @@ class _Names:
         return name in self._classes
 
     def resolve(self, name: str, span: Span) -> str:
-        """The IRI of ``<IRI>``, ``prefix:name`` or ``name``; an unknown prefix is noted and read as the file's own."""
+        """Return the IRI of ``<IRI>``, ``prefix:name`` or ``name``; a made-up one for an unknown prefix."""
         iri = self._known.get(name)
         if iri is None:
             iri = self._iri(name)

@@ -34,9 +34,8 @@ class Graph:
             if isinstance(triple.object, BNode) and triple.predicate not in (_SOURCE, _TARGET):
                 self._with.setdefault(triple.object, []).append(triple)
         for subject in self._about:
-            if isinstance(subject, BNode) and (
-                self.has(subject, RDF.type, AXIOM) or self.has(subject, RDF.type, ANNOTATION)
-            ):
+            kinds = {triple.object for triple in self.about(subject, RDF.type)}
+            if isinstance(subject, BNode) and not kinds.isdisjoint((AXIOM, ANNOTATION)):
                 sources, properties, targets = (self.about(subject, part) for part in (_SOURCE, _PROPERTY, _TARGET))
                 if len(sources) == len(properties) == len(targets) == 1:
                     key = (sources[0].object, properties[0].object, targets[0].object)
@@ -112,39 +111,27 @@ MOST_ROUNDS = 60
 MOST_TIES = 200
 """Nodes that are told apart by mere choice when everything said of them is alike."""
 
-Key = tuple[str, ...]
 
+def labelled(triples: Iterable[Triple]) -> list[Triple]:
+    """Return the triples sorted, each once, with labels b1, b2, ... for the nameless nodes in order of use.
 
-class Order:
-    """An order of terms that depends on the graph alone, not on labels nor on the order of triples.
-
-    Nodes whose surroundings cannot be told apart are in the order in which they come; in what real files hold they are
-    interchangeable. (In general this is graph isomorphism: graphs made for it are not ordered the same every time.)
+    IRIs come before values before nameless nodes. The order depends on the graph alone, not on labels nor on the order
+    of the triples. Nodes whose statements cannot be told apart are in the order in which they come; in what real files
+    hold they are interchangeable. (In general this is graph isomorphism: graphs made for it may be ordered otherwise.)
     """
+    unique = {(t.subject, t.predicate, t.object): t for t in reversed(list(triples))}
+    colours = _colours(list(unique.values()))
 
-    def __init__(self, triples: Iterable[Triple]) -> None:
-        self._colours = _colours(list(triples))
-
-    def key(self, term: Term) -> Key:
-        """IRIs before values before nameless nodes."""
+    def key(term: Term) -> tuple[str, ...]:
         match term:
             case BNode():
-                return ("3", self._colours.get(term, ""), "", "")
+                return ("3", colours.get(term, ""), "", "")
             case Literal(value, datatype, language):
                 return ("2", value, datatype or "", language or "")
             case _:
                 return ("1", term, "", "")
 
-    def triple_key(self, triple: Triple) -> tuple[Key, str, Key]:
-        """Return a key that sorts triples by subject, predicate and object."""
-        return self.key(triple.subject), triple.predicate, self.key(triple.object)
-
-
-def labelled(triples: Iterable[Triple]) -> list[Triple]:
-    """Return the triples sorted, each once, with labels b1, b2, ... for the nameless nodes in order of use."""
-    unique = {(t.subject, t.predicate, t.object): t for t in reversed(list(triples))}
-    order = Order(unique.values())
-    found = sorted(unique.values(), key=order.triple_key)
+    found = sorted(unique.values(), key=lambda triple: (key(triple.subject), triple.predicate, key(triple.object)))
     labels: dict[BNode, BNode] = {}
 
     def label(term: Term) -> Term:

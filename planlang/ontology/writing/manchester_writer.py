@@ -286,8 +286,10 @@ class _Writer:
     # things that have none
 
     def _axiom(self, node: BNode) -> str | None:
-        """An axiom about several things, or about two of which the first is an expression; a negative fact goes to
-        its individual's frame."""
+        """Return an axiom about several things, or about two of which the first is an expression.
+
+        A negative fact goes to the frame of its individual instead.
+        """
         graph = self._graph
         if graph.has(node, RDF.type, OWL.NegativePropertyAssertion):
             self._negative(node)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.ontology import load
-from planlang.ontology.documents import Syntax, read_bytes, syntax_of_text
+from planlang.ontology.documents import Syntax, read_bytes, syntax_of
 from planlang.ontology.xml_text import decode
 from planlang.recipe.actions import Actions
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix
@@ -141,7 +141,7 @@ def fix_recipe(
 
 def _editable(state: _State) -> Editable:
     """Return the text as RDF/XML or as Manchester syntax. Raises CannotEdit if it is XML with mistakes, or Turtle."""
-    match syntax_of_text(state.text, "the recipe"):
+    match syntax_of(state.text, "the recipe"):
         case Syntax.RDFXML:
             return XmlText(state.text, state.file)
         case Syntax.MANCHESTER:

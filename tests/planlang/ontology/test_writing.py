@@ -185,4 +185,4 @@ def test_a_text_is_told_to_be_of_the_syntax_that_it_is_written_in(target: Target
     expected = {Target.MANCHESTER: Syntax.MANCHESTER, Target.RDFXML: Syntax.RDFXML}.get(target, Syntax.TURTLE)
     converted = convert(bundled("recipes") / "serve_a_drink.omn", target)
     assert converted.diagnostics == ()
-    assert syntax_of(converted.text.encode(), "t") is expected
+    assert syntax_of(converted.text, "t") is expected
