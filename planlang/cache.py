@@ -112,7 +112,7 @@ def cache_folder(kind: str) -> Path | None:
 
 
 def _is_ours_alone(folder: Path) -> bool:
-    """True for a folder of this user in which nobody else may write: a digest does not help against a planted entry."""
+    """Return True for this user's folder in which nobody else may write: digests do not help against planted files."""
     try:
         found = folder.stat()
     except OSError:

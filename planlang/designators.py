@@ -6,11 +6,13 @@ Properties are written in snake case (``object_acted_on`` is ``objectActedOn``).
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from decimal import Decimal
 from numbers import Real
 
-from planlang.lengths import metres
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
 from planlang.relations import RELATIONS, measured, named
 
@@ -352,7 +354,7 @@ def holding(what: Object) -> Condition:
 
 
 def located(where: Location, what: Object | None = None) -> Condition:
-    """True while the robot's base, or the hand that is given as a device, or an object, is at a location."""
+    """Return the condition that the robot's base, or a hand (given as a device), or an object, is at a location."""
     _LOCATED.instance("where", where, Location, "a location")
     if what is not None:
         _LOCATED.instance("what", what, Object, "an object")
@@ -368,3 +370,55 @@ def told_apart(first: str, second: str) -> tuple[str, str]:
     """Return what two things (IRIs) are called beside each other: local names, or the whole IRIs if these are equal."""
     short = local_name(first), local_name(second)
     return short if short[0] != short[1] else (f"<{first}>", f"<{second}>")
+
+
+UNITS: dict[str, str] = {
+    "mm": "0.001",
+    "cm": "0.01",
+    "dm": "0.1",
+    "m": "1",
+    "in": "0.0254",
+    "ft": "0.3048",
+    "millimetre": "0.001",
+    "centimetre": "0.01",
+    "decimetre": "0.1",
+    "metre": "1",
+    "millimeter": "0.001",
+    "centimeter": "0.01",
+    "decimeter": "0.1",
+    "meter": "1",
+    "inch": "0.0254",
+    "foot": "0.3048",
+    "millimetres": "0.001",
+    "centimetres": "0.01",
+    "decimetres": "0.1",
+    "metres": "1",
+    "millimeters": "0.001",
+    "centimeters": "0.01",
+    "decimeters": "0.1",
+    "meters": "1",
+    "inches": "0.0254",
+    "feet": "0.3048",
+}
+"""Unit -> metres, as decimal fractions: a float of them would make 35 cm another number than 0.35 m."""
+
+_LENGTH = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d{1,3})?)\s*([A-Za-z]+)\s*", re.ASCII)
+
+
+def metres(length: float | str) -> float:
+    """Return a length in metres, from metres or from a number with a unit: 0.3, "30 cm", "1 ft".
+
+    Raises ValueError for what is no length, is negative or not finite, telling the units there are.
+    """
+    if isinstance(length, str):
+        match = _LENGTH.fullmatch(length)
+        if match is None or match[2] not in UNITS:
+            raise ValueError(f'{length!r} is not a length; write "30 cm" with one of {", ".join(UNITS)}')
+        value = float(Decimal(match[1]) * Decimal(UNITS[match[2]]))
+    elif isinstance(length, bool) or not isinstance(length, int | float):
+        raise ValueError(f'a length is a number of metres or a text such as "30 cm", not {length!r}')
+    else:
+        value = float(length)
+    if not (math.isfinite(value) and value >= 0):
+        raise ValueError(f"a length must be finite and not negative, got {length!r}")
+    return value

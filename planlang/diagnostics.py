@@ -71,7 +71,7 @@ class Diagnostic:
         return f"{text}\n    help: {self.help}" if self.help else text
 
     def as_json(self) -> dict[str, object]:
-        """A JSON object with severity, code, message, span (or null), help (or null); a suggestion if there is one."""
+        """Return severity, code, message, span and help (or null), and the suggestion if there is one, for JSON."""
         suggestion = {"suggestion": asdict(self.suggestion)} if self.suggestion is not None else {}
         return {
             "severity": self.severity.value,

@@ -103,7 +103,7 @@ class RelationType:
 
 
 def _side(name: str, owl: str, forms: tuple[str, ...], *directions: float, prose: str = "") -> RelationType:
-    """A relation that is only a side of X."""
+    """Return a relation that is only a side of X."""
     where = "within 45 degrees of that side of X: in X's frame if X has a front, else in the viewer's"
     return RelationType(
         name,

@@ -23,9 +23,11 @@ FLOOR = "floor"
 """Name that the ground has in a scene without a room."""
 
 WALL = 0.1
+"""Thickness of walls and floors [m]: thick enough that no link is through within one step."""
 AT_REST = 1e-3
 """A limb that is not farther from where it was at first rests there [m]."""
 _AWAY = (0.0, 0.0, -500.0)
+"""Where hidden pieces are: far below everything that falls or is looked at."""
 _COLORS: dict[BodyShape, tuple[float, float, float, float]] = {
     BodyShape.BOX: (0.72, 0.60, 0.45, 1.0),
     BodyShape.CYLINDER: (0.20, 0.50, 0.85, 1.0),

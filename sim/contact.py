@@ -25,8 +25,11 @@ TOLERANCE = 0.0005
 """Penetrations not deeper than this are touching, not contact [m]."""
 
 _SAMPLES = 120
+"""Random postures in which pairs of links are tried: enough to know pairs that always touch from others."""
 _ALWAYS = 0.95
+"""Share of the postures from which on a pair's shapes overlap by design, such as covers around a joint."""
 _COINCIDENT = 0.03
+"""Distance within which the frames of several joints are one place, such as a shoulder [m]."""
 _pairs_of: dict[str, tuple[tuple[int, int], ...]] = {}
 
 SUPPORT_DEPTH = 0.02

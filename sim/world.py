@@ -21,7 +21,9 @@ DEEPER = 0.003
 """A contact that was there before the motion blocks it once it is deeper by more than this [m]."""
 
 _JUMP = 0.05
+"""Distance of a trajectory's first row from the robot [m, rad] beyond which it was planned for another place."""
 _LIMIT = 1e-3
+"""How far a row may be beyond a joint's limits [m, rad]: timing rounds, PyBullet reads limits as floats."""
 Find = Callable[[Configuration, Query], tuple[Contact, ...]]
 
 
@@ -153,6 +155,7 @@ ROBOT = "robot"
 """The name by which :func:`held_by` calls the robot."""
 
 _RESTS = 0.005
+"""Height above its support at which a body still rests on it [m]."""
 
 
 class PyBulletWorld(KinematicScene):

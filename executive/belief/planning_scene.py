@@ -30,7 +30,7 @@ CELL = 0.01
 SPOTS = (-0.8, 0.0, 0.8)
 """Points of a thing that are looked at, as shares of its half extents across the line of sight."""
 FEW = 0.12
-"""Share of these points that is not enough, by a wide margin (see ``executive.belief.planning_scene.SEEN_SHARE``)."""
+"""Share of these points that is not enough, by a wide margin (see :data:`SEEN_SHARE`)."""
 HALF = 1 << 20
 """More cells than a thing is away in any direction."""
 AWAY = 0.02

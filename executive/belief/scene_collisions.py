@@ -29,7 +29,7 @@ BasePose = tuple[float, float, float]
 CELL = 0.05
 """Side of a cell of the grid [m]."""
 HAIR = 1e-6
-"""Share of a cell by which places on the border of two are taken to be in one of them."""
+"""Share of a cell by which places on the border of two count as in one: more than rounding, less than matters."""
 SLACK = 0.03
 """Room that may be missing in the grid, whose cells are 5 cm wide: places are validated exactly later [m]."""
 DOUBTFUL = 0.15

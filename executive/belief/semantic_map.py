@@ -12,10 +12,10 @@ import numpy as np
 from executive.belief.stated_values import EXTENTS, TRIPLES, Size, read_size, read_transform, stated
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
+from planlang.files import Bundled
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.ontology import Literal, Ontology, expand, load
-from planlang.resources import Bundled
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,11 +17,10 @@ from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import PlanFile, RecipeFile, read, read_recipe_file
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
-from planlang.outputs import check_outputs, replace
-from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES, PlanHeader, header
+from planlang.files import SUFFIXES
+from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
 from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT, Fix
 from planlang.recipe.fixes.fixing import Fixed, fix_recipe
-from planlang.resources import SUFFIXES
 
 
 def command(arguments: CheckArguments) -> Answer:

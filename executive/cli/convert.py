@@ -7,9 +7,9 @@ from typing import Any
 from executive.cli.arguments import ConvertArguments
 from executive.cli.console import Answer
 from executive.cli.inputs import refuse
+from planlang.files import Bundled
 from planlang.ontology.writing.convert import Target, convert
 from planlang.outputs import check_outputs, write_text
-from planlang.resources import Bundled
 
 
 def command(arguments: ConvertArguments) -> Answer:

@@ -12,9 +12,8 @@ from pathlib import Path
 import typer
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
-from planlang.files import open_regular
-from planlang.plan_header import PlanHeader, header
-from planlang.resources import Bundled
+from planlang.files import Bundled, open_regular
+from planlang.outputs import PlanHeader, header
 
 
 def chosen(
@@ -102,7 +101,7 @@ def read(name: str) -> PlanFile | RecipeFile:
     except OSError as problem:
         raise BadInput([error("C001", f"{name} cannot be read: {problem.strerror}")]) from None
     text = content.decode("utf-8", errors="replace").lstrip("\ufeff")
-    if _starts_like_owl(text) or _is_utf16(content):
+    if _starts_like_owl(text) or content[:2] in (b"\xff\xfe", b"\xfe\xff"):  # UTF-16
         return RecipeFile(path)
     return _plan(path, text, is_whole=len(content) <= LARGEST_PLAN)
 
@@ -116,10 +115,6 @@ def read_recipe_file(name: str) -> RecipeFile:
     return found
 
 
-def _is_utf16(content: bytes) -> bool:
-    return content[:2] in (b"\xff\xfe", b"\xfe\xff")
-
-
 _OWL_START = re.compile(
     r"(<|@prefix\b|@base\b|PREFIX\b|BASE\b|(Prefix|Ontology|Namespace|Import|Individual|Class)\s*:)"
 )
@@ -129,7 +124,7 @@ _PYTHON_START = re.compile(
 
 
 def _starts_like_owl(text: str) -> bool:
-    """Return True for RDF/XML, Manchester syntax, Turtle, and all but Python: their reader says what is wrong."""
+    """Return True for RDF/XML, Manchester syntax, Turtle, and all but Python: their reader reports what is wrong."""
     for line in text.splitlines():
         line = line.strip()
         if line and not line.startswith("#"):

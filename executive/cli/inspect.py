@@ -16,8 +16,8 @@ from executive.pictures.recording import drawn_in, missing
 from executive.robots import Arm, Robot, bind_robot
 from executive.robots.arms import arm_models, with_carrying
 from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.files import Bundled
 from planlang.outputs import check_outputs, replace
-from planlang.resources import Bundled
 from sim import PlanningWorld, Scene
 
 USEFUL = ("carrying", "prepare_grasp", "handover")

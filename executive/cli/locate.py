@@ -22,13 +22,13 @@ from executive.runs.assembly import platform_of, world_at_start
 from planlang.designators import Location, Object, Person, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable
+from planlang.files import Bundled
 from planlang.ontology import expand, load, shorten
 from planlang.outputs import check_outputs
 from planlang.outputs import replace as write_complete
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.relations import RELATIONS
-from planlang.resources import Bundled
 from sim import PyBulletWorld
 
 

@@ -13,9 +13,9 @@ from executive.robots.matching import Matcher, Possessions
 from executive.robots.self_model import claims_of, parts_of, read_self_model
 from executive.robots.tasks import with_remedies
 from planlang.diagnostics import BadInput, Diagnostic, has_errors, note
+from planlang.files import Bundled
 from planlang.ontology import Ontology, load
 from planlang.recipe import Actions, read_recipe
-from planlang.resources import Bundled
 
 LARGEST_LIBRARY = 200
 """Files of the ``--ontologies`` folders that are searched for missing things: more would take minutes."""

@@ -17,8 +17,8 @@ from executive.cli.inputs import PlanFile, RecipeFile, check_files, chosen, plan
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import Diagnostic, error
+from planlang.files import Bundled
 from planlang.outputs import check_outputs
-from planlang.resources import Bundled
 
 
 def command(arguments: RunArguments) -> Answer:

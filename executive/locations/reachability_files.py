@@ -26,7 +26,7 @@ from executive.locations.reachability_building import SAMPLING, blocks, build_ma
 from executive.locations.reachability_sampling import CHUNK, POSTURES
 from executive.robots.arms import ArmModel
 from planlang.cache import Cache, sealed, unsealed
-from planlang.resources import Bundled
+from planlang.files import Bundled
 
 VERSION = 4
 """Raised whenever maps come out otherwise for the same arm, or their files."""

@@ -104,7 +104,7 @@ class BaseValidator:
         return [arm for arm in arms if self.scene.arms.held(arm.name) is not None] or full
 
     def check_hands(self, reach: Reach, location: Location) -> None:
-        """Raises LocationUnresolvable if something is to be grasped and all hands that may do it are full."""
+        """Raise LocationUnresolvable if something is to be grasped and all hands that may do it are full."""
         if self.arms_for(reach, self.scene.arms.all):
             return
         arms = [arm.name for arm in self.scene.arms.all if reach.arms is None or arm.name in reach.arms]

@@ -21,9 +21,9 @@ from executive.robots.robot_file import (
 from executive.robots.self_model import Part, SelfModel, claims_of, inherent, parts_of, read_self_model
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
+from planlang.files import Bundled
 from planlang.geometry.matrices import inverse, product
 from planlang.ontology import Ontology, load
-from planlang.resources import Bundled
 from sim import CameraModel
 from sim.description import read_description
 

@@ -23,7 +23,7 @@ from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import Ontology, expand, load, shorten
-from planlang.plan_header import LONGEST, header
+from planlang.outputs import LONGEST, header
 from planlang.recipe import Actions, RecipeSet, read_recipe
 
 MOST_NAMES = 20

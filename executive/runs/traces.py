@@ -13,8 +13,8 @@ from typing import Any
 from planlang import Trace
 from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
+from planlang.files import Bundled
 from planlang.kernel.tree import Node
-from planlang.resources import Bundled
 from planlang.runs import DamagedTrace, Past, RecordedRun, differences
 from planlang.runs.codec import load
 

@@ -46,10 +46,12 @@ from planlang.compiler.tree import (
 from planlang.designators import local_name
 
 MOST_UNPACKED = 4
-"""Branches of which results are taken by position; of more they are taken from a list."""
+"""Branches of which results are taken by position; of more they are taken from a list, as a reader would have to count
+underscores."""
 
 LONGEST_VARIABLE = 40
-"""Characters of a variable that is called after a step; after a longer one it is called by what it holds alone."""
+"""Characters of a variable that is called after a step; after a longer one it is called by what it holds alone, as an
+assignment and its call would not fit on one line."""
 
 
 class BodyWriter:

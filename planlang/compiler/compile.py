@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import TypeVar
 
 from planlang.compiler.emit import emit
 from planlang.compiler.lowering import Lowering
@@ -15,7 +16,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, has_errors
 from planlang.kernel.environment import quiet_collector
 from planlang.ontology import Ontology, load
-from planlang.plan_header import NO_DATA_FLOW, NO_SCOPES
+from planlang.outputs import NO_DATA_FLOW, NO_SCOPES
 from planlang.recipe import read_recipe
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import (
@@ -113,6 +114,7 @@ def installed_version() -> str:
 
 
 Key = tuple[tuple[int, int, str], ...]
+_F = TypeVar("_F", bound=Filler)
 
 
 def canonical(recipes: RecipeSet, *, data_flow: bool = True) -> RecipeSet:
@@ -215,16 +217,12 @@ def _parameters(parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
     return tuple(sorted(sorted_inside, key=lambda one: (one.property, _filler_key(one.filler))))
 
 
-def _filler(filler: Filler) -> Filler:
-    return _place(filler) if isinstance(filler, Place) else filler
-
-
-def _place(place: Place) -> Place:
-    relations = [
-        (relation, _place(reference) if isinstance(reference, Place) else reference)
-        for relation, reference in place.relations
-    ]
-    return replace(place, relations=tuple(sorted(relations, key=lambda one: (one[0], _filler_key(one[1])))))
+def _filler(filler: _F) -> _F:
+    """Return a filler; of a place with the relations, also of the places inside of it, in the order of their names."""
+    if not isinstance(filler, Place):
+        return filler
+    relations = [(relation, _filler(reference)) for relation, reference in filler.relations]
+    return replace(filler, relations=tuple(sorted(relations, key=lambda one: (one[0], _filler_key(one[1])))))
 
 
 def _filler_key(filler: Filler) -> tuple[int, tuple[Key, str], str]:

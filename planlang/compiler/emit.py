@@ -10,7 +10,7 @@ from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment
 from planlang.compiler.names import Symbols, is_iri, quoted
 from planlang.compiler.tree import Function, PlanTree
 from planlang.designators import local_name
-from planlang.plan_header import PlanHeader, digest
+from planlang.outputs import PlanHeader, digest
 from planlang.recipe.model import Kind, Place, RecipeSet, Thing
 from planlang.relations import RELATIONS
 

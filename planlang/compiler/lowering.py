@@ -96,6 +96,7 @@ class Lowering:
                 return self._scope(recipe, unit, [overlaps.gated(iri, node(iri)) for iri in unit.steps])
             (iri,) = unit.members()
             made = node(iri)
+            # a recipe that stays where its caller is leaves looking from elsewhere to the caller's scope
             is_outermost = recipe.iri == self._recipes.task or self._actions.moves_the_base(recipe, self._recipes)
             if unit.base is None and is_outermost:
                 made = self._steps.with_looking(recipe, made, [recipe.step(iri)])

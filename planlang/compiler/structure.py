@@ -1,7 +1,7 @@
 """Convert orders, overlaps and transitions to constructs of the plan language.
 
 An order becomes what is one after another, side by side, or a partial order of its own. Steps that overlap run side by
-side: what a relation states about their beginnings and ends (:meth:`planlang.recipe.model.Allen.endpoints`) becomes
+side: what a relation states about their beginnings and ends (:meth:`planlang.recipe.model.Overlap.endpoints`) becomes
 gates: a step begins, or counts as ended, only after the events that it has to wait for; two that begin or end together
 each signal that they are ready, and wait for the other. States and transitions become a state machine.
 """
@@ -16,18 +16,22 @@ from planlang.compiler.names import Names, snake_case
 from planlang.compiler.tree import Case, Event, Gate, Handle, Machine, Node, Parallel, PartialOrder, Series, State
 from planlang.designators import local_name
 from planlang.failures import ObjectNotFound, PlanFailure
-from planlang.recipe.model import End, Ending, Recipe, Step, Transition
+from planlang.recipe.model import Ending, Recipe, Step, Transition
 from planlang.recipe.order import Precedence
 
 MOST_NESTED = 3
-"""Greatest depth of nested constructs, for readers: deeper ones become one partial order, which means the same."""
+"""Greatest depth of nested constructs, for readers: deeper ones become one partial order, which means the same.
+
+The body of a branch of the third is indented by 16 of the 88 columns.
+"""
 
 MOST_ROUNDS = 50
 """Rounds in which modules of an order are merged: one finds all of a level, and what is nested deeper than
 ``MOST_NESTED`` is flattened in any case. It bounds the time that an order of 10,000 steps in 5,000 levels takes."""
 
 LONGEST_NAME = 50
-"""Characters in the name of a branch of several steps."""
+"""Characters in the name of a branch of several steps, which is called after its first and last one: as much as fits
+beside a call."""
 
 _N = TypeVar("_N", bound=Hashable)
 
@@ -193,7 +197,7 @@ def _leaves(part: Part) -> list[int]:
     return [part] if isinstance(part, int) else [leaf for inner in part.parts for leaf in _leaves(inner)]
 
 
-BEGINS, ENDS = "begins", "ends"
+BEGINS, ENDS = _MOMENTS = "begins", "ends"
 READY_TO_BEGIN, READY_TO_END = "is ready to begin", "is ready to end"
 
 _READY = {BEGINS: READY_TO_BEGIN, ENDS: READY_TO_END}
@@ -219,19 +223,13 @@ class Overlaps:
         for overlap in recipe.overlaps:
             text = f"{overlap.relation.value} {local_name(overlap.second)}"
             self._in_words[overlap.first] = ", ".join(filter(None, (self._in_words.get(overlap.first), text)))
-            points = {
-                End.FIRST_BEGINS: (overlap.first, BEGINS),
-                End.FIRST_ENDS: (overlap.first, ENDS),
-                End.SECOND_BEGINS: (overlap.second, BEGINS),
-                End.SECOND_ENDS: (overlap.second, ENDS),
-            }
-            if {overlap.first, overlap.second} <= known:
-                for one, sign, other in overlap.relation.endpoints():
-                    self._relate(points[one], sign, points[other], order)
-            elif recipe.iri in (overlap.first, overlap.second):
-                for one, sign, other in overlap.relation.endpoints():
-                    if sign == "=":
-                        self._with_recipe(recipe, points[one], points[other], order)
+            is_with_recipe = recipe.iri in (overlap.first, overlap.second)
+            for (one, ends), is_strict, (other, others_end) in overlap.endpoints():
+                here, there = (one, _MOMENTS[ends]), (other, _MOMENTS[others_end])
+                if {one, other} <= known:
+                    self._relate(here, there, order, is_strict=is_strict)
+                elif is_with_recipe and not is_strict:
+                    self._with_recipe(recipe, here, there, order)
 
     def gated(self, step: str, node: Node) -> Node:
         """Return the node of a step between its gates, or the node itself if nothing overlaps the step."""
@@ -252,10 +250,12 @@ class Overlaps:
             gates.append(Event(step, moment))
         return tuple(gates)
 
-    def _relate(self, one: tuple[str, str], sign: str, other: tuple[str, str], order: Precedence[str]) -> None:
+    def _relate(
+        self, one: tuple[str, str], other: tuple[str, str], order: Precedence[str], *, is_strict: bool = True
+    ) -> None:
         if one[0] == other[0] or order.ordered(one[0], other[0]):
             return
-        if sign == "=":
+        if not is_strict:
             for mine, theirs in ((one, other), (other, one)):
                 self._point(mine).together[Event(theirs[0], _READY[theirs[1]])] = None
         else:
@@ -272,9 +272,9 @@ class Overlaps:
             if another.iri == step or order.ordered(step, another.iri):
                 continue
             if moment == BEGINS and not order.earlier(another.iri):
-                self._relate((step, BEGINS), "<", (another.iri, BEGINS), order)
+                self._relate((step, BEGINS), (another.iri, BEGINS), order)
             elif moment == ENDS and not order.later(another.iri):
-                self._relate((another.iri, ENDS), "<", (step, ENDS), order)
+                self._relate((another.iri, ENDS), (step, ENDS), order)
 
     def _point(self, point: tuple[str, str]) -> _Point:
         return self._points.setdefault(point, _Point())

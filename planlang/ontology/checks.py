@@ -11,9 +11,9 @@ from typing import Protocol
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
+from planlang.files import bundled
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.ontology.triples import Triples, counted
-from planlang.resources import bundled
 
 MOST_WARNINGS = 100
 """The most warnings of each kind about one file; the last one states how many more there are."""

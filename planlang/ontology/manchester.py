@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
@@ -56,23 +56,15 @@ def where(problem: UnexpectedInput, text: str) -> int:
     return len("\n".join(lines).rstrip())
 
 
-def explain(
-    problem: UnexpectedInput,
-    parser: Lark,
-    text: str,
-    offset: int,
-    file: str,
-    *,
-    words: Sequence[str] = FRAME_WORDS,
-) -> Diagnostic:
-    """Return the diagnostic for a mistake at an offset; ``words`` are suggested wherever they can stand."""
+def explain(problem: UnexpectedInput, parser: Lark, text: str, offset: int, file: str) -> Diagnostic:
+    """Return the diagnostic for a mistake at an offset."""
     word = _WORD.match(text, offset)
     found = "the end of the file" if _is_at_end(problem) or word is None else word[0][:40]
     message = f"unexpected {found}"
     if found == '"':
         message = "a text is not closed, or its quotation marks are unexpected here"
     keywords, spoken = _expected(problem, parser)
-    similar = get_close_matches(found, (*keywords, *words), n=1, cutoff=0.75)
+    similar = get_close_matches(found, (*keywords, *FRAME_WORDS), n=1, cutoff=0.75)
     guess = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
     return error("O020", message, position_of(text, offset, file), f"{guess}expected: {_phrase(keywords, spoken)}")
 
@@ -227,7 +219,7 @@ class _Names:
         return name in self._classes
 
     def resolve(self, name: str, span: Span) -> str:
-        """The IRI of ``<IRI>``, ``prefix:name`` or ``name``; an unknown prefix is noted and read as the file's own."""
+        """Return the IRI of ``<IRI>``, ``prefix:name`` or ``name``; a made-up one for an unknown prefix."""
         iri = self._known.get(name)
         if iri is None:
             iri = self._iri(name)

@@ -15,8 +15,7 @@ from xml.sax.saxutils import escape
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.terms import RDF, BNode, Literal, resolve
 from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples, counted
-from planlang.ontology.xml_repairs import repair
-from planlang.ontology.xml_text import EntityTable, decode, explain, must_be_rdf, opening_tag
+from planlang.ontology.xml_text import EntityTable, decode, explain, must_be_rdf, opening_tag, repair_xml
 
 DEEPEST = 100
 """Elements inside each other."""
@@ -82,7 +81,7 @@ def read_rdfxml(content: bytes | str, file: str, *, base: str, label: str = "b")
     except BadInput as problem:
         if problem.diagnostics[0].code != "O005":
             raise
-        repaired = repair(text, file)
+        repaired = repair_xml(text, file)
         if not repaired.diagnostics:
             raise
         try:

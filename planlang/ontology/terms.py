@@ -10,7 +10,7 @@ from urllib.parse import urljoin
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
-from planlang.resources import bundled
+from planlang.files import bundled
 
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 

@@ -1,7 +1,7 @@
 """Locations as phrases of controlled English: "in reach of the patient with the right arm and not blocking the door".
 
 General layout: ``lexicon`` has the words and the nouns, ``location.lark`` how they are put together; ``reading`` turns
-a phrase into a location and ``writing`` a location into a phrase, inverse to each other; ``mistakes`` explains errors.
+a phrase into a location, and explains errors; ``writing`` turns a location into a phrase that means the same.
 """
 
 from planlang.phrases.lexicon import Lexicon

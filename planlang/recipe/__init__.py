@@ -10,7 +10,6 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.model import (
     Allen,
     Description,
-    End,
     Ending,
     Flow,
     Kind,
@@ -35,7 +34,6 @@ __all__ = [
     "Actions",
     "Allen",
     "Description",
-    "End",
     "Ending",
     "Flow",
     "Kind",

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from functools import cache
 
 from planlang.designators import local_name
+from planlang.files import bundled
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
 from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
 from planlang.relations import of_owl_property
-from planlang.resources import bundled
 
 Dimension = tuple[tuple[str, int], ...]
 """Powers of base quantities (L length, M mass, T time, K temperature, A angle), sorted, none of them 0."""
@@ -114,7 +114,7 @@ ANYTHING = ("EnduringThing-Localized", "SpatialThing-Localized", "SpatialThing")
 """Classes of things that are somewhere, whatever they are."""
 
 MOST_PLACES = 10
-"""Places that may refer to each other in a chain."""
+"""Places that may refer to each other in a chain: a plan calls the function of each in that of the one before."""
 
 _SIZES = ("long", "int", "short", "byte", "unsignedLong", "unsignedInt", "unsignedShort", "unsignedByte")
 _SIGNS = ("positiveInteger", "nonNegativeInteger", "negativeInteger", "nonPositiveInteger")

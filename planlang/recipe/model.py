@@ -5,7 +5,7 @@ A recipe is steps with four kinds of statements among them, each about IRIs of s
 * ``orderings``: one step ends before another begins. Of two intervals, "before" and "meets" are both that; a plan does
   not measure the gap between them.
 * ``overlaps``: of two intervals, any other relation. It constrains when the steps begin and end relative to each
-  other (:meth:`Allen.endpoints`), so that they have to run side by side: a parallel scope, in which the one watches
+  other (:meth:`Overlap.endpoints`), so that they have to run side by side: a parallel scope, in which the one watches
   the other. One of the two may be the recipe itself: a step that starts it begins no later than any other step, and
   one that finishes it ends no earlier. An order of steps that follows from overlaps is also among the orderings, with
   reason OVERLAP.
@@ -216,35 +216,22 @@ class Allen(Enum):
     FINISHES = "finishes"
     EQUALS = "equals"
 
-    def endpoints(self) -> tuple[tuple[End, str, End], ...]:
-        """Return what "first relation second" means for beginnings and ends, as (end, "<" or "=", end).
 
-        In a plan ``<`` lets the later one happen only after the earlier one has; ``=`` lets both happen only when
-        both can: steps begin together, and neither counts as ended while the other has not.
-        """
-        return _ENDPOINTS[self]
+class Point(NamedTuple):
+    """The beginning or the end of a step (IRI)."""
 
-
-class End(Enum):
-    """An end of one of the two intervals of an overlap."""
-
-    FIRST_BEGINS = "first begins"
-    FIRST_ENDS = "first ends"
-    SECOND_BEGINS = "second begins"
-    SECOND_ENDS = "second ends"
+    step: str
+    is_end: bool
 
 
-_ENDPOINTS: dict[Allen, tuple[tuple[End, str, End], ...]] = {
-    Allen.OVERLAPS: (
-        (End.FIRST_BEGINS, "<", End.SECOND_BEGINS),
-        (End.SECOND_BEGINS, "<", End.FIRST_ENDS),
-        (End.FIRST_ENDS, "<", End.SECOND_ENDS),
-    ),
-    Allen.DURING: ((End.SECOND_BEGINS, "<", End.FIRST_BEGINS), (End.FIRST_ENDS, "<", End.SECOND_ENDS)),
-    Allen.STARTS: ((End.FIRST_BEGINS, "=", End.SECOND_BEGINS), (End.FIRST_ENDS, "<", End.SECOND_ENDS)),
-    Allen.FINISHES: ((End.SECOND_BEGINS, "<", End.FIRST_BEGINS), (End.FIRST_ENDS, "=", End.SECOND_ENDS)),
-    Allen.EQUALS: ((End.FIRST_BEGINS, "=", End.SECOND_BEGINS), (End.FIRST_ENDS, "=", End.SECOND_ENDS)),
+_ENDPOINTS = {
+    Allen.OVERLAPS: "b1<b2 b2<e1 e1<e2",
+    Allen.DURING: "b2<b1 e1<e2",
+    Allen.STARTS: "b1=b2 e1<e2",
+    Allen.FINISHES: "b2<b1 e1=e2",
+    Allen.EQUALS: "b1=b2 e1=e2",
 }
+"""The meaning of a relation for beginnings and ends (b, e) of the first and the second interval."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,6 +242,17 @@ class Overlap:
     relation: Allen
     second: str
     span: Span | None = None
+
+    def endpoints(self) -> Iterator[tuple[Point, bool, Point]]:
+        """Yield the meaning for beginnings and ends: (point, True if strictly before or False if with, other point).
+
+        In a plan the later point happens only after the earlier one has. Two that go together happen only when both
+        can: steps begin together, and neither counts as ended while the other has not.
+        """
+        ends = {"b1": Point(self.first, False), "e1": Point(self.first, True)}
+        ends |= {"b2": Point(self.second, False), "e2": Point(self.second, True)}
+        for one in _ENDPOINTS[self.relation].split():
+            yield ends[one[:2]], one[2] == "<", ends[one[3:]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """The order of a recipe's steps: the partial order, its shortest cycle if it is none, and what overlaps imply.
 
 Overlaps are decided on the beginnings and ends of steps. Each step is two points, its beginning before its end. Every
-relation is a set of ``<`` and ``=`` between points (:meth:`planlang.recipe.model.Allen.endpoints`), an order is
+relation is a set of ``<`` and ``=`` between points (:meth:`planlang.recipe.model.Overlap.endpoints`), an order is
 "end < beginning", and no step begins before the recipe or ends after it. The statements hold together exactly if no
 cycle of the graph of these has a ``<`` in it (P. van Beek, 1992, for the relations that have no "or" in them).
 """
@@ -11,11 +11,11 @@ from __future__ import annotations
 import heapq
 from collections.abc import Hashable, Iterable, Iterator
 from functools import cached_property
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
 import networkx as nx
 
-from planlang.recipe.model import End, Ordering, Overlap, Recipe
+from planlang.recipe.model import Ordering, Overlap, Point, Recipe
 
 Node = TypeVar("Node", bound=Hashable)
 
@@ -151,17 +151,6 @@ def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -
     return graph
 
 
-def recipe_graph(recipe: Recipe) -> nx.DiGraph:
-    """Return the graph of a recipe: its steps (IRIs) in file order, an edge for each ordering among them.
-
-    It is made once and cannot be changed.
-    """
-    if "graph" not in recipe.derived:
-        pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
-        recipe.derived["graph"] = nx.freeze(order_graph((step.iri for step in recipe.steps), pairs))
-    return recipe.derived["graph"]
-
-
 def recipe_order(recipe: Recipe) -> Precedence[str]:
     """Return the order of the graph of a recipe, computed once. Raises ValueError if it has a cycle."""
     if "order" not in recipe.derived:
@@ -178,7 +167,8 @@ def recipe_cycle(recipe: Recipe) -> tuple[str, ...] | None:
             recipe_order(recipe)
             recipe.derived["cycle"] = None
         except ValueError:
-            recipe.derived["cycle"] = shortest_cycle(recipe_graph(recipe))
+            pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
+            recipe.derived["cycle"] = shortest_cycle(order_graph((step.iri for step in recipe.steps), pairs))
     cycle: tuple[str, ...] | None = recipe.derived["cycle"]
     return cycle
 
@@ -242,13 +232,6 @@ def _take_out(node: Node, after: Links[Node], before: Links[Node]) -> None:
                         waiting.append(other)
 
 
-class Point(NamedTuple):
-    """The beginning or the end of a step (IRI)."""
-
-    step: str
-    is_end: bool
-
-
 class Intervals:
     """The points of the steps of a recipe and of the recipe itself, in one graph."""
 
@@ -265,8 +248,10 @@ class Intervals:
             if {ordering.before, ordering.after} <= known - {recipe.iri}:
                 self._add(Point(ordering.before, True), Point(ordering.after, False), ordering, is_strict=True)
         for overlap in recipe.overlaps:
-            if {overlap.first, overlap.second} <= known:
-                self._overlap(overlap)
+            for one, is_strict, other in overlap.endpoints() if {overlap.first, overlap.second} <= known else ():
+                self._add(one, other, overlap, is_strict=is_strict)
+                if not is_strict:
+                    self._add(other, one, overlap)
 
     def contradiction(self) -> tuple[Ordering | Overlap, ...]:
         """Return statements that cannot hold together, each once; none if all can."""
@@ -289,18 +274,6 @@ class Intervals:
         for first in self._steps:
             later = nx.descendants(self._graph, Point(first, True))
             yield from ((first, other) for other in self._steps if other != first and Point(other, False) in later)
-
-    def _overlap(self, overlap: Overlap) -> None:
-        points = {
-            End.FIRST_BEGINS: Point(overlap.first, False),
-            End.FIRST_ENDS: Point(overlap.first, True),
-            End.SECOND_BEGINS: Point(overlap.second, False),
-            End.SECOND_ENDS: Point(overlap.second, True),
-        }
-        for earlier, sign, later in overlap.relation.endpoints():
-            self._add(points[earlier], points[later], overlap, is_strict=sign == "<")
-            if sign == "=":
-                self._add(points[later], points[earlier], overlap)
 
     def _add(
         self, earlier: Point, later: Point, because: Ordering | Overlap | None, *, is_strict: bool = False

@@ -115,6 +115,7 @@ def _read(
     try:
         chosen = choose_task(actions, task)
     except BadInput as problem:
+        # tasks that perform each other have no first one: what is wrong with them is judged from any of them
         circular = None if task is not None or top_tasks(actions) else circular_task(actions)
         if circular is None:
             return None, problem.diagnostics

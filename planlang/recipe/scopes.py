@@ -137,7 +137,7 @@ def _put_before_next_motion(
         if step not in placed or step in is_moving:
             continue
         number = _moves_before(stated, moving, step)
-        if 0 < number < len(moving) and moving[number - 1] in movers.opening:
+        if 0 < number < len(moving) and moving[number - 1] in movers.opening:  # between two motions, in a scope
             following = moving[number]
             if not stated.before(step, following):
                 added.append((step, following))

@@ -130,6 +130,20 @@ def named(fillings: Iterable[Filling]) -> list[tuple[str, Span]]:
     ]
 
 
+def described(
+    ontology: Ontology, term: str | BNode, span: Span, *words: str
+) -> tuple[list[list[str]], Span, tuple[LooseEnd, ...]]:
+    """Return the description of a constraint, which is named at ``span``, by the words for its ends and for others.
+
+    The IRIs that fill each word, where the constraint is described, and a loose end if one of the first two is missing.
+    """
+    fillers = [[name for name, _ in named(facts(ontology, term, word))] for word in words]
+    where = (ontology.span(term) if isinstance(term, str) else None) or span
+    absent = tuple(word for word, found in zip(words[:2], fillers, strict=False) if not found)
+    loose = LooseEnd(str(term), absent, span if len(absent) == 2 else where)
+    return fillers, where, (loose,) if absent else ()
+
+
 def filled(restrictions: Iterable[Restriction]) -> tuple[Filling, ...]:
     """Return the fillings that restrictions state."""
     return tuple(

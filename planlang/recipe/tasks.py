@@ -150,7 +150,7 @@ def statements_for(actions: Actions, iri: str) -> Statements:
 
 
 def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
-    for level in levels(actions.ontology, iri):
+    for level in levels(actions.ontology, iri):  # nearest first: at one distance a recipe comes before a primitive
         found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
         if found:
             return found, None

@@ -336,6 +336,7 @@ WIDTH = 58
 BEFORE = 3
 """Equal lines that are shown before the first difference."""
 MOST_LINES = 60
+"""Lines of a difference that are shown: as many as a screen has."""
 
 
 def side_by_side(usual: History, other: History) -> str:

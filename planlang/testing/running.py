@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.failures import PlanFailure
+from planlang.files import bundled
 from planlang.kernel import VirtualHost
 from planlang.kernel.schedule import Schedule
 from planlang.kernel.tree import name_of
@@ -20,7 +21,6 @@ from planlang.language.replaying import Replay
 from planlang.language.replaying import replay as replay_recorded
 from planlang.language.running import run
 from planlang.misuse import Usage
-from planlang.resources import bundled
 from planlang.runs import Past, RecordedRun, Trace, restore
 from planlang.testing.faults import Fault, Injector
 from planlang.testing.history import History

@@ -18,9 +18,9 @@ from pathlib import Path
 import pyhornedowl
 import rdflib
 
+from planlang.files import bundled
 from planlang.ontology.documents import read_syntax
 from planlang.ontology.writing.convert import Target, write
-from planlang.resources import bundled
 
 REPETITIONS = 5
 VOCABULARY = bundled("ontologies") / "knowrob.omn"
@@ -28,7 +28,7 @@ COMPILE = """
 import time, sys
 from pathlib import Path
 import planlang.compiler
-from planlang.resources import bundled
+from planlang.files import bundled
 recipe = bundled("recipes") / "serve_a_drink.omn"
 began = time.perf_counter()
 planlang.compiler.compile_recipe(recipe)

@@ -19,10 +19,10 @@ from executive.robots.arms import ArmModel, arm_models, gaze_of
 from executive.runs.robot_executive import RobotExecutive
 from planlang import SimulationHost, Trace, run
 from planlang.designators import an_object
+from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.ontology import Ontology, expand, load, shorten
 from planlang.protocols import Configuration
-from planlang.resources import bundled
 from sim import Body, PlanningWorld, PyBulletWorld, Scene
 from sim.kinematic import KinematicScene
 

@@ -18,9 +18,9 @@ from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_fil
 from planlang import VirtualHost, checkpoint, par, perform, run, seq
 from planlang.designators import a_device, a_location, action, an_object
 from planlang.diagnostics import BadInput
+from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.protocols import Solution
-from planlang.resources import bundled
 from sim import Body, Scene
 from tests.executive.conftest import CABINET, PLACE, MakeStage
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 
 from executive.cli import app as cli
 from executive.cli.app import app
-from planlang.resources import bundled
+from planlang.files import bundled
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from robot_files import cart_in
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from planlang.resources import bundled
+from planlang.files import bundled
 
 WARD = ("--robot", "amigo", "--environment", "hospital_room")
 

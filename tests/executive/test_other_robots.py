@@ -20,8 +20,8 @@ from typer.testing import CliRunner, Result
 from executive.cli.app import app
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
+from planlang.files import bundled
 from planlang.protocols import Configuration
-from planlang.resources import bundled
 from sim import PlanningWorld, Scene
 
 ROOM = bundled("ontologies") / "environments" / "hospital_room.omn"

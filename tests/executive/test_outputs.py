@@ -11,8 +11,7 @@ from typer.testing import CliRunner, Result
 
 from executive.cli import app as cli
 from planlang.diagnostics import BadInput
-from planlang.outputs import check_outputs, replace, write_plan, write_text
-from planlang.plan_header import PlanHeader, digest, header
+from planlang.outputs import PlanHeader, check_outputs, digest, header, replace, write_plan, write_text
 
 
 def source(recipe: str, body: str, *, compiled: str | None = None) -> str:

@@ -25,8 +25,8 @@ from executive.runs.plan_files import (
 from executive.runs.plan_run import Outcome, RunOptions, run_plan_file
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Severity
+from planlang.files import bundled
 from planlang.ontology import load
-from planlang.resources import bundled
 
 CHOSEN = "the environment visiting_hours is chosen, as hospital_room has no cup2"
 

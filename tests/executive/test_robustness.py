@@ -17,7 +17,7 @@ from typer.testing import CliRunner, Result
 from executive.cli.app import app
 from executive.cli.console import show
 from planlang.diagnostics import note, warning
-from planlang.resources import Bundled, bundled
+from planlang.files import Bundled, bundled
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ROOM = Bundled.ENVIRONMENT.find("hospital_room")

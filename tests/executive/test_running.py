@@ -24,10 +24,10 @@ from planlang import VirtualHost, run, sleep
 from planlang.designators import action, an_object
 from planlang.diagnostics import BadInput
 from planlang.failures import ObjectNotFound
+from planlang.files import bundled
 from planlang.kernel.core import Task
 from planlang.kernel.tree import Node
 from planlang.ontology import load
-from planlang.resources import bundled
 from sim import PlanningWorld, PyBulletWorld
 
 CHECKOUT = Path(__file__).resolve().parents[2]

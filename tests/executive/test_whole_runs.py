@@ -19,10 +19,10 @@ import pytest
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from planlang import now, perform, pursue, sleep, wait_for
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, action, an_object, located
+from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.language.conditions import holds
 from planlang.protocols import Detection, Solution
-from planlang.resources import bundled
 from sim import Body, Scene
 from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage, stand
 from tests.executive.modules.test_navigation import to

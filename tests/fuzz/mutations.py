@@ -9,7 +9,7 @@ from planlang.diagnostics import BadInput, Span
 from planlang.ontology import BNode, Literal, Term, Triple
 from planlang.ontology.documents import read_syntax
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD
-from planlang.ontology.writing.turtle_writer import ntriples
+from planlang.ontology.writing.nested_writers import ntriples
 
 Random = random.Random
 Bytes = Callable[[Random, bytearray, bytes], None]

@@ -13,11 +13,10 @@ import pytest
 from planlang.cache import Cache
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput
-from planlang.files import from_printable, printable, read_file
+from planlang.files import bundled, from_printable, printable, read_file
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.triples import Triples
-from planlang.plan_header import header
-from planlang.resources import bundled
+from planlang.outputs import header
 
 CACHE = Cache("kind", most=3, largest=10_000)
 CONTENT = bytes(range(256)) * 8

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.protocols import Configuration, Contact
-from planlang.resources import bundled
 from sim import Body, CameraModel, PlanningWorld, PyBulletWorld, RobotBody, Scene
 from tests.sim.conftest import AMIGO, GRASPING, LEVEL_HAND, ROOM, MakeWorld, grasp
 from tests.support.locations.queries import Interrupter, physics

@@ -276,16 +276,16 @@ def _reference(reference: Thing | Place) -> str:
 
 
 LONGEST_LINE = 56
-"""Characters of a line inside a box; what is longer is broken."""
+"""Characters of a line inside a box; what is longer is broken. Three such boxes beside each other fit on a screen."""
 
 MOST_LINES = 3
-"""Lines that a text is broken into; what is longer is cut, and complete in the tooltip."""
+"""Lines that a text is broken into; the rest is in the tooltip, so that one text does not hide the others."""
 
 INDENT = "\N{NO-BREAK SPACE}" * 4
 """Before the lines that continue one."""
 
 LONGEST_TEXT = 2000
-"""Characters of a tooltip."""
+"""Characters of a tooltip: a label of any length may come from a stranger's file."""
 
 _SPACE = re.compile(r"\s+")
 _HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn"})

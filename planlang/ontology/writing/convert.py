@@ -13,10 +13,9 @@ from planlang.ontology.checks import malformed
 from planlang.ontology.documents import read_bytes, read_syntax
 from planlang.ontology.repairs import repair
 from planlang.ontology.terms import OWL, RDF, BNode, Term, Triple
+from planlang.ontology.writing.canonical import differences, labelled
 from planlang.ontology.writing.manchester_writer import manchester
-from planlang.ontology.writing.nodes import differences, labelled
-from planlang.ontology.writing.rdfxml_writer import rdfxml
-from planlang.ontology.writing.turtle_writer import ntriples, turtle
+from planlang.ontology.writing.nested_writers import ntriples, rdfxml, turtle
 
 
 class Target(Enum):

@@ -8,8 +8,7 @@ from planlang.diagnostics import Span
 from planlang.ontology.expressions import FACETS, Expression
 from planlang.ontology.ontology import Ontology
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple, shorten
-from planlang.ontology.writing.names import Names
-from planlang.ontology.writing.nodes import CannotSay, Graph
+from planlang.ontology.writing.canonical import CannotSay, Graph, Names
 
 DEEPEST = 90
 """Expressions inside each other; the reader takes a few more."""

@@ -9,16 +9,20 @@ mend. A check of a whole file takes a :class:`CheckedFile`, one of a single reci
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Generic, ParamSpec, TypeVar
 
+from planlang.designators import local_name
 from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.scopes import added_by_scopes
 from planlang.recipe.statements import Statements
+
+MOST_NAMES = 5
+"""Names that one message lists: as many fit on two lines of a terminal."""
 
 _Asked = ParamSpec("_Asked")
 _T_co = TypeVar("_T_co", covariant=True)
@@ -47,6 +51,12 @@ class Check(Generic[_Asked, _T_co]):
 def check(*codes: str, unless: Collection[str] = ()) -> Callable[[Callable[_Asked, _T_co]], Check[_Asked, _T_co]]:
     """Declare a function as a check. Each code is reported by one check only."""
     return lambda function: Check(function, codes, frozenset(unless))
+
+
+def listing(names: Sequence[str]) -> str:
+    """Return the local names of IRIs as a list in a message; of many the first, and the number of the others."""
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(f"`{local_name(name)}`" for name in names[:MOST_NAMES]) + more
 
 
 @dataclass(frozen=True)

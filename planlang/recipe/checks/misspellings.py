@@ -322,10 +322,11 @@ def _space(iri: str) -> str:
 
 
 SURE = 0.85
-"""Least similarity (difflib) to take one name for another if no third one is as similar."""
+"""Least similarity (difflib) to take one name for another if no third one is as similar: one letter in seven."""
 
 SHORTEST = 4
-"""Letters that a name needs for one that differs in a single letter to be taken for it."""
+"""Letters that a name needs for one that differs in a single letter to be taken for it: of shorter ones, such as cup,
+cap and tap, each is a word of its own."""
 
 SHORTEST_REPLACED = 6
 """Letters that a part of a name needs for another letter in it to be a slip: a plate is no place, basil no basin."""

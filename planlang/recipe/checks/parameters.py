@@ -10,10 +10,11 @@ from itertools import chain
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
+from planlang.files import bundled
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.actions import Actions
-from planlang.recipe.checks import CheckedFile, CheckedRecipe, check
+from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.checks.misspellings import SURE, guess
 from planlang.recipe.checks.repairs import ranges_of, violates_range
 from planlang.recipe.fillers import (
@@ -45,7 +46,6 @@ from planlang.recipe.readers.data_flow import OUTPUTS, made
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import Filling, is_word
 from planlang.relations import RELATIONS, owl_properties
-from planlang.resources import bundled
 
 DATA_PROPERTY = OWL.DatatypeProperty
 AGENTS = frozenset({"performedBy", "doneBy"})
@@ -329,10 +329,6 @@ def postures() -> frozenset[str]:
     return frozenset(_NO_NAME.sub("", name).lower() for name in names)
 
 
-MOST_NAMES = 5
-"""Names that one message lists."""
-
-
 @check("R039")
 def unused_names(checked: CheckedFile) -> Iterator[Diagnostic]:
     """Report location designators (a warning) and things (a note) of the main document that nothing refers to.
@@ -369,8 +365,6 @@ def unused_designators(ontology: Ontology) -> tuple[list[str], list[str]]:
 
 
 def _unused(ontology: Ontology, severity: Severity, what: str, names: list[str]) -> Diagnostic:
-    listed = ", ".join(f"`{local_name(name)}`" for name in names[:MOST_NAMES])
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    message = f"unused {what}{'s' if len(names) > 1 else ''}: {listed}{more}"
+    message = f"unused {what}{'s' if len(names) > 1 else ''}: {listing(names)}"
     spans = [span for span in map(ontology.span, names) if span is not None]
     return Diagnostic(severity, "R039", message, min(spans, default=None), "remove it, or refer to it in a parameter")

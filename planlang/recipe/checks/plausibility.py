@@ -18,7 +18,7 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.model import Filler, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order import Precedence, order_graph, recipe_graph, recipe_order
+from planlang.recipe.order import Precedence, recipe_order
 
 RECURSIVE = ("R022", "R023")
 """Codes of mistakes by which recipes cannot be followed into those below them."""
@@ -78,16 +78,14 @@ def plausible_orders(
     active = [step.iri for step in recipe.steps if facts[step.iri].roles]
     if len(active) < 2:
         return
-    stated = recipe_graph(recipe)
-    if added:
-        stated = order_graph(stated.nodes, [*stated.edges, *added])
     order = recipe_order(recipe)
     rank = {iri: number for number, iri in enumerate(active)}
     users: dict[frozenset[str], int] = {}
     """The bits of the steps that do the same."""
     for iri in active:
         users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
-    wished = nx.DiGraph(stated)
+    wished = nx.DiGraph([*order.reduction(), *added])
+    wished.add_nodes_from(order.nodes)
     suggested: dict[tuple[str, str], str] = {}
     for first in active:
         reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, all_roles, grasps))
@@ -98,7 +96,7 @@ def plausible_orders(
                 wished.add_edge(first, second)
                 suggested[first, second] = why
     if suggested:
-        wider: Precedence[str] = Precedence(wished.nodes, wished.edges)
+        wider: Precedence[str] = Precedence(order.nodes, wished.edges)
         yield from (
             (before, after, suggested[before, after])
             for before, after in wider.reduction()

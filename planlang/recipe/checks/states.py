@@ -10,13 +10,10 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, warning
 from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions
-from planlang.recipe.checks import CheckedRecipe, check
+from planlang.recipe.checks import CheckedRecipe, check, listing
 from planlang.recipe.checks.misspellings import guess
 from planlang.recipe.model import Ending, Transition
 from planlang.recipe.statements import Statements
-
-MOST_NAMES = 5
-"""States that one message names; others are counted."""
 
 
 @check("R050")
@@ -170,9 +167,7 @@ def unhandled_failures(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     looping = sorted({state for part in nx.strongly_connected_components(graph) if len(part) > 1 for state in part})
     message = f"no transition of `{recipe.name}` handles failures: any failure ends the recipe"
     if looping:
-        names = [f"`{local_name(state)}`" for state in looping]
-        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-        message += f", and {', '.join(names[:MOST_NAMES])}{more} may loop for ever"
+        message += f", and {listing(looping)} may loop for ever"
     advice = "add transitions with `causedBy` a failed ActionResult, such as COMPLETED_FAILED, to a state that gives up"
     yield warning("R056", message, recipe.span, advice)
 

@@ -16,7 +16,8 @@ from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.statements import Statements, SubAction, is_word
 
 DEEPEST = 50
-"""Recipes that may be nested in each other."""
+"""Recipes that may be nested in each other. Hand-written ones nest a few levels; deeper generated ones get a diagnostic
+here, where a plan that calls as many functions in each other might end at Python's limit of recursion."""
 
 
 @check("R020")

@@ -24,7 +24,8 @@ _HEADS = ("Class", "Individual", "ObjectProperty", "DataProperty", "AnnotationPr
           "DisjointClasses", "EquivalentClasses", "SameIndividual", "DifferentIndividuals")  # fmt: skip
 _NEXT_FRAME = re.compile(rf"^[ \t]*(?:{'|'.join(_HEADS)}):(?=\s)", re.MULTILINE)
 _LONGEST = 1000
-"""Characters before a filler among which its property is looked for."""
+"""Characters before a filler among which its property is looked for: a property and `some` stand right before it, and
+the pattern is tried at each of them."""
 
 
 class ManchesterText(Editable):

@@ -14,9 +14,10 @@ from planlang.designators import local_name
 from planlang.ontology import Ontology, expand
 from planlang.recipe.fillers import action_class, fillings
 from planlang.recipe.model import ACTION_TABLE, Ordering
-from planlang.recipe.statements import Filling, Statements, SubAction, facts, named
+from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named
 
 _SUBS = ("subAction", "subEvents")
+_NEIGHBOURS = ("nextAction", "previousAction")
 _ACTED_ON = "objectActedOn"
 _ROLES = {
     _ACTED_ON: ("adtMainObject", "adtPrimaryObject"),
@@ -41,18 +42,15 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
     orderings: dict[tuple[str, str], Ordering] = {}
     reached = list(chunks)
     for chunk in reached:
-        neighbours: list[tuple[str, Filling]] = []
-        for fact in facts(ontology, chunk, "nextAction", "previousAction"):
-            if isinstance(fact.term, str):
-                neighbours.append((fact.term, fact))
-        for triple in ontology.triples(o=chunk):
-            if isinstance(triple.subject, str) and triple.predicate.endswith(("#nextAction", "#previousAction")):
-                neighbours.append((triple.subject, Filling(_inverse(triple.predicate), triple.subject, triple.span)))
-        for other, fact in neighbours:
-            pair = (chunk, other) if fact.property.endswith("#nextAction") else (other, chunk)
-            orderings.setdefault(pair, Ordering(*pair, span=fact.span))
+        stated = [(fact.property, fact.term, fact.span, False) for fact in facts(ontology, chunk, *_NEIGHBOURS)]
+        stated += [(one.predicate, one.subject, one.span, True) for one in ontology.triples(o=chunk)]
+        for word, other, span, is_inverse in stated:
+            if not isinstance(other, str) or not is_word(word, *_NEIGHBOURS):
+                continue
+            pair = (chunk, other) if is_word(word, "nextAction") is not is_inverse else (other, chunk)
+            orderings.setdefault(pair, Ordering(*pair, span=span))
             if other not in chunks:
-                chunks[other] = fact.span
+                chunks[other] = span
                 reached.append(other)
     filled = tuple(filling for property_name in _ROLES for filling in _in_role(ontology, iri, property_name))
     return Statements(
@@ -93,9 +91,3 @@ def _supported(ontology: Ontology, chunk: str) -> list[Filling]:
         if len({one.object for one in named}) == 1:
             found.append(Filling(expand(_ACTED_ON), named[0].object, named[0].span))
     return found if len(found) == 1 else []
-
-
-def _inverse(predicate: str) -> str:
-    if predicate.endswith("#nextAction"):
-        return predicate.removesuffix("nextAction") + "previousAction"
-    return predicate.removesuffix("previousAction") + "nextAction"

@@ -7,8 +7,9 @@ uses that very thing say the same. Where states follow each other things are pas
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 
 import networkx as nx
 
@@ -17,7 +18,7 @@ from planlang.ontology import BNode, Ontology, shorten
 from planlang.ontology.terms import OWL
 from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Flow, Ordering, Reason
-from planlang.recipe.statements import Filling, LooseEnd, Statements, SubAction, facts, filled, is_word, named
+from planlang.recipe.statements import Filling, LooseEnd, Statements, SubAction, described, facts, filled, is_word
 
 OUTPUTS = ("outputsCreated", "outputs")
 
@@ -72,18 +73,13 @@ def _mapped(ontology: Ontology, statements: Statements) -> tuple[list[Flow], lis
         mapping = filling.term
         if not isinstance(mapping, (str, BNode)):
             continue
-        producers = named(facts(ontology, mapping, "createsOutput"))
-        consumers = named(facts(ontology, mapping, "requiresInput"))
-        resources: list[str | None] = [name for name, _ in named(facts(ontology, mapping, "resourceType"))]
-        span = (ontology.span(mapping) if isinstance(mapping, str) else None) or filling.span
-        absent = tuple(word for word, ends in (("createsOutput", producers), ("requiresInput", consumers)) if not ends)
-        if absent:
-            loose.append(LooseEnd(str(mapping), absent, filling.span if len(absent) == 2 else span))
+        words = ("createsOutput", "requiresInput", "resourceType")
+        (producers, consumers, resources), span, missing = described(ontology, mapping, filling.span, *words)
+        loose += missing
+        classes: Sequence[str | None] = resources or [None]
         flows += [
             Flow(producer, consumer, resource, _consumed(ontology, statements, consumer, resource), str(mapping), span)
-            for producer, _ in producers
-            for consumer, _ in consumers
-            for resource in resources or [None]
+            for producer, consumer, resource in product(producers, consumers, classes)
         ]
     return flows, loose
 

@@ -6,13 +6,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from itertools import product
 
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, Restriction
 from planlang.recipe.model import FINITE_STATE, Ending, Transition
 from planlang.recipe.readers import partial_order
-from planlang.recipe.statements import KINDS, LooseEnd, Statements, States, SubAction, ending_of, facts, is_word, named
+from planlang.recipe.statements import KINDS, LooseEnd, Statements, States, SubAction, described, ending_of, is_word
 
 tasks = partial_order.tasks
 
@@ -51,23 +52,14 @@ def _transitions(
         event = restriction.filler
         if not is_word(restriction.property, "stateTransition") or not isinstance(event, (str, BNode)):
             continue
-        sources = named(facts(ontology, event, "fromState"))
-        targets = named(facts(ontology, event, "toState"))
-        outcomes: list[str | None] = [name for name, _ in named(facts(ontology, event, "causedBy"))]
-        span = ontology.span(event) if isinstance(event, str) else None
-        absent = tuple(word for word, states in (("fromState", sources), ("toState", targets)) if not states)
-        if absent:
-            where = restriction.span if len(absent) == 2 else span or restriction.span
-            loose.append(LooseEnd(str(event), absent, where))
+        words = ("fromState", "toState", "causedBy")
+        (sources, targets, outcomes), span, missing = described(ontology, event, restriction.span, *words)
+        loose += missing
+        causes: Sequence[str | None] = outcomes or [None]
         found += [
-            Transition(
-                source, target, ending_of(outcome) if outcome else Ending.DONE, outcome, str(event),
-                span or restriction.span,
-            )
-            for source, _ in sources
-            for outcome in outcomes or [None]
-            for target, _ in targets
-        ]  # fmt: skip
+            Transition(source, target, ending_of(outcome) if outcome else Ending.DONE, outcome, str(event), span)
+            for source, outcome, target in product(sources, causes, targets)
+        ]
     found.sort(key=lambda one: (one.source, one.outcome or "", one.target))
     return tuple(found), tuple(loose)
 

@@ -92,9 +92,11 @@ def read_constraints(
     """Return the orderings that constraints state, and the constraints that lack an end."""
     orderings: list[Ordering] = []
     loose: list[LooseEnd] = []
+    properties = {restriction.property for restriction in restrictions}
+    ordering = {name for name in properties if is_word(name, "orderingConstraints")}
     for restriction in restrictions:
         constraint = restriction.filler
-        if not is_word(restriction.property, "orderingConstraints") or not isinstance(constraint, (str, BNode)):
+        if restriction.property not in ordering or not isinstance(constraint, (str, BNode)):
             continue
         (befores, afters), span = ontology.linked_from(constraint, "occursBeforeInOrdering", "occursAfterInOrdering")
         name = str(constraint)

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from executive.belief import SemanticMap, default_starts, read_map, scene_of, support_of
 from executive.belief.stated_values import EXTENTS, rigid, stated_size
 from planlang.diagnostics import BadInput, Diagnostic, Severity
+from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.geometry.outline import footprint
 from planlang.ontology import load
-from planlang.resources import bundled
 from sim import Body, PlanningWorld, Scene
 from sim.people import figure_of, reach_from
 

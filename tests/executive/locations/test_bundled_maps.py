@@ -18,7 +18,7 @@ from executive.locations.reachability_files import MAPS, bundled_file, map_key, 
 from executive.robots import bind_robot
 from executive.robots.arms import ArmModel, arm_models
 from planlang.diagnostics import BadInput
-from planlang.resources import Bundled
+from planlang.files import Bundled
 from sim import PlanningWorld, Scene
 
 ROBOTS = ("amigo", "panda", "pr2")

@@ -12,8 +12,8 @@ import pytest
 from executive.pictures import recording
 from executive.pictures.recording import Recording, drawn_in
 from planlang.diagnostics import BadInput
+from planlang.files import bundled
 from planlang.geometry import Pose
-from planlang.resources import bundled
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
 
 

@@ -15,11 +15,11 @@ from executive.robots.matching import ClosedWorld, Matcher, Possessions, compare
 from executive.robots.self_model import Part, claims_of, parts_of, read_self_model
 from executive.robots.tasks import Match, match, with_remedies
 from planlang.diagnostics import Span
+from planlang.files import bundled
 from planlang.ontology import BNode, Ontology, expand, load
 from planlang.ontology.expressions import Expression
 from planlang.ontology.writing.expression_text import expression_of, text_of
 from planlang.recipe import Actions, read_recipe
-from planlang.resources import bundled
 
 RECIPES = {
     "serve_drink_hydro": "serve_drink@knowrob_hydro_2014-11.owl",

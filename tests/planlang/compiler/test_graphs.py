@@ -17,6 +17,7 @@ from planlang.compiler.drawing import FORMATS, Order, TaskGraph, dot, mermaid, s
 from planlang.compiler.drawing.layers import layered
 from planlang.compiler.drawing.svg import arranged
 from planlang.diagnostics import Span
+from planlang.files import bundled
 from planlang.recipe import (
     Allen,
     Ending,
@@ -33,7 +34,6 @@ from planlang.recipe import (
     Thing,
     Transition,
 )
-from planlang.resources import bundled
 
 BASE = "http://planlang.org/test#"
 SVG = "{http://www.w3.org/2000/svg}"

@@ -19,6 +19,7 @@ from planlang.compiler.layout import Call, Display, Expression, Text, signature,
 from planlang.compiler.lowering import Lowering
 from planlang.compiler.names import Names, snake_case, without_digits
 from planlang.diagnostics import Severity
+from planlang.files import bundled
 from planlang.ontology import Ontology, load
 from planlang.recipe import (
     Actions,
@@ -39,7 +40,6 @@ from planlang.recipe import (
     Thing,
     Transition,
 )
-from planlang.resources import bundled
 
 
 def formatted(source: str) -> str:

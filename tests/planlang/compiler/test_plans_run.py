@@ -24,6 +24,7 @@ from planlang.failures import (
     PlanFailure,
     TransitionMissing,
 )
+from planlang.files import bundled
 from planlang.ontology import Ontology, load
 from planlang.protocols import Solution
 from planlang.recipe import (
@@ -44,7 +45,6 @@ from planlang.recipe import (
     Thing,
     Transition,
 )
-from planlang.resources import bundled
 from planlang.testing import Script, explore, run_plan
 
 PRIMITIVES = (

@@ -15,14 +15,14 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from planlang.diagnostics import Span
+from planlang.files import bundled
 from planlang.ontology import BNode, Literal, Term, Triple
 from planlang.ontology.documents import Syntax, read_syntax, syntax_of
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.terms import RDF, XSD
 from planlang.ontology.triples import Parsed
+from planlang.ontology.writing.canonical import differences, labelled
 from planlang.ontology.writing.convert import Target, convert, write
-from planlang.ontology.writing.nodes import differences, labelled
-from planlang.resources import bundled
 
 OURS = sorted([*bundled("ontologies").rglob("*.omn"), *bundled("recipes").rglob("*.omn")])
 RDF_TARGETS = [Target.TURTLE, Target.NTRIPLES, Target.RDFXML]
@@ -185,4 +185,4 @@ def test_a_text_is_told_to_be_of_the_syntax_that_it_is_written_in(target: Target
     expected = {Target.MANCHESTER: Syntax.MANCHESTER, Target.RDFXML: Syntax.RDFXML}.get(target, Syntax.TURTLE)
     converted = convert(bundled("recipes") / "serve_a_drink.omn", target)
     assert converted.diagnostics == ()
-    assert syntax_of(converted.text.encode(), "t") is expected
+    assert syntax_of(converted.text, "t") is expected

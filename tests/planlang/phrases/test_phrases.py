@@ -23,13 +23,12 @@ from planlang.designators import (
     an_object,
 )
 from planlang.diagnostics import CODES, BadInput, Diagnostic
+from planlang.files import bundled
 from planlang.ontology import load
 from planlang.phrases import Lexicon, read_location, read_thing, write_location
 from planlang.phrases.lexicon import DEVICES, GRASP_FORMS, plain
-from planlang.phrases.mistakes import SPOKEN
-from planlang.phrases.reading import parser
+from planlang.phrases.reading import SPOKEN, parser
 from planlang.relations import RELATIONS
-from planlang.resources import bundled
 
 WARD = "http://example.org/ward.owl#"
 THINGS = {

@@ -22,7 +22,7 @@ from planlang.ontology import BNode, Literal, Ontology, Term, Triple, expand, lo
 from planlang.recipe import Actions, Recipe, read_recipe, stated_tasks
 from planlang.recipe.fillers import fillings, is_place, read_place, read_thing
 from planlang.recipe.model import Reason
-from planlang.recipe.order import Precedence, recipe_graph, recipe_order
+from planlang.recipe.order import Precedence, order_graph, recipe_order
 from planlang.recipe.readers import workflow
 from planlang.recipe.tasks import read_recipe_of, recipes_for
 
@@ -219,7 +219,7 @@ def facts_of(actions: Actions, task: dict[str, Any]) -> Iterator[tuple[str, obje
         yield "order", tuple(map(canonical, task["order"])), order.extension
     among = {step: set(nx.descendants(stated_order(task, undefined), step)) for step in steps}
     if recipe.machine is None:
-        graph = recipe_graph(recipe)
+        graph = order_graph(steps, ((one.before, one.after) for one in recipe.orderings))
         yield "order of steps", among, {step: set(nx.descendants(graph, step)) for step in steps}
     for name, action in task["actions"].items():
         step = canonical(name)

@@ -13,7 +13,6 @@ from planlang.ontology import Literal, load
 from planlang.recipe import (
     Actions,
     Allen,
-    End,
     Ending,
     Ordering,
     Overlap,
@@ -24,7 +23,7 @@ from planlang.recipe import (
     top_tasks,
 )
 from planlang.recipe.fillers import si_unit, unit
-from planlang.recipe.model import Reason
+from planlang.recipe.model import Point, Reason
 from planlang.recipe.order import Intervals, implied_by_overlaps
 from planlang.recipe.statements import ending_of
 
@@ -230,21 +229,11 @@ def schedules(draw: st.DrawFn) -> dict[str, tuple[int, int]]:
 
 def relation(first: tuple[int, int], second: tuple[int, int]) -> tuple[Allen | None, bool]:
     """The relation of two intervals, and whether it is the inverse; None if one is before the other."""
-    times = {
-        End.FIRST_BEGINS: first[0],
-        End.FIRST_ENDS: first[1],
-        End.SECOND_BEGINS: second[0],
-        End.SECOND_ENDS: second[1],
-    }
-    inverse = {
-        End.FIRST_BEGINS: second[0],
-        End.FIRST_ENDS: second[1],
-        End.SECOND_BEGINS: first[0],
-        End.SECOND_ENDS: first[1],
-    }
     for allen in Allen:
-        for is_inverse, at in ((False, times), (True, inverse)):
-            if all(at[a] < at[b] if sign == "<" else at[a] == at[b] for a, sign, b in allen.endpoints()):
+        for is_inverse, pair in ((False, (first, second)), (True, (second, first))):
+            at = {Point(name, is_end): pair[name == "2"][is_end] for name in "12" for is_end in (False, True)}
+            points = Overlap("1", allen, "2").endpoints()
+            if all(at[a] < at[b] if is_strict else at[a] == at[b] for a, is_strict, b in points):
                 return allen, is_inverse
     return None, second[1] <= first[0]
 

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 from planlang import *
 from planlang.failures import ObjectLost
+from planlang.files import bundled
 from planlang.kernel import Task
 from planlang.ontology import load
 from planlang.recipe import Actions, read_recipe
-from planlang.resources import bundled
 from planlang.testing import PlanRun, ScheduleDependence, all_linear_extensions, compiled, explore, run_plan
 from planlang.testing.exploring import Priorities, Recorder, Shrinker, continued, trimmed
 

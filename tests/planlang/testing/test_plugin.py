@@ -165,7 +165,7 @@ def test_tracebacks_show_the_lines_of_plan_and_test_only(pytester: pytest.Pytest
 def test_an_error_of_planlang_itself_is_shown_with_all_its_frames(
     pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planlang.language.budgets.name_of", None)
+    monkeypatch.setattr("planlang.language.budgets._TIMEOUT", None)
     pytester.makepyfile(INSIDE)
     shown = pytester.runpytest_inprocess("--tb=short", "-k", "test_failure").stdout.str()
     assert "planlang/language/budgets.py" in shown

@@ -21,7 +21,7 @@ from planlang.failures import (
     ObjectUnfetchable,
     ObjectUnreachable,
 )
-from planlang.resources import bundled
+from planlang.files import bundled
 from planlang.testing import Belief, Fault, Script, compiled, run_plan
 from planlang.testing.scripted import ScriptedExecutive
 

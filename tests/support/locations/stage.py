@@ -17,10 +17,10 @@ from executive.robots import Robot, bind_robot
 from executive.runs.assembly import platform_of
 from planlang.designators import Location, Object, a_location
 from planlang.failures import PlanFailure
+from planlang.files import bundled
 from planlang.geometry import Array, Pose
 from planlang.ontology import Ontology, expand, load
 from planlang.protocols import Configuration, Solution
-from planlang.resources import bundled
 from sim import Body, PlanningWorld
 from tests.support.locations.oracle import Claim
 from tests.support.locations.rooms import PLACE, Room

@@ -1,11 +1,12 @@
-"""A graph to be written: nameless nodes told apart by what is stated of them, so that their order does not matter."""
+"""Graphs to be written: nameless nodes in an order that their statements alone decide, and IRIs as prefixed names."""
 
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from planlang.ontology.terms import OWL, RDF, XSD, BNode, Literal, Term, Triple
+from planlang.ontology.terms import OWL, PREFIXES, RDF, XSD, BNode, Literal, Term, Triple
 
 AXIOM = OWL.Axiom
 ANNOTATION = OWL.Annotation
@@ -33,9 +34,8 @@ class Graph:
             if isinstance(triple.object, BNode) and triple.predicate not in (_SOURCE, _TARGET):
                 self._with.setdefault(triple.object, []).append(triple)
         for subject in self._about:
-            if isinstance(subject, BNode) and (
-                self.has(subject, RDF.type, AXIOM) or self.has(subject, RDF.type, ANNOTATION)
-            ):
+            kinds = {triple.object for triple in self.about(subject, RDF.type)}
+            if isinstance(subject, BNode) and not kinds.isdisjoint((AXIOM, ANNOTATION)):
                 sources, properties, targets = (self.about(subject, part) for part in (_SOURCE, _PROPERTY, _TARGET))
                 if len(sources) == len(properties) == len(targets) == 1:
                     key = (sources[0].object, properties[0].object, targets[0].object)
@@ -111,39 +111,27 @@ MOST_ROUNDS = 60
 MOST_TIES = 200
 """Nodes that are told apart by mere choice when everything said of them is alike."""
 
-Key = tuple[str, ...]
 
+def labelled(triples: Iterable[Triple]) -> list[Triple]:
+    """Return the triples sorted, each once, with labels b1, b2, ... for the nameless nodes in order of use.
 
-class Order:
-    """An order of terms that depends on the graph alone, not on labels nor on the order of triples.
-
-    Nodes whose surroundings cannot be told apart are in the order in which they come; in what real files hold they are
-    interchangeable. (In general this is graph isomorphism: graphs made for it are not ordered the same every time.)
+    IRIs come before values before nameless nodes. The order depends on the graph alone, not on labels nor on the order
+    of the triples. Nodes whose statements cannot be told apart are in the order in which they come; in what real files
+    hold they are interchangeable. (In general this is graph isomorphism: graphs made for it may be ordered otherwise.)
     """
+    unique = {(t.subject, t.predicate, t.object): t for t in reversed(list(triples))}
+    colours = _colours(list(unique.values()))
 
-    def __init__(self, triples: Iterable[Triple]) -> None:
-        self._colours = _colours(list(triples))
-
-    def key(self, term: Term) -> Key:
-        """IRIs before values before nameless nodes."""
+    def key(term: Term) -> tuple[str, ...]:
         match term:
             case BNode():
-                return ("3", self._colours.get(term, ""), "", "")
+                return ("3", colours.get(term, ""), "", "")
             case Literal(value, datatype, language):
                 return ("2", value, datatype or "", language or "")
             case _:
                 return ("1", term, "", "")
 
-    def triple_key(self, triple: Triple) -> tuple[Key, str, Key]:
-        """Return a key that sorts triples by subject, predicate and object."""
-        return self.key(triple.subject), triple.predicate, self.key(triple.object)
-
-
-def labelled(triples: Iterable[Triple]) -> list[Triple]:
-    """Return the triples sorted, each once, with labels b1, b2, ... for the nameless nodes in order of use."""
-    unique = {(t.subject, t.predicate, t.object): t for t in reversed(list(triples))}
-    order = Order(unique.values())
-    found = sorted(unique.values(), key=order.triple_key)
+    found = sorted(unique.values(), key=lambda triple: (key(triple.subject), triple.predicate, key(triple.object)))
     labels: dict[BNode, BNode] = {}
 
     def label(term: Term) -> Term:
@@ -313,3 +301,59 @@ class Subjects:
             cells.append(cell)
             cell = parts[RDF.rest]
         return items, cells
+
+
+_LETTER = (
+    "A-Za-z\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff\u0370-\u037d\u037f-\u1fff\u2c00-\u2fef\u3001-\ud7ff\uf900-\ufdcf"
+)
+_LOCAL = re.compile(rf"[{_LETTER}_0-9](?:[{_LETTER}_0-9.\-\u00b7]*[{_LETTER}_0-9\-\u00b7])?")
+_PREFIX = re.compile(rf"(?:[{_LETTER}](?:[{_LETTER}_0-9.\-]*[{_LETTER}_0-9\-])?)?")
+_NAMESPACE = re.compile(r"[^\s<>\"{}|^`\\]+[#/:_-]")
+
+
+class Names:
+    """Shortens IRIs, and remembers which prefixes were needed.
+
+    ``prefixes`` are those of the file, ``own`` the name of its ontology: what is in it needs no prefix.
+    """
+
+    def __init__(self, prefixes: Mapping[str, str], own: str | None = None) -> None:
+        spaces: dict[str, str] = {}
+        for name, space in sorted(prefixes.items()):
+            if name and _PREFIX.fullmatch(name) and _fits(space):
+                spaces.setdefault(space, name)
+        default = own.rstrip("#/") + "#" if own else prefixes.get("", "")
+        if _fits(default):
+            spaces.setdefault(default, "")
+        for name, space in PREFIXES.items():
+            if name not in spaces.values():
+                spaces.setdefault(space, name)
+        self._spaces = dict(sorted(spaces.items(), reverse=True))
+        self._used: set[str] = set()
+        self._found: dict[str, tuple[str, str] | None] = {}
+
+    def split(self, iri: str) -> tuple[str, str] | None:
+        """Prefix and local name of an IRI; None if it has to be written in full."""
+        if iri not in self._found:
+            self._found[iri] = next(self._splits(iri), None)
+        found = self._found[iri]
+        if found is not None:
+            self._used.add(found[0])
+        return found
+
+    def _splits(self, iri: str) -> Iterator[tuple[str, str]]:
+        for space, name in self._spaces.items():
+            if iri.startswith(space) and _LOCAL.fullmatch(local := iri.removeprefix(space)):
+                yield name, local
+
+    def known(self) -> list[tuple[str, str]]:
+        """All prefixes with their namespaces, sorted."""
+        return sorted((name, space) for space, name in self._spaces.items())
+
+    def used(self) -> list[tuple[str, str]]:
+        """Return the used prefixes, with their namespaces, sorted."""
+        return sorted((name, space) for space, name in self._spaces.items() if name in self._used)
+
+
+def _fits(space: str) -> bool:
+    return _NAMESPACE.fullmatch(space) is not None
