@@ -3,6 +3,7 @@
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
 # make maps    the reachability maps of the bundled robots, after a change of their URDF or of how maps are made
+# make processors   the bundled recipe as other processors would run it, ten seeds: the same decisions
 # make counts  lines, files, modules of a run, import circles, names that exist twice
 # make fuzz    broken files; FUZZ_SECONDS=1800 for half an hour, FUZZ_SEED=7 for other cases
 # make bench-locations   how places are found, beside samplers and other inverse kinematics, judged by PyBullet;
@@ -24,7 +25,7 @@ FUZZ_SECONDS ?= 60
 FUZZ_SEED ?= 0
 PYTEST_ARGS ?=
 
-.PHONY: help demo test lint counts bench bench-locations coverage mutants seeds fuzz maps golden clean
+.PHONY: help demo test lint counts bench bench-locations coverage mutants seeds processors fuzz maps clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -83,7 +84,7 @@ $(VENV)/.bench-stamp: $(VENV)/.dev-stamp
 
 bench: $(VENV)/.bench-stamp
 	@set -e; for benchmark in tests/benchmarks/*.py; do \
-	    test "$$benchmark" = tests/benchmarks/seeds.py && continue; \
+	    case "$$benchmark" in */seeds.py|*/processors.py) continue;; esac; \
 	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
 	done
 	@echo "== paths of an arm"; $(BIN)/python -m tests.benchmarks.paths
@@ -112,6 +113,9 @@ mutants: $(VENV)/.dev-stamp
 
 seeds: $(VENV)/.dev-stamp
 	$(BIN)/python tests/benchmarks/seeds.py --seeds $(SEEDS) --jobs $(JOBS)
+
+processors: $(VENV)/.dev-stamp
+	$(BIN)/python tests/benchmarks/processors.py
 
 fuzz: $(VENV)/.dev-stamp
 	$(BIN)/python tests/fuzz/run.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --jobs $(JOBS)

@@ -54,14 +54,18 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Con
 
 
 LONGEST = (
-    "planlang/language/test_reference_machine.py",
     "executive/test_other_robots.py",
+    "planlang/language/test_reference_machine.py",
+    "repository/test_documentation.py",
     "executive/test_resuming.py",
     "executive/motion/test_arm_path.py",
     "executive/locations/test_rooms.py",
     "executive/test_running.py",
-    "repository/test_documentation.py",
     "executive/test_whole_runs.py",
+    "executive/locations/test_resolution_properties.py",
+    "executive/test_robustness.py",
+    "planlang/ontology/test_turtle.py",
+    "planlang/ontology/test_rdfxml.py",
     "planlang/ontology/test_writing.py",
 )
 """Files that take longest: begun first, so that at the end no worker waits for another."""

@@ -36,7 +36,6 @@ from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.language.plans import Plan
-from planlang.language.replaying import Replay, replay
 from planlang.language.running import known as run_header
 from planlang.ontology import load
 from planlang.outputs import replace as write_complete
@@ -47,6 +46,7 @@ from sim.world import at_rest_on, held_by
 
 if TYPE_CHECKING:
     from executive.pictures.recording import Recording
+    from planlang.language.replaying import Replay
 
 BUDGET = 600.0
 """Plan time after which a run is given up [s]; the bundled recipe takes less than 60."""
@@ -154,6 +154,8 @@ class Run:
 
     def replay(self, recorded: RecordedRun) -> Replay:
         """Replay the run of a trace, without robot or world; raises BadInput for a trace that cannot be replayed."""
+        from planlang.language.replaying import replay
+
         modules = recorded.header.get("modules")
         absent = [name for name in modules if name not in self.registry.identity] if isinstance(modules, dict) else []
         if absent:

@@ -20,7 +20,7 @@ import rdflib
 
 from planlang.files import bundled
 from planlang.ontology.documents import read_syntax
-from planlang.ontology.writing import Target, write
+from planlang.ontology.writing.convert import Target, write
 
 REPETITIONS = 5
 VOCABULARY = bundled("ontologies") / "knowrob.omn"

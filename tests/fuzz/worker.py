@@ -91,8 +91,8 @@ def robot(path: Path, lines: int) -> None:
 def conversion(path: Path, lines: int) -> None:
     """Write what was read in one of the syntaxes; what those of RDF say is what was read."""
     from planlang.ontology.documents import read_syntax
-    from planlang.ontology.writing import Target, convert
     from planlang.ontology.writing.canonical import differences
+    from planlang.ontology.writing.convert import Target, convert
 
     target = list(Target)[path.stat().st_size % len(Target)]
     converted = convert(path, target)

@@ -111,7 +111,7 @@ def test_held_object_blocks_the_arm(world: PyBulletWorld) -> None:
     [
         (("knee",), [[0.0]], "no joint 'knee'"),
         (("x", "y"), [[0.0]], r"needs \(n, 2\) rows"),
-        (("spindle_joint",), [[0.2], [np.nan]], "no number"),
+        (("spindle_joint",), [[0.2], [np.nan]], "not finite"),
         (("spindle_joint",), [[0.2], [0.6]], "limits are"),
         (("spindle_joint",), [[0.3]], "begins at spindle_joint"),
     ],

@@ -4,7 +4,3 @@ General layout: ``convert`` reads, writes and compares; ``manchester_writer`` (w
 ``nested_writers`` Turtle, N-Triples and RDF/XML; ``canonical`` puts triples into an order that does not depend on
 labels, and shortens IRIs.
 """
-
-from planlang.ontology.writing.convert import Converted, Target, convert, write
-
-__all__ = ["Converted", "Target", "convert", "write"]

@@ -205,6 +205,7 @@ def test_a_chain_of_which_nothing_moves_has_a_tip_and_no_frames(chain_of: Callab
 def test_kinematics_need_no_program_of_the_machine(urdf_of: Callable[[str], Path], tmp_path: Path) -> None:
     code = f"""
 import numpy as np, pathlib
+from executive.motion import Chain, InverseKinematics
 chain = Chain.from_urdf(pathlib.Path({str(urdf_of("amigo"))!r}), "base_link", "grippoint_right")
 q = (chain.lower + chain.upper)[None] / 2
 assert InverseKinematics(chain).solve(chain.fk(q), q[:, None] + 0.02)[1].all()
