@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pyhornedowl
 import pytest
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rdf_graphs import graph_of, same
@@ -208,7 +209,7 @@ ontologies = st.tuples(joined("\n", frames, 1, 5), st.one_of(st.just(""), namele
 
 
 @given(ontologies)
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_a_generated_ontology_has_the_triples_that_horned_owl_makes_of_it(generated: str) -> None:
     text = HEAD + ENTITIES + generated
     ours, theirs = statements(typed(triples_of(text))), statements(typed(by_horned_owl(text)))
@@ -216,7 +217,7 @@ def test_a_generated_ontology_has_the_triples_that_horned_owl_makes_of_it(genera
 
 
 @given(ontologies)
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_a_generated_ontology_that_is_written_has_the_axioms_that_it_had(generated: str) -> None:
     text = HEAD + ENTITIES + generated
     triples = triples_of(text)
@@ -432,7 +433,7 @@ class Reader:
 
 
 @given(st.lists(expressions, min_size=1, max_size=4))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 def test_expressions_survive_writing_and_reading(generated: list[Expression]) -> None:
     text = f"Prefix: : <{T}>\nClass: subject\n    SubClassOf: {', '.join(map(written, generated))}\n"
     triples = read_manchester(text.encode(), "t.omn", base="http://example.org/base").triples
@@ -442,14 +443,14 @@ def test_expressions_survive_writing_and_reading(generated: list[Expression]) ->
 
 
 @given(st.text(max_size=200))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 def test_any_text_is_read_or_refused_with_positions(text: str) -> None:
     found = problems(text)
     assert all(d.span is not None and d.span.line > 0 and d.span.column > 0 for d in found)
 
 
 @given(st.lists(st.sampled_from(TOKENS), max_size=30))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 def test_any_words_of_the_language_are_read_or_refused_with_positions(tokens: list[str]) -> None:
     found = problems(" ".join(tokens))
     assert all(d.span is not None and d.span.line > 0 and d.span.column > 0 for d in found)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 import rdflib
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rdf_graphs import graph_of, read_by_rdflib, same
@@ -97,7 +98,7 @@ graphs = st.lists(st.tuples(st.one_of(iris, nameless), iris, st.one_of(iris, nam
 
 
 @given(graphs, st.sampled_from(["turtle", "nt", "longturtle"]))
-@settings(max_examples=120)
+@settings(max_examples=examples(120))
 def test_what_rdflib_writes_is_read_as_it_reads_it(
     triples: list[tuple[rdflib.term.Node, ...]], serialization: str
 ) -> None:
@@ -262,7 +263,7 @@ def test_a_file_in_turtle_may_be_imported(tmp_path: Path) -> None:
 
 
 @given(st.text(max_size=100))
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_any_text_is_read_or_refused_with_positions(text: str) -> None:
     assert all(d.span is not None and d.span.line > 0 and d.span.column > 0 for d in problems(text))
 
@@ -291,7 +292,7 @@ TOKENS = [
 
 
 @given(st.lists(st.sampled_from(TOKENS), max_size=25))
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 def test_any_words_of_the_language_are_read_or_refused_with_positions(tokens: list[str]) -> None:
     assert all(d.span is not None and d.span.line > 0 for d in problems(" ".join(tokens)))
 

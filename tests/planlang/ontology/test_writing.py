@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rdf_graphs import Graph, graph_of, read_by_rdflib, same
@@ -126,7 +127,7 @@ graphs = st.lists(st.tuples(names | nodes, names, names | nodes | literals), max
 
 
 @given(graphs, st.sampled_from(RDF_TARGETS))
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_any_graph_survives_every_syntax_of_rdf(graph: list[Triple], target: Target) -> None:
     text, lost = write(graph, target, {"t": T})
     kept = [triple for triple in labelled(graph) if triple not in lost]
@@ -135,7 +136,7 @@ def test_any_graph_survives_every_syntax_of_rdf(graph: list[Triple], target: Tar
 
 
 @given(graphs, st.integers(0, 9))
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_any_graph_is_written_alike_from_whatever_order(graph: list[Triple], seed: int) -> None:
     assert write(shuffled(graph, seed), Target.NTRIPLES, {}) == write(graph, Target.NTRIPLES, {})
 
