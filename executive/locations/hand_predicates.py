@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.areas import area_of
-from executive.locations.consistency import bounds
-from executive.locations.demands import HandTerm, Reach, ReachKind, ThingDemand, hand_terms, in_words
+from executive.locations.demands import HandTerm, Reach, ReachKind, ThingDemand, bounds, hand_terms, in_words
 from executive.locations.grasp_candidates import (
     APPROACH,
     CLASSES,

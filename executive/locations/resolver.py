@@ -15,12 +15,19 @@ from typing import Generic, TypeVar
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.consistency import meaningless
-from executive.locations.demands import BaseDemand, Reach, ReachKind, base_demand, hand_demand, thing_demand
+from executive.locations.base_candidates import InverseMaps
+from executive.locations.demands import (
+    BaseDemand,
+    Reach,
+    ReachKind,
+    base_demand,
+    hand_demand,
+    meaningless,
+    thing_demand,
+)
 from executive.locations.floor_search import search_floor
 from executive.locations.hand_predicates import Stage, candidates_of, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base, is_among, stopped_by, unblocked
-from executive.locations.inverse_map import InverseMaps
 from executive.locations.rejections import COLLISION, Rejections
 from executive.locations.resting import thing_holds, thing_poses
 from executive.locations.search import BUDGETS, ReachSearch
