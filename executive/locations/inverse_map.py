@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.locations.columns import Columns
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap, carried, is_bound
+from executive.locations.reachability_building import exact_places
 from executive.locations.reachability_files import reachability_map
-from executive.locations.reachability_sampling import exact_places
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
@@ -27,8 +28,8 @@ Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
-    """Rows of a map that a way can use at its height, best first."""
+class Rows(Columns):
+    """Rows of a map that grasp candidates of one height and roll can use, best first."""
 
     v: Array
     """(n, 2) [m]."""
@@ -38,21 +39,12 @@ class Rows:
     torso: Array
     squares: Indices
     """Number of the square of side :data:`SPREAD` that v is in."""
-    torsos: tuple[float, ...]
+    torsos: tuple[float, ...] = ()
     """Torso positions, lowest first."""
-
-    def first(self, count: int) -> Rows:
-        """So many of them."""
-        v, yaw, score, row = self.v[:count], self.yaw[:count], self.score[:count], self.row[:count]
-        return Rows(v, yaw, score, row, self.torso[:count], self.squares[:count], self.torsos)
 
     def of(self, torsos: tuple[float, ...]) -> Rows:
         """Return the rows for some torso positions."""
-        if torsos == self.torsos:
-            return self
-        kept = np.isin(self.torso, torsos)
-        v, yaw, score = self.v[kept], self.yaw[kept], self.score[kept]
-        return Rows(v, yaw, score, self.row[kept], self.torso[kept], self.squares[kept], torsos)
+        return self if torsos == self.torsos else replace(self.chosen(np.isin(self.torso, torsos)), torsos=torsos)
 
 
 class InverseMap:
@@ -79,28 +71,20 @@ class InverseMap:
 
     def _find(self, z: float, roll: int, least: float, most: int) -> Rows:
         forward = self.forward
-        parts, torsos = [self._level(forward.lowest_level - 1, roll)], [np.zeros(0)]
+        parts = [self._level(forward.lowest_level - 1, roll)]  # which has no rows: there is always a part
         for torso in forward.heights(z):
             rise = float(forward.lift.rise(torso)) if forward.lift is not None else 0.0
             level = self._level(round((z - rise) / CELL), roll)
             count = min(int(np.searchsorted(-level.score, -least, side="right")), most)
-            parts.append(level.first(count))
-            torsos.append(np.full(count, torso))
-        score = np.concatenate([part.score for part in parts])
-        heights = np.concatenate(torsos)
-        order = np.argsort(-score, kind="stable")
-        v, yaw, row, squares = (
-            np.concatenate([getattr(part, name) for part in parts])[order] for name in ("v", "yaw", "row", "squares")
-        )
-        return Rows(v, yaw, score[order], row, heights[order], squares, tuple(np.unique(heights).tolist()))
+            parts.append(replace(level.chosen(np.arange(count)), torso=np.full(count, torso)))
+        found = Rows.joined(parts)
+        found = found.chosen(np.argsort(-found.score, kind="stable"))
+        return replace(found, torsos=tuple(np.unique(found.torso).tolist()))
 
     def _level(self, level: int, roll: int) -> Rows:
         """Return the rows of a level that a roll can use, at no torso position, best first."""
-        if (level, roll) not in self._levels:
-            self._levels[level, roll] = self._prepared(level, roll)
-        return self._levels[level, roll]
-
-    def _prepared(self, level: int, roll: int) -> Rows:
+        if (level, roll) in self._levels:
+            return self._levels[level, roll]
         forward = self.forward
         flipped = forward.grasp is GraspClass.TOP and roll == -1
         number = level - forward.lowest_level
@@ -123,7 +107,8 @@ class InverseMap:
         cells = np.rint(v / SPREAD).astype(np.intp)
         half = 1 << (SQUARE_BITS // 2 - 1)
         squares = (cells[:, 0] + half) * 2 * half + cells[:, 1] + half
-        return Rows(v, yaw, score, first + index, np.zeros(len(index)), squares, ())
+        self._levels[level, roll] = Rows(v, yaw, score, first + index, np.zeros(len(index)), squares)
+        return self._levels[level, roll]
 
 
 _prepared: dict[tuple[object, ...], InverseMap] = {}

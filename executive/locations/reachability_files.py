@@ -22,8 +22,7 @@ from executive.locations.reachability import (
     row_keys,
     rows_of,
 )
-from executive.locations.reachability_building import SAMPLING, blocks, build_map, joint_step
-from executive.locations.reachability_sampling import CHUNK, POSTURES
+from executive.locations.reachability_building import DRAWN, POSTURES, SAMPLING, blocks, build_map, joint_step
 from executive.robots.arms import ArmModel
 from planlang.cache import Cache, sealed, unsealed
 from planlang.files import Bundled
@@ -84,7 +83,7 @@ def _suffix(key: str) -> str:
 def map_key(arm: ArmModel, grasp: GraspClass) -> str:
     """Return a digest of all that a map depends on; the same on all processors, so computed numbers are rounded."""
     lift = None if arm.lift is None else (arm.lift.column, round(arm.lift.per_unit, 9))
-    sampling = (POSTURES, CHUNK) if is_bound(arm) else SAMPLING
+    sampling = (POSTURES, DRAWN) if is_bound(arm) else SAMPLING
     facts = (
         VERSION,
         sampling,
