@@ -15,6 +15,7 @@ from typing import Generic, TypeVar
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.locations.base_candidates import InverseMaps
 from executive.locations.demands import (
     BaseDemand,
     Reach,
@@ -27,7 +28,6 @@ from executive.locations.demands import (
 from executive.locations.floor_search import FloorSearch
 from executive.locations.hand_predicates import Stage, candidates_of, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
-from executive.locations.inverse_map import InverseMaps
 from executive.locations.rejections import COLLISION, Rejections
 from executive.locations.resting import Placement
 from executive.locations.search import BUDGETS, ReachSearch

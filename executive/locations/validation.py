@@ -11,10 +11,10 @@ import numpy as np
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Area, Clear, Facing
+from executive.locations.base_candidates import InverseMaps
 from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
-from executive.locations.inverse_map import InverseMaps
 from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel

@@ -12,11 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.locations import reachability_files
-from executive.locations.inverse_map import InverseMap
-from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
-from executive.locations.reachability_building import build_map, sampled
-from executive.locations.reachability_files import bundled_file, map_key, packed, reachability_map, unpacked
+from executive.locations import reachability_maps
+from executive.locations.base_candidates import InverseMap
+from executive.locations.reachability import CELL, GraspClass, ReachabilityMap, sampled
+from executive.locations.reachability_maps import build_map, bundled_file, map_key, packed, reachability_map, unpacked
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame, lift_of
 from planlang.geometry import Array
@@ -186,8 +185,8 @@ def test_a_hand_that_cannot_be_turned_upside_down_has_no_rows_with_the_other_rol
 
 
 def test_neither_has_one_of_few_joints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.locations.reachability_building.POSTURES", 1000)
-    monkeypatch.setattr("executive.locations.reachability_building.DRAWN", 1000)
+    monkeypatch.setattr("executive.locations.reachability.POSTURES", 1000)
+    monkeypatch.setattr("executive.locations.reachability.SAMPLED_AT_ONCE", 1000)
     arm = arm_of(tmp_path, SCARA)
     kinds = [(grasp, roll) for grasp in GraspClass for roll in grasp.rolls]
     found = [
@@ -226,7 +225,7 @@ def test_only_a_joint_that_slides_straight_up_is_a_lift(arm: ArmModel) -> None:
 def test_the_files_of_maps_hold_their_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, joints: Sequence[tuple[str, ...]], shared: bool
 ) -> None:
-    monkeypatch.setattr("executive.locations.reachability_building.POSTURES", 10_000)
+    monkeypatch.setattr("executive.locations.reachability.POSTURES", 10_000)
     arm = arm_of(tmp_path, joints, torso=joints[0][0])
     built = build_map(arm, GraspClass.SIDE)
     read = unpacked(packed(built), arm, GraspClass.SIDE)
@@ -245,7 +244,7 @@ def test_a_map_that_came_along_is_taken_and_one_that_did_not_is_built_with_the_r
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arm, said = arm_of(tmp_path, GANTRY), list[str]()
-    monkeypatch.setattr(reachability_files, "MAPS", tmp_path)
+    monkeypatch.setattr(reachability_maps, "MAPS", tmp_path)
     name, content = bundled_file(arm, GraspClass.SIDE, "gantry")
     (tmp_path / name).write_bytes(content)
 

@@ -1,21 +1,22 @@
-"""Builds reachability maps by inverse kinematics.
+"""Makes reachability maps: taken from the files of a robot or the cache, else built by inverse kinematics.
 
-A coarse sub-lattice is solved from postures at random; then solutions spread to neighbours in place and heading, each
-from the joints of its neighbour, until nothing is added; then every pose takes over a neighbour's posture if it can
-be better off with it. So unreachable poses cost something at the rim only. At last the poses of a block, a few cells
-and headings, share postures: of each block the best one, then the best of those that are not solved from it, and so on.
-A map is so small then that it can come with a robot (17 MB of joint values are 2 MB of postures for the Panda).
+To build one, a coarse sub-lattice is solved from postures at random; then solutions spread to neighbours in place and
+heading, each from the joints of its neighbour, until nothing is added; then every pose takes over a neighbour's posture
+if it can be better off with it. So unreachable poses cost something at the rim only. At last the poses of a block, a
+few cells and headings, share postures: of each block the best one, then the best of those that are not solved from it,
+and so on. A map is so small then that it can come with a robot (17 MB of joint values are 2 MB of postures for the
+Panda).
 
-An arm of fewer than six joints reaches almost no pose of a lattice exactly. Random postures are pulled to the nearest
-one in which the hand points as a class of grasps says, at a height of the lattice (Gauss-Newton on height and the two
-components of the rotation that a heading leaves); place and heading stay free. A row stands for the cell that such a
-pose is in; where exactly it is, the row's posture tells (:func:`exact_places`).
+A file is sealed with a key made of the chain, the sampling and a version (:func:`map_key`), and named by its beginning.
+So a map is never taken for that of another arm, and what is damaged or stale is built anew.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Iterator
+import zlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 
@@ -24,18 +25,25 @@ from numpy.typing import NDArray
 
 from executive.locations.reachability import (
     CELL,
+    POSTURES,
     ROW,
+    SAMPLED_AT_ONCE,
     YAWS,
     GraspClass,
     Index,
     ReachabilityMap,
     Rows,
     carried,
+    cells_of,
     is_bound,
     row_keys,
+    rows_of,
+    sampled,
 )
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame
+from planlang.cache import Cache, sealed, unsealed
+from planlang.files import Bundled
 from planlang.geometry import Array
 
 SAMPLES = 20_000
@@ -259,93 +267,117 @@ def _normal(score: Array) -> Array:
     return np.asarray(np.clip(score / full, 1e-3, 1.0))
 
 
-POSTURES, DRAWN = 60_000, 10_000
-"""Random postures of each roll that are pulled to the lattice's heights, and how many at once."""
-STEPS = 12
-"""Steps by which a posture is pulled."""
-DAMPING = 1e-6
-"""Added to the squares of the Jacobian: where a posture is singular the step stays finite."""
-NEAR = 1e-4, 5e-4
-"""Largest distance of a pose from a height of the lattice [m], and from the wanted rotation [rad]."""
+VERSION = 4
+"""Raised whenever maps come out otherwise for the same arm, or their files."""
+SCORES = 255
+"""A score is a whole number of parts of this, so that it is a byte."""
+MAPS = Bundled.ROBOT.folder / "maps"
+"""Where the maps of the bundled robots are; ``make maps`` writes them."""
+_CACHE = Cache("reachability", most=60)
+
+Say = Callable[[str], None]
 
 
-def sampled(
-    chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, floor: float, rng: np.random.Generator
-) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Joint values (n, d), places (n, 3: x, y, heading) and levels (n,) of the tips, none below ``floor`` [m]."""
-    found = [_pulled(chain, grasp, frame, roll, chain.sample(rng, DRAWN)) for _ in range(POSTURES // DRAWN)]
-    q = np.concatenate([part for part in found if len(part)] or [np.zeros((0, chain.dof))])
-    places, heights = exact_places(chain, q, grasp, frame, roll)
-    levels = np.rint(heights / CELL).astype(np.int64)
-    kept = heights >= floor - CELL / 2
-    return q[kept], places[kept], levels[kept]
+def reachability_map(
+    arm: ArmModel, grasp: GraspClass, robot: str = "", say: Say = lambda line: None
+) -> ReachabilityMap:
+    """Return the map of an arm and class: the one that came with planlang, from the user's cache, or built now.
+
+    ``say`` is told when it is built, which takes seconds, and if ``robot`` names a bundled robot, why.
+    """
+    key = map_key(arm, grasp)
+    content, why = _bundled_map(arm, grasp, robot, key)
+    if content is None:
+        content = _CACHE.load(key)
+    if content is None:
+        say(f"building the reachability map of arm {arm.name}, {grasp.value} grasps, once for this robot{why}")
+        content = packed(build_map(arm, grasp))
+        _CACHE.keep(key, content)
+    return unpacked(content, arm, grasp)
 
 
-def exact_places(chain: Chain, q: Array, grasp: GraspClass, frame: HandFrame, roll: Array | int) -> tuple[Array, Array]:
-    """Where tips are for joint values (n, d): x, y [m] and heading [rad] (n, 3), and the heights (n,) [m]."""
-    if not len(q):
-        return np.zeros((0, 3)), np.zeros(0)
-    tips = chain.fk(q)
-    headings = _headings(tips[:, :3, :3], grasp, frame, roll)
-    return np.column_stack([tips[:, :2, 3], headings]), tips[:, 2, 3]
+def bundled_file(arm: ArmModel, grasp: GraspClass, robot: str) -> tuple[str, bytes]:
+    """Return the name and the content of the file with the map of a bundled robot's arm, built now."""
+    key = map_key(arm, grasp)
+    return _file_name(arm, grasp, robot, key), sealed(key, packed(build_map(arm, grasp)))
 
 
-def cells_of(places: Array) -> NDArray[np.int64]:
-    """Return the lattice cells (n, 3: x, y, heading) that places (n, 3) are in."""
-    turns = np.rint(places[:, 2] / (2 * math.pi / YAWS)).astype(np.int64) % YAWS
-    return np.column_stack([np.rint(places[:, :2] / CELL).astype(np.int64), turns])
+def _bundled_map(arm: ArmModel, grasp: GraspClass, robot: str, key: str) -> tuple[bytes | None, str]:
+    """Return a map that came with planlang; None if there is none, and for a bundled robot the reason."""
+    name = _file_name(arm, grasp, robot, key)
+    path = MAPS / name
+    if path.is_file():
+        return unsealed(key, path.read_bytes()), f": {path} is damaged"
+    others = MAPS.glob(f"{name.removesuffix(_suffix(key))}-*.map")
+    return None, ": the URDF is not the one of which planlang has maps" if any(others) else ""
 
 
-def _headings(rotations: Array, grasp: GraspClass, frame: HandFrame, roll: Array | int) -> Array:
-    if grasp is GraspClass.TOP:
-        closing = rotations @ np.asarray(frame.closing)
-        return np.asarray(np.arctan2(-closing[:, 0] * roll, closing[:, 1] * roll))
-    approach = rotations @ np.asarray(frame.approach)
-    return np.asarray(np.arctan2(approach[:, 1], approach[:, 0]))
+def _file_name(arm: ArmModel, grasp: GraspClass, robot: str, key: str) -> str:
+    return f"{robot}-{arm.name}-{grasp.value}{_suffix(key)}"
 
 
-def _pulled(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array) -> Array:
-    """Return the postures (n, d) that could be pulled to the class, near where they were."""
-    level = np.rint(chain.fk(q)[:, 2, 3] / CELL) * CELL
-    for _ in range(STEPS):
-        error = _error(chain, grasp, frame, roll, q, level)
-        jacobian = chain.jacobian(q)[:, 2:5]  # velocity upwards, turning about x and y
-        squares = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING * np.eye(3)
-        step = jacobian.transpose(0, 2, 1) @ np.linalg.solve(squares, error[:, :, None])
-        q = np.clip(q + np.clip(step[:, :, 0], -0.4, 0.4), chain.lower, chain.upper)
-    near = np.abs(_error(chain, grasp, frame, roll, q, level))
-    kept = (near[:, 0] < NEAR[0]) & (near[:, 1:].max(axis=1) < NEAR[1])
-    return np.asarray(q[kept & _level_about(chain, grasp, frame, roll, q)])
+def _suffix(key: str) -> str:
+    return f"-{key[:16]}.map"
 
 
-def _error(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array, level: Array) -> Array:
-    """Return the errors in height [m] and in rotation about x and y [rad], (n, 3)."""
-    tips = chain.fk(q)
-    wanted = grasp.rotations(_headings(tips[:, :3, :3], grasp, frame, roll), roll, frame)
-    turn = wanted @ tips[:, :3, :3].transpose(0, 2, 1)
-    return np.column_stack([level - tips[:, 2, 3], _log(turn)[:, :2]])
-
-
-def _level_about(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array) -> NDArray[np.bool_]:
-    """Return True where the rotation about z is right, too: the whole rotation is that of the class."""
-    tips = chain.fk(q)[:, :3, :3]
-    wanted = grasp.rotations(_headings(tips, grasp, frame, roll), roll, frame)
-    turns = wanted @ tips.transpose(0, 2, 1)
-    half = np.trace(turns, axis1=1, axis2=2) < 0  # of half a turn the logarithm is zero, too
-    return np.asarray((np.abs(_log(turns)).max(axis=1) < NEAR[1]) & ~half)
-
-
-def _log(rotations: Array) -> Array:
-    """Rotation vectors (n, 3) of rotations (n, 3, 3); of nearly half a turn only roughly, of half a turn zero."""
-    cosine = np.clip((np.trace(rotations, axis1=1, axis2=2) - 1) / 2, -1.0, 1.0)
-    angle = np.arccos(cosine)
-    skew = np.stack(
-        [
-            rotations[:, 2, 1] - rotations[:, 1, 2],
-            rotations[:, 0, 2] - rotations[:, 2, 0],
-            rotations[:, 1, 0] - rotations[:, 0, 1],
-        ],
-        axis=1,
+def map_key(arm: ArmModel, grasp: GraspClass) -> str:
+    """Return a digest of all that a map depends on; the same on all processors, so computed numbers are rounded."""
+    lift = None if arm.lift is None else (arm.lift.column, round(arm.lift.per_unit, 9))
+    sampling = (POSTURES, SAMPLED_AT_ONCE) if is_bound(arm) else SAMPLING
+    facts = (
+        VERSION,
+        sampling,
+        CELL,
+        YAWS,
+        carried(arm).digest,
+        lift,
+        grasp.value,
+        (arm.frame.approach, arm.frame.closing),
+        (arm.seeds.round(9) + 0.0).tolist(),
     )
-    scale = np.where(angle < 1e-6, 0.5, angle / np.maximum(2 * np.sin(angle), 1e-6))
-    return np.asarray(scale[:, None] * skew)
+    return hashlib.sha256(repr(facts).encode()).hexdigest()
+
+
+def packed(built: ReachabilityMap) -> bytes:
+    """Return a map as its file keeps it.
+
+    Rows as steps from key to key, scores as bytes, and which of the postures of its block a row has; postures in steps
+    of :func:`joint_step`, in the order of blocks. Bytes of equal significance are together, which compresses well.
+    """
+    rows, step = built.rows, joint_step(built.arm)
+    count = max(len(built.postures), 1)
+    pairs, pair = np.unique(blocks(rows, built.arm) * count + rows["posture"], return_inverse=True)
+    block, posture = np.divmod(pairs, count)
+    _, first, number = np.unique(block, return_index=True, return_inverse=True)
+    columns = (
+        np.array([len(rows), len(pairs)]),
+        np.diff(row_keys(rows), prepend=0),
+        np.maximum(np.rint(rows["score"].astype(float) * SCORES), 1).astype(np.uint8),
+        (np.arange(len(pairs)) - first[number])[pair].astype(np.uint8),
+        np.rint(built.postures[posture] / step).astype(np.int32).ravel(),
+    )
+    return zlib.compress(
+        b"".join(column.view(np.uint8).reshape(-1, column.itemsize).T.tobytes() for column in columns), 9
+    )
+
+
+def unpacked(content: bytes, arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
+    """Return the map of a file; the inverse of :func:`packed`."""
+    plain, chain = np.frombuffer(zlib.decompress(content), np.uint8), carried(arm)
+    begin = 0
+
+    def column(count: int, kind: type[np.generic]) -> np.ndarray:
+        nonlocal begin
+        size = np.dtype(kind).itemsize
+        planes = plain[begin : begin + count * size].reshape(size, count)
+        begin += count * size
+        return np.ascontiguousarray(planes.T).view(kind)[:, 0]
+
+    count, postures = column(2, np.int64).tolist()
+    rows = rows_of(np.cumsum(column(count, np.int64)))
+    rows["score"] = column(count, np.uint8) / SCORES
+    number = column(count, np.uint8).astype(np.int64)
+    _, rows["posture"] = np.unique(blocks(rows, arm) * (SCORES + 1) + number, return_inverse=True)
+    q = column(postures * chain.dof, np.int32).reshape(postures, chain.dof) * joint_step(arm)
+    rows.flags.writeable = False
+    return ReachabilityMap(arm, grasp, rows, chain.functions.within(q.T).T)
