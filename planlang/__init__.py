@@ -62,7 +62,6 @@ from planlang.language.budgets import budget, timeout
 from planlang.language.conditions import Policy, achieve, holds, whenever, with_policies
 from planlang.language.executive import Executive, ProcessModule
 from planlang.language.location import at_location
-from planlang.language.machine import state_machine
 from planlang.language.ordering import given, partial_order
 from planlang.language.performing import Request, monitor, perform, perform_async, perform_or, with_requests
 from planlang.language.plans import (
@@ -88,9 +87,10 @@ from planlang.language.recovery import (
     retry,
     with_failure_handling,
 )
+from planlang.language.recovery_strategies import ignore, look_and_repeat, look_from_another_place, recovery_strategy
 from planlang.language.resources import using
 from planlang.language.running import run
-from planlang.language.strategies import ignore, look_and_repeat, look_from_another_place, recovery_strategy
+from planlang.language.state_machine import state_machine
 from planlang.language.tasktree import TaskNode, TaskTree
 from planlang.runs import Trace
 

@@ -1,6 +1,6 @@
 """Belief: semantic maps, the scene they make, and what the robot believes of it.
 
-General layout: ``semantic_map`` reads things (``stated_values`` their numbers), ``scene`` turns them into bodies,
+General layout: ``semantic_map`` reads things, ``scene`` turns them into bodies,
 ``belief`` is what the robot knows of them, ``planning_scene`` is what planning asks (``believed_bodies``: shapes,
 ``scene_collisions``: room and contacts).
 """

@@ -10,7 +10,7 @@ from executive.cli.arguments import InspectArguments
 from executive.cli.console import Answer, ExitCode, say, silent
 from executive.cli.inputs import check_files, refuse
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
-from executive.locations.reachability_files import reachability_map
+from executive.locations.reachability_maps import reachability_map
 from executive.pictures.reach_picture import save_reach_picture, save_reach_recording
 from executive.pictures.recording import drawn_in, missing
 from executive.robots import Arm, Robot, bind_robot

@@ -13,8 +13,7 @@ from executive.cli.arguments import LocateArguments
 from executive.cli.console import Answer, ExitCode, say, silent
 from executive.cli.inputs import check_files, chosen, planar, refuse
 from executive.locations import Rejections
-from executive.locations.consistency import LocationMeaningless
-from executive.locations.demands import base_demand, sides, thing_demand, without_unused
+from executive.locations.demands import LocationMeaningless, base_demand, sides, thing_demand, without_unused
 from executive.modules.platform import Platform
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying

@@ -1,9 +1,9 @@
 """Base poses from which grasp candidates are reachable, by inverting reachability maps.
 
 For a candidate whose tip heads for g at the point p, a row of the map with the tip at c and heading y (in the torso
-frame) is used from the base at p - Rz(g) v with yaw g - y, where v = Rz(-y) c does not depend on the world: looking at
-all rows of a candidate costs a rotation of constants and a look at the field of room (Vahrenkamp et al., Robot
-placement based on reachability inversion, ICRA 2013).
+frame) is used from the base at p - Rz(g) v with yaw g - y, where v = Rz(-y) c does not depend on the world: maps are
+prepared once for each height, and looking at all rows of a candidate costs a rotation of constants and a look at the
+field of room (Vahrenkamp et al., Robot placement based on reachability inversion, ICRA 2013).
 """
 
 from __future__ import annotations
@@ -12,16 +12,150 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.scene_collisions import CELL, HAIR, Field, Floor
-from executive.locations.grasp_candidates import CLASSES, GraspCandidates
-from executive.locations.inverse_map import SQUARE_BITS, InverseMaps, Rows
-from executive.locations.reachability import YAWS
+from executive.belief.scene_collisions import CELL as FLOOR_CELL
+from executive.belief.scene_collisions import HAIR, Field, Floor
+from executive.locations.columns import Columns
+from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand
+from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap, carried, exact_places, is_bound
+from executive.locations.reachability_maps import reachability_map
+from executive.locations.rejections import NO_ROOM, NOT_VISIBLE
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+
+SPREAD = 0.1
+"""Side of a square in which the best place of one candidate comes first [m]."""
+SQUARE_BITS = 22
+"""Numbers of squares have no more bits."""
+MOST_MAPS = 24
+"""Maps that are kept prepared."""
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows(Columns):
+    """Rows of a map that grasp candidates of one height and roll can use, best first."""
+
+    v: Array
+    """(n, 2) [m]."""
+    yaw: Array
+    score: Array
+    row: Indices
+    torso: Array
+    squares: Indices
+    """Number of the square of side :data:`SPREAD` that v is in."""
+    torsos: tuple[float, ...] = ()
+    """Torso positions, lowest first."""
+
+    def of(self, torsos: tuple[float, ...]) -> Rows:
+        """Return the rows for some torso positions."""
+        return self if torsos == self.torsos else replace(self.chosen(np.isin(self.torso, torsos)), torsos=torsos)
+
+
+class InverseMap:
+    """A reachability map prepared for inversion, level by level as they are asked for."""
+
+    def __init__(self, forward: ReachabilityMap, exact: Array | None = None) -> None:
+        """``exact``: x, y [m] and heading [rad] of the rows (n, 3), where they are not those of the lattice."""
+        self.forward, self._exact = forward, exact
+        rows = forward.rows
+        away = np.hypot(*exact.T[:2]) if exact is not None else CELL * np.hypot(rows["x"], rows["y"], dtype=np.float64)
+        self.reach = float(away.max()) if len(rows) else 0.0
+        """Farthest that a base is from a point that it reaches, horizontally [m]."""
+        self._levels: dict[tuple[int, int], Rows] = {}
+        self._known: dict[tuple[float, int, float, int], Rows] = {}
+
+    def rows(self, z: float, roll: int, least: float, most: int) -> Rows:
+        """Rows for a height [m] and roll, of at least a score, no more than ``most`` for each torso position."""
+        key = (round(z, 6), roll, least, most)
+        if key not in self._known:
+            if len(self._known) > 64:
+                self._known.clear()
+            self._known[key] = self._find(z, roll, least, most)
+        return self._known[key]
+
+    def _find(self, z: float, roll: int, least: float, most: int) -> Rows:
+        forward = self.forward
+        parts = [self._level(forward.lowest_level - 1, roll)]  # which has no rows: there is always a part
+        for torso in forward.heights(z):
+            rise = float(forward.lift.rise(torso)) if forward.lift is not None else 0.0
+            level = self._level(round((z - rise) / CELL), roll)
+            count = min(int(np.searchsorted(-level.score, -least, side="right")), most)
+            parts.append(replace(level.chosen(np.arange(count)), torso=np.full(count, torso)))
+        found = Rows.joined(parts)
+        found = found.chosen(np.argsort(-found.score, kind="stable"))
+        return replace(found, torsos=tuple(np.unique(found.torso).tolist()))
+
+    def _level(self, level: int, roll: int) -> Rows:
+        """Return the rows of a level that a roll can use, at no torso position, best first."""
+        if (level, roll) in self._levels:
+            return self._levels[level, roll]
+        forward = self.forward
+        flipped = forward.grasp is GraspClass.TOP and roll == -1
+        number = level - forward.lowest_level
+        inside = 0 <= number < len(forward.starts) - 1
+        first, last = forward.starts[number : number + 2].tolist() if inside else (0, 0)
+        rows = forward.rows[first:last]
+        index = np.flatnonzero(rows["roll"] == (1 if flipped else roll))
+        score = rows["score"][index].astype(float).round(6)
+        order = np.argsort(-score, kind="stable")
+        index, score = index[order], score[order]
+        if self._exact is None:
+            yaw = rows["yaw"][index].astype(float) * (2 * math.pi / YAWS)
+            x, y = CELL * rows["x"][index].astype(float), CELL * rows["y"][index].astype(float)
+        else:
+            x, y, yaw = self._exact[first + index].T
+        c, s = np.cos(yaw), np.sin(yaw)
+        v = np.stack([c * x + s * y, c * y - s * x], axis=1)
+        if flipped:  # a turned hand is the same as another heading
+            v, yaw = -v, yaw - math.pi
+        cells = np.rint(v / SPREAD).astype(np.intp)
+        half = 1 << (SQUARE_BITS // 2 - 1)
+        squares = (cells[:, 0] + half) * 2 * half + cells[:, 1] + half
+        self._levels[level, roll] = Rows(v, yaw, score, first + index, np.zeros(len(index)), squares)
+        return self._levels[level, roll]
+
+
+_prepared: dict[tuple[object, ...], InverseMap] = {}
+
+
+def inverse_map(facts: tuple[object, ...], prepared: Callable[[], InverseMap]) -> InverseMap:
+    """Return a map prepared for inversion, once in a process for all arms of the same ``facts``."""
+    if facts not in _prepared:
+        while len(_prepared) >= MOST_MAPS:
+            del _prepared[next(iter(_prepared))]
+        _prepared[facts] = prepared()
+    return _prepared[facts]
+
+
+class InverseMaps:
+    """The maps of the arms of one robot, prepared when they are first asked for."""
+
+    def __init__(self, robot: str, say: Callable[[str], None]) -> None:
+        """``robot``: its name. ``say`` is told of maps that have to be built, which takes seconds."""
+        self._robot, self._say = robot, say
+        self._known: dict[tuple[str, GraspClass], InverseMap] = {}
+
+    def __call__(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
+        """Return the map of an arm and class of grasp."""
+        key = (arm.name, grasp)
+        if key not in self._known:
+            facts = (arm.solver.chain.digest, arm.lift, arm.frame, arm.seeds.tobytes(), grasp)
+            self._known[key] = inverse_map(facts, partial(self._prepare, arm, grasp))
+        return self._known[key]
+
+    def _prepare(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
+        forward = reachability_map(arm, grasp, self._robot, self._say)
+        if not is_bound(arm):
+            return InverseMap(forward)
+        q, roll = forward.postures[forward.rows["posture"]], forward.rows["roll"].astype(int)
+        return InverseMap(forward, exact_places(carried(arm), q, grasp, arm.frame, roll)[0])
+
 
 TIE = 1e-9
 """Scores that differ by less count as equal: then the base pose of the better row comes first."""
@@ -30,7 +164,6 @@ AT_ONCE = 200_000
 COUNTED = 48
 """Base poses without room, unwanted and unseen that are counted of each candidate, so that reasons can be compared."""
 
-Indices = NDArray[np.intp]
 Weigh = Callable[[Array], Array]
 """Bases (m, 3) -> weights (m,), 0 where a base pose will not do."""
 Conjunct = tuple[str, Weigh]
@@ -39,8 +172,8 @@ Misses = Callable[[Array], NDArray[np.bool_]]
 """Bases (m, 3) -> whether something is surely not seen from there (m,)."""
 
 
-@dataclass(slots=True)
-class BaseCandidates:
+@dataclass(frozen=True, slots=True, eq=False)
+class BaseCandidates(Columns):
     """m base poses, each for one arm and one of its grasp candidates."""
 
     bases: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -53,30 +186,9 @@ class BaseCandidates:
     torsos: Array = field(default_factory=lambda: np.zeros(0))
     ranks: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
     """The number of better ones of the same candidate."""
-    crowded: list[tuple[float, Array]] = field(default_factory=list)
-    """Promising base poses without room, with their scores."""
-    without_room: int = 0
-    """Base poses without room, up to so many of each candidate."""
-    unwanted: Counter[str] = field(default_factory=Counter)
-    """Base poses with room of which another conjunct says that they will not do, counted likewise by its reason."""
-    unseen: int = 0
-    """Base poses that are left and from which the robot would not see what it has to, counted likewise."""
 
     def __len__(self) -> int:
         return len(self.scores)
-
-    def chosen(self, index: Indices) -> BaseCandidates:
-        """Return some of them."""
-        return replace(
-            self,
-            bases=self.bases[index],
-            scores=self.scores[index],
-            arms=self.arms[index],
-            candidates=self.candidates[index],
-            rows=self.rows[index],
-            torsos=self.torsos[index],
-            ranks=self.ranks[index],
-        )
 
     def order(self, weigh: Weigh, most: int) -> Indices:
         """Return indices round-robin over the candidates, the best of each first, at most ``most``."""
@@ -86,142 +198,94 @@ class BaseCandidates:
         return some[np.lexsort((-worth.round(6), self.ranks[some]))[:most]]
 
 
-def invert(
-    hands: Sequence[tuple[ArmModel, GraspCandidates]],
-    inverse: InverseMaps,
-    room: Field,
-    conjuncts: Sequence[Conjunct],
-    lifted: Callable[[ArmModel, Sequence[float]], tuple[float, ...]],
-    *,
-    misses: Misses | None = None,
-    least: float,
-    rows: int,
-    each: int,
-) -> BaseCandidates:
-    """Return base poses for some arms and their candidates.
+@dataclass(slots=True, eq=False)
+class Inversion:
+    """The inversion of maps for some hands, and what it refused on the way."""
 
-    Of each candidate those ``each`` with the best score are kept, well spread. ``conjuncts`` are the others.
-    ``lifted`` tells where the torso may be with the rest of the robot as it is, ``misses`` from where the robot would
-    not see what it has to. ``least`` and ``rows`` bound the rows of the maps by score, and by number for each torso
-    position.
-    """
-    found = BaseCandidates()
-    parts: list[_Part] = []
-    for number, (arm, candidates) in enumerate(hands):
-        alike: dict[tuple[float, int, int], list[int]] = {}
-        heights = candidates.points[:, 2].round(6).tolist()
-        for candidate, kind in enumerate(
-            zip(heights, candidates.grasps.tolist(), candidates.rolls.tolist(), strict=True)
-        ):
-            alike.setdefault(kind, []).append(candidate)
-        for (z, grasp, roll), mine in alike.items():
-            chosen = inverse(arm, CLASSES[grasp]).rows(z, roll, least, rows)
-            chosen = chosen.of(lifted(arm, chosen.torsos))
-            if not len(chosen.row):
-                continue
-            for some in blocks(len(mine), max(1, AT_ONCE // len(chosen.row))):
-                part = _Part.of(
-                    candidates, np.array(mine[some], np.intp), chosen, room, conjuncts, misses, each, number
-                )
-                parts.append(part)
-    found.without_room = sum(part.without_room for part in parts)
-    for part in parts:
-        found.unwanted.update(part.unwanted)
-    found.unseen = sum(part.unseen for part in parts)
-    crowded = [(part.number, *place) for part in parts for place in part.crowded]
-    found.crowded = [(score, base) for _, _, score, base in sorted(crowded, key=lambda place: place[:2])]
-    if not parts:
-        return found
-    arms = np.concatenate([np.full(len(part.candidates), part.number, np.intp) for part in parts])
-    whole = np.concatenate([part.candidates for part in parts])
-    order = np.lexsort((whole, arms))
-    found.arms, found.candidates = arms[order], whole[order]
-    found.bases = np.concatenate([part.bases for part in parts])[order]
-    found.scores = np.concatenate([part.scores for part in parts])[order]
-    found.rows = np.concatenate([part.rows for part in parts])[order]
-    found.torsos = np.concatenate([part.torsos for part in parts])[order]
-    found.ranks = np.concatenate([part.ranks for part in parts])[order]
-    return found
+    room: Field
+    conjuncts: Sequence[Conjunct]
+    """What a location asks of the base beside the reach."""
+    misses: Misses | None
+    """From where the robot would not see what it has to."""
+    each: int
+    """Base poses of one grasp candidate that are kept: those with the best score, well spread."""
+    refused: Counter[str] = field(default_factory=Counter)
+    """Base poses that will not do, by reason: up to :data:`COUNTED` for each reason and grasp candidate."""
+    _crowded: list[tuple[int, int, float, Array]] = field(default_factory=list)
 
+    def crowded(self) -> list[tuple[float, Array]]:
+        """Return the score and the base pose of the best row of each grasp candidate without any that has room."""
+        return [(score, base) for *_, score, base in sorted(self._crowded, key=lambda place: place[:2])]
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Part:
-    """The best base poses of candidates of one arm, class, roll and height: they use the same rows of a map."""
-
-    number: int
-    """The arm's number."""
-    bases: Array
-    scores: Array
-    candidates: Indices
-    rows: Indices
-    torsos: Array
-    ranks: Indices
-    without_room: int
-    unwanted: Counter[str]
-    unseen: int
-    crowded: list[tuple[int, float, Array]]
-    """Candidates without any base pose that has room: their number, the score and base pose of the best row."""
-
-    @staticmethod
     def of(
-        candidates: GraspCandidates,
-        index: Indices,
-        chosen: Rows,
-        room: Field,
-        conjuncts: Sequence[Conjunct],
-        misses: Misses | None,
-        each: int,
-        number: int,
-    ) -> _Part:
-        """Return all rows (n) for all candidates (w) at once, looked up in the field in its own cells."""
-        factors = room.looked_up(candidates.points[index, :2], candidates.headings[index], chosen.v)
+        self,
+        hands: Sequence[Hand],
+        inverse: InverseMaps,
+        lifted: Callable[[ArmModel, Sequence[float]], tuple[float, ...]],
+        *,
+        least: float,
+        rows: int,
+    ) -> BaseCandidates:
+        """Return base poses for arms and their grasp candidates, in the order of these.
+
+        ``lifted`` tells where the torso may be with the rest of the robot as it is. ``least`` and ``rows`` bound the
+        rows of the maps by score, and by number for each torso position.
+        """
+        parts: list[BaseCandidates] = []
+        for number, (arm, candidates, _) in enumerate(hands):
+            # those of one class, roll and height use the same rows of a map
+            alike: dict[tuple[float, int, int], list[int]] = {}
+            heights = candidates.points[:, 2].round(6).tolist()
+            kinds = zip(heights, candidates.grasps.tolist(), candidates.rolls.tolist(), strict=True)
+            for candidate, kind in enumerate(kinds):
+                alike.setdefault(kind, []).append(candidate)
+            for (z, grasp, roll), mine in alike.items():
+                chosen = inverse(arm, CLASSES[grasp]).rows(z, roll, least, rows)
+                chosen = chosen.of(lifted(arm, chosen.torsos))
+                for some in blocks(len(mine), max(1, AT_ONCE // max(len(chosen.row), 1))) if len(chosen.row) else ():
+                    parts.append(self._inverted(number, candidates, np.array(mine[some], np.intp), chosen))
+        if not parts:
+            return BaseCandidates()
+        found = BaseCandidates.joined(parts)
+        return found.chosen(np.lexsort((found.candidates, found.arms)))
+
+    def _inverted(self, number: int, candidates: GraspCandidates, index: Indices, chosen: Rows) -> BaseCandidates:
+        """Return the best base poses of all rows (n) for all candidates (w), looked up in the field at once."""
+        factors = self.room.looked_up(candidates.points[index, :2], candidates.headings[index], chosen.v)
         free = np.count_nonzero(factors, axis=1)
-        without_room = int(np.minimum(factors.shape[1] - free, COUNTED).sum())
-        crowded = [
-            (
-                candidate,
-                float(candidates.weights[candidate]) * float(chosen.score[0]),
-                _bases(candidates, np.array([candidate]), chosen, np.zeros(1, int))[0],
-            )
-            for candidate in index[free == 0].tolist()
-        ]
+        self.refused[NO_ROOM] += int(np.minimum(factors.shape[1] - free, COUNTED).sum())
+        for candidate in index[free == 0].tolist():
+            score = float(candidates.weights[candidate]) * float(chosen.score[0])
+            base = _bases(candidates, np.array([candidate]), chosen, np.zeros(1, int))[0]
+            self._crowded.append((number, candidate, score, base))
         if not free.all():
             index, factors = index[free > 0], factors[free > 0]
         scores = factors * chosen.score
         scores *= candidates.weights[index, None]
-        unwanted = Counter[str]()
-        if conjuncts and len(index):
+        if self.conjuncts and len(index):
             candidate, row = np.nonzero(factors)
-            bases, weight, left = (
-                _bases(candidates, index[candidate], chosen, row),
-                np.ones(len(candidate)),
-                np.ones(len(candidate), bool),
-            )
-            for reason, weigh in conjuncts:
+            bases = _bases(candidates, index[candidate], chosen, row)
+            weight, left = np.ones(len(candidate)), np.ones(len(candidate), bool)
+            for reason, weigh in self.conjuncts:
                 weight *= weigh(bases)
                 refused = left & (weight <= 0)
                 left ^= refused
-                unwanted[reason] += _counted(candidate[refused])
+                self.refused[reason] += _counted(candidate[refused])
             scores[candidate, row] *= weight
-        unseen = 0
-        if misses is not None and len(index):
+        if self.misses is not None and len(index):
             candidate, row = np.nonzero(scores)
-            missed = misses(_bases(candidates, index[candidate], chosen, row))
+            missed = self.misses(_bases(candidates, index[candidate], chosen, row))
             scores[candidate[missed], row[missed]] = 0.0
-            unseen = _counted(candidate[missed])
-        candidate, row, ranks = _best(scores, chosen.squares, each)
-        return _Part(
-            number,
+            self.refused[NOT_VISIBLE] += _counted(candidate[missed])
+        candidate, row, ranks = _best(scores, chosen.squares, self.each)
+        return BaseCandidates(
             _bases(candidates, index[candidate], chosen, row),
             scores[candidate, row],
+            np.full(len(row), number, np.intp),
             index[candidate],
             chosen.row[row],
             chosen.torso[row],
             ranks,
-            without_room,
-            unwanted,
-            unseen,
-            crowded,
         )
 
 
@@ -287,14 +351,14 @@ def moved_to_room(found: BaseCandidates, floor: Floor, middle: Array, yaw: float
     c, s = math.cos(yaw), math.sin(yaw)
     turn = np.array([[c, s], [-s, c]])
     angle = 2 * math.pi / (FINER * YAWS)
-    local = (found.bases[:, :2] - middle) @ turn.T / CELL
+    local = (found.bases[:, :2] - middle) @ turn.T / FLOOR_CELL
     cells = np.rint(local + HAIR).astype(np.int64)
     headings = np.rint((found.bases[:, 2] - yaw) / angle + HAIR).astype(np.int64) % (FINER * YAWS)
     keys = ((cells[:, 0] + HALF) * 2 * HALF + cells[:, 1] + HALF) * FINER * YAWS + headings
     _, first, index = np.unique(keys, return_index=True, return_inverse=True)
     inner = (np.arange(FINER) - (FINER - 1) / 2) / FINER
     corners = np.stack(np.meshgrid(inner, inner, indexing="ij"), axis=-1).reshape(-1, 2)
-    spots = (cells[first][:, None] + corners) * CELL @ turn + middle  # (k, FINER ** 2, 2)
+    spots = (cells[first][:, None] + corners) * FLOOR_CELL @ turn + middle  # (k, FINER ** 2, 2)
     bases = np.concatenate(
         [spots, np.broadcast_to((headings[first] * angle + yaw)[:, None, None], (*spots.shape[:2], 1))], axis=2
     )

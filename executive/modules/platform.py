@@ -1,15 +1,236 @@
-"""The robot as process modules command it: motions in the true world, planned in the planning scene."""
+"""The robot as process modules command it: motions in the true world, planned in the planning scene.
+
+The arms of a platform: which one is used, where it is, and its paths. Where a plan leaves the choice of the arm, it is
+made once in each strand of the run, and kept there.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from executive.locations import Resolver
-from executive.modules.arms import Arms
+from executive.belief.scene_collisions import BasePose
+from executive.locations import HandSolution, ReachKind, Resolver
+from executive.locations.demands import asks_for
 from executive.modules.control import Control, Drive, Hands, Sensing
+from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
+from executive.robots import CARRYING
+from executive.robots.arms import ArmModel
+from planlang.designators import Location, Object
+from planlang.failures import ActionUnresolvable
+from planlang.geometry import Array, Pose, matrices
+from planlang.kernel import Task
+from planlang.language.branches import concurrent_branches
+from planlang.protocols import Trajectory
+from planlang.relations import Sense
+
+ALONE = ""
+"""The branch where no plan is running."""
+MOST = 256
+"""Choices that are remembered; branches that have ended are forgotten first."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Choice:
+    arm: str
+    branch: Task | None
+    """None if it was read from a snapshot, or no plan is running."""
+
+    @property
+    def over(self) -> bool:
+        return self.branch is not None and self.branch.dead
+
+
+@dataclass(slots=True)
+class ArmChoices:
+    """Branch -> the arm that was chosen in it last.
+
+    Two branches that go on side by side may use two arms. A branch without a choice goes on with that of what has ended
+    inside of it, else with that of the branch around it, and leaves arms alone that others have chosen.
+    """
+
+    made: dict[str, _Choice] = field(default_factory=dict)
+    """In the order of the last choices; by path."""
+
+    def choose(self, arm: str) -> None:
+        """Record that the running branch uses this arm from now on."""
+        mine = next(iter(concurrent_branches()), None)
+        path = ALONE if mine is None else mine.path
+        self.made.pop(path, None)
+        self.made[path] = _Choice(arm, mine)
+        if len(self.made) > MOST:
+            ended = (name for name, choice in self.made.items() if choice.over)
+            del self.made[next(ended, next(iter(self.made)))]
+
+    def mine(self) -> str | None:
+        """Return the arm of the branch that runs, None while there is no choice."""
+        around = [branch.path for branch in concurrent_branches()] or [ALONE]
+        if around[0] in self.made:
+            return self.made[around[0]].arm
+        inner = [c.arm for path, c in self.made.items() if c.over and _inside(path, around[0])]
+        if inner:
+            return inner[-1]
+        return next((self.made[path].arm for path in around[1:] if path in self.made), None)
+
+    def others(self) -> frozenset[str]:
+        """Arms that branches beside the one that runs have chosen and may be in the middle of using."""
+        around = [branch.path for branch in concurrent_branches()] or [ALONE]
+        beside = (
+            choice.arm
+            for path, choice in self.made.items()
+            if not choice.over and path not in around and not _inside(path, around[0])
+        )
+        return frozenset(beside) - {self.mine()}
+
+    def state(self) -> dict[str, str]:
+        """Return what a run that is resumed needs to know."""
+        return {path: choice.arm for path, choice in self.made.items() if not choice.over}
+
+    @staticmethod
+    def restored(state: Mapping[str, str], arms: Iterable[str]) -> ArmChoices:
+        """From :meth:`state`; raises KeyError for an arm that is not one of ``arms``."""
+        known = dict.fromkeys(arms)
+        unknown = [arm for arm in state.values() if arm not in known]
+        if unknown:
+            raise KeyError(unknown[0])
+        return ArmChoices({str(path): _Choice(str(arm), None) for path, arm in state.items()})
+
+
+def _inside(path: str, outer: str) -> bool:
+    return path.startswith(f"{outer}/") if outer else path != outer
+
+
+class Arms:
+    """Chooses arms and plans their motions. ``rng`` feeds the path planner."""
+
+    def __init__(self, control: Control, resolver: Resolver, rng: np.random.Generator) -> None:
+        self._control, self._resolver, self._rng = control, resolver, rng
+        self.choices = ArmChoices()
+        """Arms that were chosen where the plan left the choice."""
+        self.begun: dict[str, tuple[int, BasePose, HandSolution]] = {}
+        """Arm -> belief revision, base pose and the grasp whose pre-grasp it has taken."""
+
+    # Which arm
+
+    def in_order(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """Return arms, the one chosen before first, those that other strands of the plan use last."""
+        mine, others = self.choices.mine(), self.choices.others()
+        return sorted(arms, key=lambda arm: (arm.name != mine, arm.name in others))
+
+    def holding(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """Return the arms that hold something for this strand of the plan, the last chosen first."""
+        others = self.choices.others()
+        return [
+            arm for arm in self.in_order(arms) if self._control.scene.arms.held(arm.name) and arm.name not in others
+        ]
+
+    def free(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """Return the arms that hold nothing, in the order of :meth:`in_order`."""
+        return [arm for arm in self.in_order(arms) if self._control.scene.arms.held(arm.name) is None]
+
+    def use(self, arm: ArmModel, solution: HandSolution) -> None:
+        """Remember which arm was chosen, and the grasp that it has begun."""
+        self.choices.choose(arm.name)
+        if solution.reach.kind is ReachKind.GRASP:
+            self.begun[arm.name] = (self._control.belief.revision, self._control.base(), solution)
+
+    def begun_grasp(self, arm: ArmModel, location: Location) -> HandSolution | None:
+        """Return the grasp whose pre-grasp the arm has taken, if the location asks for it and nothing has changed."""
+        if arm.name not in self.begun or not asks_for(location, "hand", Sense.GRASP_POINT):
+            return None
+        revision, base, solution = self.begun[arm.name]
+        meant = [
+            self._control.scene.bodies.bind(r.reference) for r in location.relations if isinstance(r.reference, Object)
+        ]
+        current = revision == self._control.belief.revision and base == self._control.base()
+        return solution if current and solution.reach.body in meant else None
+
+    # Where it is
+
+    def is_at(self, arm: ArmModel, q: Array) -> bool:
+        """Return whether the arm is at joint positions (d,), to a milliradian or millimetre."""
+        return bool(np.allclose(self._control.arm_joints(arm), q, atol=1e-3))
+
+    def posture(self, arm: ArmModel, name: str) -> Array:
+        """Return the joint positions (d,) of a named posture; joints that it does not name stay.
+
+        A name that contains that of a posture means it ("parkingpose"), any other one the carrying posture. Raises
+        ActionUnresolvable if the robot has no such posture.
+        """
+        robot = self._control.robot
+        known = robot.postures
+        meant = name if name in known else next((one for one in known if one in name.lower()), CARRYING)
+        if meant not in known:
+            message = f"{robot.name} has no posture {name}; it has {', '.join(known) or 'none'}"
+            raise ActionUnresolvable(message, designator=f"posture {name}")
+        now = zip(arm.joints, self._control.arm_joints(arm), strict=True)
+        return np.array([known[meant].get(joint, value) for joint, value in now])
+
+    def untucked(self) -> list[tuple[ArmModel, Array]]:
+        """Return the arms that are not in the carrying posture, each with its joint positions there (d,)."""
+        postures = [(arm, self.posture(arm, CARRYING)) for arm in self._control.scene.arms.all]
+        return [(arm, posture) for arm, posture in postures if not self.is_at(arm, posture)]
+
+    # Where it can go
+
+    def path(self, arm: ArmModel, goal: Array, touches: str | None = None) -> Trajectory:
+        """Return a timed path to joint positions (d,) through the planning scene; raises a MotionError.
+
+        The hand may touch the body ``touches``.
+        """
+        control = self._control
+        control.sync()
+        chain, base, start = arm.solver.chain, control.base(), control.arm_joints(arm)
+        space = JointSpace.of(arm.lower, arm.upper, continuous=chain.continuous, resolution=arm.resolution)
+        quick = control.scene.collisions.quick_check(arm, touches)
+
+        def touching(q: Array) -> list[tuple[str, str]]:
+            # At the start the whole robot is checked; later what stands still cannot touch anything new.
+            among = None if np.array_equal(q, start) else quick.doubtful(q[None])[0]
+            contacts = control.scene.collisions.contacts(base, arm, q, touches, among=among)
+            return [(contact.part, contact.body) for contact in contacts]
+
+        def moments(path: Array) -> Array:
+            """Return where the arm is checked exactly: at each world step, and at the resolution of checks."""
+            return np.concatenate([space.points(path), control.timed(arm.joints, path).positions[1:]])
+
+        return control.timed(arm.joints, plan_path(start, goal, space, quick, touching, self._rng, moments=moments))
+
+    def straight_path(self, arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
+        """Return a timed straight line of the tip to a map pose (4, 4) at joint positions q (d,).
+
+        Raises a MotionError with the reason.
+        """
+        control = self._control
+        control.sync()
+        start, base = control.arm_joints(arm), control.base()
+        quick = control.scene.collisions.quick_check(arm, touches)
+
+        def is_free(row: Array) -> bool:
+            return all_free(row[None])
+
+        def all_free(rows: Array) -> bool:
+            contacts = control.scene.collisions.contacts
+            return not any(
+                contacts(base, arm, row, touches, among=pairs)
+                for row, pairs in zip(rows, quick.doubtful(rows), strict=True)
+                if pairs is None or pairs
+            )
+
+        chain = arm.solver.chain
+        beginning, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
+        line = cartesian_path(arm.solver, start, beginning, end, is_free)
+        if line.waypoints is None:
+            raise MotionError(line.reason)
+        for timing in (time_curve, time_path):  # a curve is faster, but swings out, also beyond joint limits
+            trajectory = control.timed(arm.joints, line.waypoints, timing)
+            rows = trajectory.positions[1:]
+            straight = keeps_line(chain.fk(trajectory.positions), beginning, end)
+            if straight and chain.within(rows, 1e-6).all() and all_free(rows):
+                return trajectory
+        raise MotionError("in collision or off the line between two steps")
 
 
 @dataclass

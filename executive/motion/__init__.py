@@ -1,7 +1,7 @@
 """How the robot moves: kinematics, paths of the arm and of the base, timing.
 
-General layout: ``symbolic`` is the mathematics behind ``kinematics``, ``row_function`` computes it for many rows.
-``bodies`` are convex pieces, ``spheres`` fill shapes, ``arm_bodies`` puts a robot's links and a room together, and
+General layout: ``symbolic`` is the mathematics behind ``kinematics``.
+``bodies`` are convex pieces and the spheres in them, ``arm_bodies`` puts a robot's links and a room together, and
 ``collision`` checks configurations and base poses by them, here and for ``executive.locations``.
 ``arm_path`` searches a joint space with it, ``tip_line`` goes straight; ``base_path`` (on ``clearance``) drives.
 ``timing`` turns waypoints into trajectories. Random generators are passed in; ``errors`` lists what is raised.
@@ -18,8 +18,7 @@ from executive.motion.errors import (
     OutsideLimits,
     StartInCollision,
 )
-from executive.motion.gaze import Gaze
-from executive.motion.kinematics import Chain, InverseKinematics
+from executive.motion.kinematics import Chain, Gaze, InverseKinematics
 from executive.motion.timing import time_curve, time_path
 from executive.motion.tip_line import TipLine, cartesian_path, keeps_line
 

@@ -14,10 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Bodies, Pairs, Solids, counts
+from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Bodies, Pairs, Solids, counts, kept_spheres
 from executive.motion.collision import QuickCheck
 from executive.motion.kinematics import Chain
-from executive.motion.spheres import kept_spheres
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid

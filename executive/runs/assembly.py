@@ -1,25 +1,39 @@
-"""Worlds, belief and robot, put together: what a run needs before it can begin."""
+"""Worlds, belief, robot and the executive that plans see, put together: what a run needs before it can begin.
+
+The executive resolves locations, decides conditions by the belief and offers process modules. Its state for a trace is
+about 5 kB of JSON: worlds, belief, random numbers, and choices that are kept.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import astuple, replace
 from functools import cache
 from itertools import chain, islice
+from typing import Any
 
 import numpy as np
 
 from executive.belief import Belief, SemanticMap, default_starts
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations import Resolver
-from executive.modules.platform import Platform
-from executive.robots import Robot
-from executive.robots.arms import arm_models, gaze_of
+from executive.locations import HandSolution, Reach, ReachKind, Resolver
+from executive.locations.demands import HandTerm
+from executive.locations.grasp_candidates import HandPoses
+from executive.modules import manipulation, navigation, perception
+from executive.modules.platform import ArmChoices, Platform
+from executive.robots import CARRYING, Robot
+from executive.robots.arms import ArmModel, arm_models, gaze_of
+from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
+from planlang.geometry import Array
+from planlang.language.executive import ProcessModule
+from planlang.modules import ModuleRegistry, Rank
 from planlang.ontology import Ontology, expand, shorten
-from planlang.protocols import World
+from planlang.protocols import RestorableWorld, Solution, World
+from planlang.runs.codec import dump, load
 from sim import PlanningWorld, Scene, perturb
 
 MOST_STARTS = 5000
@@ -116,3 +130,205 @@ def releasing(ontology: Ontology) -> frozenset[str]:
     primitives = [iri for iri in ontology.individuals(expand("Primitive")) if ontology.values(iri, expand("releases"))]
     performed = (cls for iri in primitives for cls in ontology.values(iri, expand("performsAction")))
     return frozenset(shorten(cls) for cls in performed if isinstance(cls, str))
+
+
+class RobotExecutive:
+    """Implements :class:`planlang.language.executive.Executive` for one platform."""
+
+    def __init__(
+        self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]] | None = None
+    ) -> None:
+        """``modules`` are classes of process modules, the bundled ones without it; of equal ones the first is used."""
+        self.platform = platform
+        self.world_as_left = False
+        """True if the user states that the world is as a snapshot left it: it is not restored then."""
+        chosen = bundled_modules() if modules is None else modules
+        self.modules: Sequence[ProcessModule] = tuple(create(platform) for create in chosen)
+
+    def ancestors(self, action_type: str) -> Sequence[str]:
+        """Return the class itself and its superclasses, nearest first; local names."""
+        return self.platform.ancestors(action_type)
+
+    def revision(self) -> int:
+        """Return the number of changes of the belief."""
+        return self.platform.belief.revision
+
+    def solutions(self, location: Location) -> Iterator[Solution]:
+        """Yield base poses, best first; the search starts again when the belief has changed in between."""
+        while True:
+            self.platform.sync()
+            revision = self.revision()
+            for solution in self.platform.resolver.bases(location):
+                yield solution
+                if self.revision() != revision:
+                    break
+
+    def move_to(self, solution: Solution) -> Action:
+        """Return the base motion to a solution; the arm with which it was found is the plan's choice from now on."""
+        if (arm := solution.detail.get("arm")) is not None:
+            self.platform.arms.choices.choose(arm)
+        x, y, yaw = map(float, solution.base)
+        return action("Translation-LocationChange", x=x, y=y, yaw=yaw)
+
+    def is_at(self, solution: Solution) -> bool:
+        """Return whether the base is where the solution put it, to 1 cm and about 1 degree."""
+        x, y, yaw = self.platform.base()
+        turn = math.remainder(yaw - solution.base[2], 2 * math.pi)
+        return math.dist((x, y), solution.base[:2]) < 0.01 and abs(turn) < 0.02
+
+    def holds(self, condition: Condition) -> bool:
+        """Return whether the belief says so; raises ValueError for a predicate that nothing here decides."""
+        match condition:
+            case Condition("holding", (Object() as what,)):
+                return self.platform.scene.bodies.bind(what) in self.platform.belief.held
+            case Condition("located", (Location() as where,)):
+                self.platform.sync()
+                return self.platform.resolver.holds(where)
+            case Condition("located", (Location() as where, Object() as what)):
+                self.platform.sync()
+                return self.platform.resolver.holds(where, what)
+        raise ValueError(
+            f"nothing decides {condition}; what can be asked: holding(object), located(location, object or device)"
+        )
+
+    def before_retry(self) -> Iterable[Action]:
+        """Yield motions of the arms to the carrying posture; first the base backs off if there is no room for them."""
+        platform = self.platform
+        platform.sync()
+        untucked = platform.arms.untucked()
+        if not untucked:
+            return
+        room = platform.drive.room_for(untucked)
+        if room is not None and room != platform.base():
+            x, y, yaw = map(float, room)
+            yield action("Translation-LocationChange", x=x, y=y, yaw=yaw)
+        for arm, _ in untucked if room is not None else ():
+            yield action("Reaching", to_location=a_posture(CARRYING), device_used=self._device(arm.name))
+
+    def _device(self, name: str) -> Device:
+        arm = self.platform.robot.arm(name)
+        return Device(f"{(arm.side or '').capitalize()}Arm", arm.iri)
+
+    def held(self) -> Sequence[str]:
+        """Return the names of the objects that the robot holds."""
+        return tuple(self.platform.belief.held)
+
+    def releases(self, action: Action) -> bool:
+        """Return whether the action lets go of something, by the vocabulary's primitives."""
+        return any(cls in self.platform.releasing for cls in self.ancestors(action.type))
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return worlds that can be restored, belief, random numbers and kept choices as JSON."""
+        platform, arms = self.platform, self.platform.arms
+        state: dict[str, Any] = {}
+        if isinstance(platform.world, RestorableWorld):
+            state["world"] = platform.world.snapshot()
+        state["believed"] = platform.scene.world.snapshot()
+        state["belief"] = platform.belief.snapshot()
+        state["rng"] = platform.rng.bit_generator.state
+        state["arms"] = arms.choices.state()
+        state["begun"] = [
+            [arm, revision, list(base), _solution_json(solution)]
+            for arm, (revision, base, solution) in arms.begun.items()
+            if revision == platform.belief.revision and base == platform.base()
+        ]
+        state["reached"] = [
+            [arm, list(base), [_solution_json(solution) for solution in solutions.values()]]
+            for (arm, base), solutions in platform.resolver.reached_from(platform.base()).items()
+        ]
+        state["viewers"] = [[dump(location), list(place)] for location, place in platform.resolver.viewers()]
+        return state
+
+    def restore(self, left: Mapping[str, Any]) -> None:
+        """Restore belief and, unless it is as left, the world to a snapshot; raises ValueError if it does not fit."""
+        platform = self.platform
+        try:
+            if not self.world_as_left and isinstance(platform.world, RestorableWorld):
+                platform.world.restore_state(left["world"])
+            platform.belief.restore(left["belief"])
+            platform.scene.world.restore_state(left["believed"])
+            platform.rng.bit_generator.state = left["rng"]
+            arms = {arm.name: arm for arm in platform.scene.arms.all}
+            platform.arms.choices = ArmChoices.restored(left["arms"], arms)
+            platform.arms.begun = {
+                arms[arm].name: (int(revision), _base(base), _solution(solution, arms))
+                for arm, revision, base, solution in left["begun"]
+            }
+            platform.resolver.remember(
+                {
+                    (arms[arm].name, _base(base)): [_solution(solution, arms) for solution in solutions]
+                    for arm, base, solutions in left["reached"]
+                }
+            )
+            platform.resolver.remember_viewers([_viewer(*viewer) for viewer in left["viewers"]])
+        except (KeyError, TypeError, AttributeError) as problem:
+            raise ValueError(f"the state of the robot is damaged: {problem!r}") from None
+
+    def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
+        """Write changes of the belief into the trace."""
+        self.platform.belief.tell = write
+
+
+def _solution_json(solution: HandSolution) -> list[Any]:
+    plan = solution.plan
+    hand = [plan.label, plan.poses.tolist(), plan.touches, plan.opened]
+    return [_listed(astuple(solution.reach)), solution.arm.name, hand, solution.joints.tolist()]
+
+
+def _listed(value: Any) -> Any:
+    """Return a value with lists for tuples, as JSON gives them back: a state is compared with one that was read."""
+    if isinstance(value, ReachKind):
+        return value.value
+    return [_listed(one) for one in value] if isinstance(value, tuple) else value
+
+
+def _solution(state: Any, arms: Mapping[str, ArmModel]) -> HandSolution:
+    reach, arm, (label, poses, touches, opened), joints = state
+    plan = HandPoses(str(label), _array(poses, (-1, 4, 4)), touches, bool(opened))
+    return HandSolution(_reach(*reach), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
+
+
+def _reach(
+    kind: str, body: str, grasp: str | None, some: Any, heights: Any, inside: bool, also: Any, before: bool
+) -> Reach:
+    low, high = heights
+    named = None if some is None else tuple(map(str, some))
+    terms = tuple(_term(*term) for term in also)
+    return Reach(ReachKind(kind), body, grasp, named, (float(low), float(high)), inside, terms, before)
+
+
+def _term(name: str, body: str, within: float | None, beyond: float | None, negated: bool, viewer: Any) -> HandTerm:
+    seen = None if viewer is None else (float(viewer[0]), float(viewer[1]))
+    return HandTerm(name, body, within, beyond, negated, seen)
+
+
+def _viewer(what: Any, place: Any) -> tuple[Location, tuple[float, float]]:
+    location, (x, y) = load(what), place
+    if not isinstance(location, Location):
+        raise TypeError(f"{location!r} is not a location")
+    return location, (float(x), float(y))
+
+
+def _array(state: Any, shape: tuple[int, ...]) -> Array:
+    return np.array(state, dtype=float).reshape(shape)
+
+
+def _base(state: Any) -> BasePose:
+    x, y, yaw = state
+    return float(x), float(y), float(yaw)
+
+
+BUNDLED = (navigation, manipulation, perception)
+
+
+def bundled_registry() -> ModuleRegistry:
+    """Return a registry with the process modules that come with planlang."""
+    registry = ModuleRegistry()
+    for module in BUNDLED:
+        registry.add(module, "planlang", Rank.BUNDLED)
+    return registry
+
+
+def bundled_modules() -> tuple[Callable[[Any], ProcessModule], ...]:
+    """Return the classes of the process modules that come with planlang."""
+    return bundled_registry().resolve([])

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from executive.belief import Belief, read_map, scene_of
 from executive.robots import bind_robot, missing_capabilities
 from executive.robots.arms import with_carrying
-from executive.runs.assembly import platform_of, real_scene, world_at_start
+from executive.runs.assembly import RobotExecutive, bundled_registry, platform_of, real_scene, world_at_start
 from executive.runs.plan_files import (
     Requirements,
     assess,
@@ -30,7 +30,6 @@ from executive.runs.plan_files import (
     required,
     required_of_plan,
 )
-from executive.runs.robot_executive import RobotExecutive, bundled_registry
 from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object

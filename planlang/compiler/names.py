@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from planlang.compiler.layout import Sum
 from planlang.compiler.tree import PlanTree
 from planlang.designators import local_name
-from planlang.language.strategies import registered_strategies
+from planlang.language.recovery_strategies import registered_strategies
 from planlang.recipe.model import Kind, Place, RecipeSet, Thing
 
 PLANLANG = frozenset(

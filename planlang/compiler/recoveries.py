@@ -11,7 +11,7 @@ from planlang.compiler.tree import Recover
 from planlang.diagnostics import Diagnostic, error, warning
 from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailure
 from planlang.language.location import CURABLE
-from planlang.language.strategies import Strategy, find_strategy, registered_strategies
+from planlang.language.recovery_strategies import Strategy, find_strategy, registered_strategies
 from planlang.recipe.actions import Actions, RecoveryRule, recoveries_of
 from planlang.recipe.checks import check
 from planlang.recipe.model import Kind, Place, Step, Thing

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from planlang.language.strategies import Strategy
+from planlang.language.recovery_strategies import Strategy
 from planlang.recipe.model import Name, Place, Thing
 
 

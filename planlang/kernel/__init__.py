@@ -10,6 +10,7 @@ around a run, and ``runner`` begins and ends it.
 
 from planlang.kernel.cancel import checkpoint, shield
 from planlang.kernel.core import Scheduler, Task
+from planlang.kernel.environment import unwatched
 from planlang.kernel.errors import (
     CleanupOverrun,
     CutShort,
@@ -67,5 +68,6 @@ __all__ = [
     "run_plan",
     "shield",
     "sleep",
+    "unwatched",
     "wait_for",
 ]

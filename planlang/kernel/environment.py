@@ -27,7 +27,7 @@ from queue import Empty, SimpleQueue
 from types import FrameType, TracebackType
 from typing import Any
 
-from planlang.kernel.core import Scheduler
+from planlang.kernel.core import Scheduler, running
 from planlang.kernel.errors import Overdue, PlanStructureError
 from planlang.kernel.listing import is_own
 from planlang.misuse import contrast
@@ -219,6 +219,23 @@ class Watch:
         if applies and frame is not None and not is_own(frame.f_code.co_filename):
             raise kind
         return True
+
+
+@contextmanager
+def unwatched() -> Iterator[None]:
+    """Let the block compute for as long as it takes: the watchdog does not count it, if a run goes on in this thread.
+
+    For what has an end but takes long, once, in code that cannot wait. In a plan: ``await in_thread(f)``.
+    """
+    scheduler = running.scheduler
+    if scheduler is None:
+        yield
+        return
+    scheduler.idle = True
+    try:
+        yield
+    finally:
+        scheduler.idle = False
 
 
 def _debugged(frame: FrameType | None) -> bool:

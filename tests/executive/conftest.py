@@ -16,7 +16,7 @@ from executive.modules.platform import Platform
 from executive.motion import Gaze
 from executive.robots import Robot, bind_robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
-from executive.runs.robot_executive import RobotExecutive
+from executive.runs.assembly import RobotExecutive
 from planlang import SimulationHost, Trace, run
 from planlang.designators import an_object
 from planlang.files import bundled

@@ -10,11 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planlang
-from executive.modules.grasping import Grasping, Handover
+from executive.modules.manipulation import Grasping, Handover, Reaching
 from executive.modules.navigation import Navigation
 from executive.modules.perception import Head, Perception
-from executive.modules.reaching import Reaching
-from executive.runs.robot_executive import RobotExecutive
+from executive.runs.assembly import RobotExecutive
 from planlang.failures import LowLevelFailure, PlanFailure
 from planlang.geometry import Pose
 from planlang.language.executive import Executive, ProcessModule

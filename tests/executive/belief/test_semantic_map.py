@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.belief import SemanticMap, default_starts, read_map, scene_of, support_of
-from executive.belief.stated_values import EXTENTS, rigid, stated_size
+from executive.belief.semantic_map import EXTENTS, rigid, stated_size
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.files import bundled
 from planlang.geometry import Pose

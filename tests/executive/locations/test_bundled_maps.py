@@ -13,8 +13,15 @@ import numpy as np
 import pytest
 
 from executive.locations.reachability import GraspClass, ReachabilityMap, row_keys
-from executive.locations.reachability_building import build_map
-from executive.locations.reachability_files import MAPS, bundled_file, map_key, packed, reachability_map, unpacked
+from executive.locations.reachability_maps import (
+    MAPS,
+    build_map,
+    bundled_file,
+    map_key,
+    packed,
+    reachability_map,
+    unpacked,
+)
 from executive.robots import bind_robot
 from executive.robots.arms import ArmModel, arm_models
 from planlang.diagnostics import BadInput

@@ -12,12 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.locations import reachability_files
-from executive.locations.inverse_map import InverseMap
-from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
-from executive.locations.reachability_building import build_map
-from executive.locations.reachability_files import bundled_file, map_key, packed, reachability_map, unpacked
-from executive.locations.reachability_sampling import sampled
+from executive.locations import reachability_maps
+from executive.locations.base_candidates import InverseMap
+from executive.locations.reachability import CELL, GraspClass, ReachabilityMap, sampled
+from executive.locations.reachability_maps import build_map, bundled_file, map_key, packed, reachability_map, unpacked
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame, lift_of
 from planlang.geometry import Array
@@ -187,8 +185,8 @@ def test_a_hand_that_cannot_be_turned_upside_down_has_no_rows_with_the_other_rol
 
 
 def test_neither_has_one_of_few_joints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.locations.reachability_sampling.POSTURES", 1000)
-    monkeypatch.setattr("executive.locations.reachability_sampling.CHUNK", 1000)
+    monkeypatch.setattr("executive.locations.reachability.POSTURES", 1000)
+    monkeypatch.setattr("executive.locations.reachability.SAMPLED_AT_ONCE", 1000)
     arm = arm_of(tmp_path, SCARA)
     kinds = [(grasp, roll) for grasp in GraspClass for roll in grasp.rolls]
     found = [
@@ -206,6 +204,10 @@ def test_maps_are_kept_and_those_of_another_arm_are_not_taken_for_them(
     assert not again[GraspClass.SIDE].rows.flags.writeable
     other = arm_of(tmp_path, torso="lift")
     assert map_key(other, GraspClass.TOP) == map_key(arm, GraspClass.TOP)
+    assert map_key(replace(other, seeds=other.seeds + 0.1), GraspClass.TOP) == map_key(arm, GraspClass.TOP)
+    assert other.lift
+    higher = replace(other, lift=replace(other.lift, highest=other.lift.highest + 0.1))
+    assert map_key(higher, GraspClass.TOP) != map_key(arm, GraspClass.TOP), "rows begin at the floor"
     turned = replace(other, frame=HandFrame((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)))
     assert map_key(turned, GraspClass.TOP) != map_key(arm, GraspClass.TOP)
     text = (tmp_path / "arm.urdf").read_text().replace("0.12 0 0", "0.13 0 0")
@@ -227,7 +229,7 @@ def test_only_a_joint_that_slides_straight_up_is_a_lift(arm: ArmModel) -> None:
 def test_the_files_of_maps_hold_their_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, joints: Sequence[tuple[str, ...]], shared: bool
 ) -> None:
-    monkeypatch.setattr("executive.locations.reachability_sampling.POSTURES", 10_000)
+    monkeypatch.setattr("executive.locations.reachability.POSTURES", 10_000)
     arm = arm_of(tmp_path, joints, torso=joints[0][0])
     built = build_map(arm, GraspClass.SIDE)
     read = unpacked(packed(built), arm, GraspClass.SIDE)
@@ -246,15 +248,17 @@ def test_a_map_that_came_along_is_taken_and_one_that_did_not_is_built_with_the_r
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arm, said = arm_of(tmp_path, GANTRY), list[str]()
-    monkeypatch.setattr(reachability_files, "MAPS", tmp_path)
+    monkeypatch.setattr(reachability_maps, "MAPS", tmp_path)
     name, content = bundled_file(arm, GraspClass.SIDE, "gantry")
     (tmp_path / name).write_bytes(content)
 
     def rows_of_a_new_home(home: str, robot: str = "gantry") -> list[tuple[float, ...]]:
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / home))
-        return list(reachability_map(arm, GraspClass.SIDE, robot, said.append).rows.tolist())
+        own = arm if robot == "gantry" else replace(arm, seeds=arm.seeds[:1])
+        return list(reachability_map(own, GraspClass.SIDE, robot, said.append).rows.tolist())
 
     rows = rows_of_a_new_home("first")
+    assert rows_of_a_new_home("zeroth", "another") == rows
     assert not said
     (tmp_path / name).write_bytes(content[:-1] + b"?")
     assert rows_of_a_new_home("second") == rows

@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 
 from executive.motion import Chain
 from executive.motion.arm_bodies import ArmShapes, Room, links_of
-from executive.motion.bodies import Solids
+from executive.motion.bodies import MOST, Solids, Spheres, faces_of, kept_spheres, spheres_in
 from executive.motion.collision import TOUCHING, QuickCheck, are_apart
-from executive.motion.spheres import MOST, Spheres, faces_of, kept_spheres, spheres_in
 from executive.robots import bind_robot
 from planlang.geometry import Array, Pose
 from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid

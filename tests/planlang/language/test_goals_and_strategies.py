@@ -46,8 +46,8 @@ from planlang.failures import (
     ObjectUnreachable,
     PerceptionFailure,
 )
-from planlang.language import strategies
-from planlang.language.strategies import find_strategy, recovery_strategy, registered_strategies
+from planlang.language import recovery_strategies as strategies
+from planlang.language.recovery_strategies import find_strategy, recovery_strategy, registered_strategies
 from planlang.misuse import PlanStructureError
 
 BOTTLE = an_object("DrinkingBottle", "http://example.org/map#bottle1")

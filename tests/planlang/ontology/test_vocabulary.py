@@ -6,7 +6,7 @@ import pytest
 
 from planlang.compiler.recoveries import LATER, NEXT_SOLUTION
 from planlang.files import bundled
-from planlang.language.strategies import registered_strategies
+from planlang.language.recovery_strategies import registered_strategies
 from planlang.ontology import Literal, Ontology, expand, load, shorten
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, VOCABULARIES, XSD
 

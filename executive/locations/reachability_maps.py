@@ -1,16 +1,22 @@
-"""Builds reachability maps by inverse kinematics.
+"""Makes reachability maps: taken from the files of a robot or the cache, else built by inverse kinematics.
 
-A coarse sub-lattice is solved from postures at random; then solutions spread to neighbours in place and heading, each
-from the joints of its neighbour, until nothing is added; then every pose takes over a neighbour's posture if it can
-be better off with it. So unreachable poses cost something at the rim only. At last the poses of a block, a few cells
-and headings, share postures: of each block the best one, then the best of those that are not solved from it, and so on.
-A map is so small then that it can come with a robot (17 MB of joint values are 2 MB of postures for the Panda).
+To build one, a coarse sub-lattice is solved from postures at random; then solutions spread to neighbours in place and
+heading, each from the joints of its neighbour, until nothing is added; then every pose takes over a neighbour's posture
+if it can be better off with it. So unreachable poses cost something at the rim only. At last the poses of a block, a
+few cells and headings, share postures: of each block the best one, then the best of those that are not solved from it,
+and so on. A map is so small then that it can come with a robot (17 MB of joint values are 2 MB of postures for the
+Panda).
+
+A file is sealed with a key made of the chain, the sampling and a version (:func:`map_key`), and named by its beginning.
+So a map is never taken for that of another arm, and what is damaged or stale is built anew.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Iterator
+import zlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 
@@ -19,20 +25,27 @@ from numpy.typing import NDArray
 
 from executive.locations.reachability import (
     CELL,
+    POSTURES,
     ROW,
+    SAMPLED_AT_ONCE,
     YAWS,
     GraspClass,
     Index,
     ReachabilityMap,
     Rows,
     carried,
+    cells_of,
     is_bound,
     row_keys,
+    rows_of,
+    sampled,
 )
-from executive.locations.reachability_sampling import cells_of, sampled
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame
+from planlang.cache import Cache, sealed, unsealed
+from planlang.files import Bundled
 from planlang.geometry import Array
+from planlang.kernel import unwatched
 
 SAMPLES = 20_000
 """Number of random postures that show where the tip can be at all."""
@@ -253,3 +266,128 @@ def _normal(score: Array) -> Array:
         return score
     full = float(np.percentile(score, USUAL_MANIPULABILITY)) or 1.0
     return np.asarray(np.clip(score / full, 1e-3, 1.0))
+
+
+VERSION = 4
+"""Raised whenever maps come out otherwise for the same arm, or their files."""
+SCORES = 255
+"""A score is a whole number of parts of this, so that it is a byte."""
+MAPS = Bundled.ROBOT.folder / "maps"
+"""Where the maps of the bundled robots are; ``make maps`` writes them."""
+_CACHE = Cache("reachability", most=60)
+
+Say = Callable[[str], None]
+
+
+def reachability_map(
+    arm: ArmModel, grasp: GraspClass, robot: str = "", say: Say = lambda line: None
+) -> ReachabilityMap:
+    """Return the map of an arm and class: the one that came with planlang, from the user's cache, or built now.
+
+    ``say`` is told when it is built, which takes seconds, and if ``robot`` names a bundled robot, why.
+    """
+    key = map_key(arm, grasp)
+    content, why = _bundled_map(arm, grasp, robot, key)
+    kept = _cache_key(key, arm)
+    if content is None:
+        content = _CACHE.load(kept)
+    if content is None:
+        say(f"building the reachability map of arm {arm.name}, {grasp.value} grasps, once for this robot{why}")
+        with unwatched():  # an arm with seven joints takes longer than code of a plan may
+            content = packed(build_map(arm, grasp))
+        _CACHE.keep(kept, content)
+    return unpacked(content, arm, grasp)
+
+
+def bundled_file(arm: ArmModel, grasp: GraspClass, robot: str) -> tuple[str, bytes]:
+    """Return the name and the content of the file with the map of a bundled robot's arm, built now."""
+    key = map_key(arm, grasp)
+    return _file_name(arm, grasp, robot, key), sealed(key, packed(build_map(arm, grasp)))
+
+
+def _bundled_map(arm: ArmModel, grasp: GraspClass, robot: str, key: str) -> tuple[bytes | None, str]:
+    """Return a map that came with planlang, whatever its robot is called; None if there is none, and a reason."""
+    for path in MAPS.glob(f"*{_suffix(key)}"):
+        return unsealed(key, path.read_bytes()), f": {path} is damaged"
+    others = MAPS.glob(f"{robot}-{arm.name}-{grasp.value}-*.map")
+    return None, ": the URDF is not the one of which planlang has maps" if any(others) else ""
+
+
+def _file_name(arm: ArmModel, grasp: GraspClass, robot: str, key: str) -> str:
+    return f"{robot}-{arm.name}-{grasp.value}{_suffix(key)}"
+
+
+def _suffix(key: str) -> str:
+    return f"-{key[:16]}.map"
+
+
+def map_key(arm: ArmModel, grasp: GraspClass) -> str:
+    """Return a digest of what a map is of; the same on all processors, so computed numbers are rounded.
+
+    The arm's postures, from which building begins, do not count: a map that came with planlang serves all robots with
+    such an arm.
+    """
+    lift = arm.lift
+    lifted = None if lift is None else (lift.column, round(lift.per_unit, 9), round(float(lift.rise(lift.highest)), 9))
+    sampling = (POSTURES, SAMPLED_AT_ONCE) if is_bound(arm) else SAMPLING
+    facts = (
+        VERSION,
+        sampling,
+        CELL,
+        YAWS,
+        carried(arm).digest,
+        lifted,
+        grasp.value,
+        (arm.frame.approach, arm.frame.closing),
+    )
+    return hashlib.sha256(repr(facts).encode()).hexdigest()
+
+
+def _cache_key(key: str, arm: ArmModel) -> str:
+    """Return the key in the cache, where the same robot has to find the same map whatever was run before."""
+    return hashlib.sha256(repr((key, (arm.seeds.round(9) + 0.0).tolist())).encode()).hexdigest()
+
+
+def packed(built: ReachabilityMap) -> bytes:
+    """Return a map as its file keeps it.
+
+    Rows as steps from key to key, scores as bytes, and which of the postures of its block a row has; postures in steps
+    of :func:`joint_step`, in the order of blocks. Bytes of equal significance are together, which compresses well.
+    """
+    rows, step = built.rows, joint_step(built.arm)
+    count = max(len(built.postures), 1)
+    pairs, pair = np.unique(blocks(rows, built.arm) * count + rows["posture"], return_inverse=True)
+    block, posture = np.divmod(pairs, count)
+    _, first, number = np.unique(block, return_index=True, return_inverse=True)
+    columns = (
+        np.array([len(rows), len(pairs)]),
+        np.diff(row_keys(rows), prepend=0),
+        np.maximum(np.rint(rows["score"].astype(float) * SCORES), 1).astype(np.uint8),
+        (np.arange(len(pairs)) - first[number])[pair].astype(np.uint8),
+        np.rint(built.postures[posture] / step).astype(np.int32).ravel(),
+    )
+    return zlib.compress(
+        b"".join(column.view(np.uint8).reshape(-1, column.itemsize).T.tobytes() for column in columns), 9
+    )
+
+
+def unpacked(content: bytes, arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
+    """Return the map of a file; the inverse of :func:`packed`."""
+    plain, chain = np.frombuffer(zlib.decompress(content), np.uint8), carried(arm)
+    begin = 0
+
+    def column(count: int, kind: type[np.generic]) -> np.ndarray:
+        nonlocal begin
+        size = np.dtype(kind).itemsize
+        planes = plain[begin : begin + count * size].reshape(size, count)
+        begin += count * size
+        return np.ascontiguousarray(planes.T).view(kind)[:, 0]
+
+    count, postures = column(2, np.int64).tolist()
+    rows = rows_of(np.cumsum(column(count, np.int64)))
+    rows["score"] = column(count, np.uint8) / SCORES
+    number = column(count, np.uint8).astype(np.int64)
+    _, rows["posture"] = np.unique(blocks(rows, arm) * (SCORES + 1) + number, return_inverse=True)
+    q = column(postures * chain.dof, np.int32).reshape(postures, chain.dof) * joint_step(arm)
+    rows.flags.writeable = False
+    return ReachabilityMap(arm, grasp, rows, chain.functions.within(q.T).T)
