@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.box import corners
 from planlang.geometry.matrices import moved, rotated
-from planlang.geometry.outline import area, outline_of
-from planlang.geometry.solid import SolidKind
+from planlang.geometry.shapes import SolidKind, area, corners, outline_of
 from planlang.protocols import Detection
 from sim.bodies import Bodies
 from sim.engine import bullet

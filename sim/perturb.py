@@ -8,9 +8,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.box import half_extents
 from planlang.geometry.matrices import rotated
-from planlang.geometry.outline import footprint, inside
+from planlang.geometry.shapes import footprint, half_extents, inside
 from sim.scene import Body, BodyShape, Scene
 
 OBJECT_DISTANCE = 0.3

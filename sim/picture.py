@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.box import corners
 from planlang.geometry.matrices import rotated
+from planlang.geometry.shapes import corners
 from sim.bodies import FLOOR, Bodies
 from sim.camera import Picture, raster
 from sim.engine import bullet

@@ -12,8 +12,8 @@ import rdflib
 from rdflib.compare import isomorphic
 
 from planlang.ontology import BNode, Literal, Ontology, Term, Triple, load
+from planlang.ontology.checks import canonical
 from planlang.ontology.rdfxml import read_rdfxml
-from planlang.ontology.repairs import canonical
 from planlang.ontology.terms import OWL, RDFS
 
 BASE = "http://example.org/base.owl"
