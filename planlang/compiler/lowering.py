@@ -35,8 +35,7 @@ from planlang.recipe.actions import Actions, RecoveryRule, recoveries_of
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order import Precedence, recipe_order
-from planlang.recipe.scopes import Unit, scopes_of, single_steps
+from planlang.recipe.order import Precedence, Unit, recipe_order, scopes_of, single_steps
 
 NEXT_SOLUTION = "NextSolution"
 """The next solution, which is no registered strategy: a location scope performs it."""

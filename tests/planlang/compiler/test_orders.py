@@ -26,8 +26,7 @@ from planlang.protocols import Solution
 from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
 from planlang.recipe.actions import Movers
 from planlang.recipe.model import Kind
-from planlang.recipe.order import Precedence, order_graph
-from planlang.recipe.scopes import scoping
+from planlang.recipe.order import Precedence, order_graph, scoping
 from planlang.testing import all_linear_extensions
 
 BASE = "http://planlang.org/test#"
