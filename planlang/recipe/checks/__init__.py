@@ -1,6 +1,6 @@
 """Checks of recipes: each is one function, declared with the codes that it may report and those that suppress it.
 
-General layout: one file for each subject. ``misspellings`` judges names, ``steps`` sub-actions and states, ``orderings``
+General layout: one file for each subject. ``misspellings`` judges names, ``steps`` also states, ``orderings``
 what is ordered and what is not, ``parameters`` what fills properties, and mends what is safe to mend, ``losses``
 statements that reach no recipe. A check of a whole file takes a :class:`CheckedFile`, one of a single recipe a
 :class:`CheckedRecipe`; :mod:`planlang.recipe.reading` lists and runs them.
