@@ -28,7 +28,7 @@ from executive.locations.grasp_candidates import (
 )
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
-from executive.locations.resting import thing_holds, thing_poses
+from executive.locations.resting import Placement
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Location
 from planlang.geometry import Array, Pose
@@ -86,8 +86,8 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
                 return np.zeros(len(points), bool)
             demand = ThingDemand(term.body) if meaning.sense is Sense.SUPPORT else ThingDemand(None, term.body)
             offset = held.pose.matrix()[:3, :3]
-            poses = map(Pose.from_matrix, rigid(product(rotations, offset), middles))
-            return np.array([thing_holds(held.name, pose, held.size, demand, scene) for pose in poses], bool)
+            placement, turned = Placement(held.name, demand, scene), rigid(product(rotations, offset), middles)
+            return np.array([placement.holds(Pose.from_matrix(pose)) for pose in turned], bool)
         case Sense.PRE_GRASP if handled:
             ahead = points + APPROACH * rotated(rotations, np.asarray(arm.frame.approach)) - block.centre
             raised = max(LIFTS) if scene.arms.is_held(term.body) else 0.0
@@ -177,7 +177,7 @@ def _made(
         rejections.add("nothing rests on itself")
         return None
     demand = ThingDemand(None if reach.inside else reach.body, reach.body if reach.inside else None)
-    spots = islice(thing_poses(held.name, held.size, demand, scene, rejections), MOST_SPOTS)
+    spots = islice(Placement(held.name, demand, scene).poses(rejections), MOST_SPOTS)
     centres = np.array([spot.position for spot in spots]).reshape(-1, 3)
     return placing(reach.body, centres, arm.frame, held, fine=fine) if len(centres) else None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,78 +29,140 @@ ABOVE_SURFACE = 0.002
 EDGE = 0.03
 """Distance from the edge of a surface from which a place is as good as can be [m]."""
 HAIR = 1e-6
-
-Size = tuple[float, float, float]
-
-
-def thing_poses(
-    name: str, size: Size, demand: ThingDemand, scene: PlanningScene, rejections: Rejections
-) -> Iterator[Pose]:
-    """Yield poses of an object's box centre, upright, best first; reasons of others are counted."""
-    centres, yaw = _centres(name, size, demand, scene)
-    if not len(centres):
-        rejections.add("too small for the object")
-    for area in demand.areas:
-        wanted = area.score(centres[:, :2]) > 0
-        rejections.refuse(f"not {area.words}".replace("not not ", ""), centres[~wanted])
-        centres = centres[wanted]
-    for person, inside in demand.people:
-        zone = scene.bodies.zone(person)
-        keep = np.array([zone.contains(centre) == inside for centre in centres], bool)
-        rejections.refuse(f"{'not ' if inside else ''}in reach of {person}", centres[~keep])
-        centres = centres[keep]
-    upright = Block.of(Pose.planar(0.0, 0.0, yaw), size, cylinder=scene.bodies.is_round(name))
-    for body, inside in demand.neither:
-        there = _rests(upright, centres, body, scene, inside=inside)
-        rejections.refuse(f"{'in' if inside else 'on'} {body}", centres[there])
-        centres = centres[~there]
-    if not len(centres):
-        return
-    room = _room(name, size, centres, demand, scene)
-    crowded = room < FREE
-    rejections.refuse("no room for the object", centres[crowded])
-    for body in _crowding(name, size, centres[crowded], demand, scene):
-        rejections.blocking[body] += 1
-    score = np.clip(room, 0.0, 0.1) / 0.1
-    if where := demand.on or demand.inside:  # rather not at the very edge
-        spare = -_overhang(upright, centres[:, :2], scene.bodies.block(where))
-        score = score * (0.3 + 0.7 * np.clip(spare, 0.0, EDGE) / EDGE)
-    for area in demand.areas:
-        score = score * area.score(centres[:, :2])
-    x, y, _ = scene.base()
-    score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / 4.0)
-    rejections.scored.append((centres[~crowded], score[~crowded]))
-    order = np.argsort(-score.round(9), kind="stable")
-    for x, y, z in centres[order[~crowded[order]]]:
-        yield Pose.planar(float(x), float(y), yaw, float(z))
+"""Length that rounding may add [m]."""
+TRAVEL = 4.0
+"""Distance of the base over which a place loses most of its worth [m]."""
 
 
-def thing_holds(name: str, pose: Pose, size: Size, demand: ThingDemand, scene: PlanningScene) -> bool:
-    """Return whether an object at a pose is where it is asked to be."""
-    block = Block.of(pose, size, cylinder=scene.bodies.is_round(name))
-    centre = block.centre[None]
-    resting = [(demand.on, False, True), (demand.inside, True, True), *((*other, False) for other in demand.neither)]
-    for body, inside, wanted in resting:
-        if body is not None and _rests(block, centre, body, scene, inside=inside)[0] != wanted:
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """An object, and where a location asks it to be."""
+
+    name: str
+    demand: ThingDemand
+    scene: PlanningScene
+
+    def poses(self, log: Rejections) -> Iterator[Pose]:
+        """Yield poses of the object's box centre, upright, best first; reasons of others are counted."""
+        demand, bodies = self.demand, self.scene.bodies
+        centres, yaw = self._centres()
+        if not len(centres):
+            log.add("too small for the object")
+        for area in demand.areas:
+            wanted = area.score(centres[:, :2]) > 0
+            log.refuse(f"not {area.words}".replace("not not ", ""), centres[~wanted])
+            centres = centres[wanted]
+        for person, inside in demand.people:
+            zone = bodies.zone(person)
+            keep = np.array([zone.contains(centre) == inside for centre in centres], bool)
+            log.refuse(f"{'not ' if inside else ''}in reach of {person}", centres[~keep])
+            centres = centres[keep]
+        upright = self._block(Pose.planar(0.0, 0.0, yaw))
+        for body, inside in demand.neither:
+            there = self._rests(upright, centres, body, inside=inside)
+            log.refuse(f"{'in' if inside else 'on'} {body}", centres[there])
+            centres = centres[~there]
+        if not len(centres):
+            return
+        room = self._room(centres)
+        crowded = room < FREE
+        log.refuse("no room for the object", centres[crowded])
+        for body in self._crowding(centres[crowded]):
+            log.blocking[body] += 1
+        score = np.clip(room, 0.0, 0.1) / 0.1
+        if where := demand.on or demand.inside:  # rather not at the very edge
+            spare = -_overhang(upright, centres[:, :2], bodies.block(where))
+            score = score * (0.3 + 0.7 * np.clip(spare, 0.0, EDGE) / EDGE)
+        for area in demand.areas:
+            score = score * area.score(centres[:, :2])
+        x, y, _ = self.scene.base()
+        score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / TRAVEL)
+        log.scored.append((centres[~crowded], score[~crowded]))
+        order = np.argsort(-score.round(9), kind="stable")
+        for x, y, z in centres[order[~crowded[order]]]:
+            yield Pose.planar(float(x), float(y), yaw, float(z))
+
+    def holds(self, pose: Pose) -> bool:
+        """Return whether the object, at a pose, is where it is asked to be."""
+        demand, block = self.demand, self._block(pose)
+        resting = [
+            (demand.on, False, True),
+            (demand.inside, True, True),
+            *((*other, False) for other in demand.neither),
+        ]
+        for body, inside, wanted in resting:
+            if body is not None and self._rests(block, block.centre[None], body, inside=inside)[0] != wanted:
+                return False
+        if not all(area.holds(pose.position[:2]) for area in demand.areas):
             return False
-    x, y, z = pose.position
-    if not all(area.holds((x, y)) for area in demand.areas):
-        return False
-    return all(scene.bodies.zone(person).contains(np.array([x, y, z])) == inside for person, inside in demand.people)
+        centre, bodies = np.array(pose.position), self.scene.bodies
+        return all(bodies.zone(person).contains(centre) == inside for person, inside in demand.people)
 
+    @property
+    def _size(self) -> tuple[float, float, float]:
+        return self.scene.bodies.size(self.name)
 
-def _rests(block: Block, centres: Array, body: str, scene: PlanningScene, *, inside: bool) -> NDArray[np.bool_]:
-    """Return whether a block, centred at places (m, 3), rests on a body, or is ``inside`` it, as a whole (m,)."""
-    outer, top = scene.bodies.block(body), scene.bodies.rests_at(body)
-    half = (block.high - block.low) / 2
-    low, high = centres[:, 2] - half, centres[:, 2] + half
-    if inside:
-        level = (low >= outer.low - RESTING) & (high <= outer.high + RESTING)
-    else:
-        level = np.zeros(len(centres), bool) if top is None else np.abs(low - top) <= RESTING
-    if not level.any():
-        return level
-    return np.asarray(level & (_overhang(block, centres[:, :2], outer) <= HAIR))
+    def _block(self, pose: Pose) -> Block:
+        return Block.of(pose, self._size, cylinder=self.scene.bodies.is_round(self.name))
+
+    def _rests(self, block: Block, centres: Array, body: str, *, inside: bool) -> NDArray[np.bool_]:
+        """Return whether a block, centred at places (m, 3), rests on a body, or is ``inside`` it, as a whole (m,)."""
+        outer, top = self.scene.bodies.block(body), self.scene.bodies.rests_at(body)
+        half = (block.high - block.low) / 2
+        low, high = centres[:, 2] - half, centres[:, 2] + half
+        if inside:
+            level = (low >= outer.low - RESTING) & (high <= outer.high + RESTING)
+        else:
+            level = np.zeros(len(centres), bool) if top is None else np.abs(low - top) <= RESTING
+        if not level.any():
+            return level
+        return np.asarray(level & (_overhang(block, centres[:, :2], outer) <= HAIR))
+
+    def _centres(self) -> tuple[Array, float]:
+        """Return places (m, 3) for the object's centre, and its heading."""
+        demand, bodies, size = self.demand, self.scene.bodies, self._size
+        where = demand.on or demand.inside
+        if where is None:
+            zones = [bodies.zone(person).points() for person, inside in demand.people if inside]
+            return np.concatenate([np.zeros((0, 3)), *zones]), 0.0
+        block = bodies.block(where)
+        floor = bodies.rests_at(where) if demand.on is not None else block.low
+        half_x, half_y = block.half_x - size[0] / 2, block.half_y - size[1] / 2
+        too_high = demand.inside is not None and size[2] > block.high - block.low
+        if floor is None or half_x < 0 or half_y < 0 or too_high:
+            return np.zeros((0, 3)), block.yaw
+        spacing = max(SPACING, 2 * math.sqrt(half_x * half_y / MOST_PLACES))
+        axes = [np.linspace(-half, half, 2 * math.ceil(half / spacing) + 1) for half in (half_x, half_y)]
+        places = block.to_map(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2))
+        if block.round:
+            places = places[_overhang(self._block(Pose.planar(0.0, 0.0, block.yaw)), places, block) <= HAIR]
+        return np.column_stack([places, np.full(len(places), floor + ABOVE_SURFACE + size[2] / 2)]), block.yaw
+
+    def _room(self, centres: Array) -> Array:
+        """Return free distance (m,) around the object at places (m, 3), to all but what it is on."""
+        boxes, _ = self.scene.collisions.boxes_but((self.name, self.demand.on or ""))
+        radius = max(self._size[:2]) / 2 if self.scene.bodies.is_round(self.name) else math.hypot(*self._size[:2]) / 2
+        room = np.full(len(centres), np.inf)
+        for z in np.unique(centres[:, 2]):
+            level = centres[:, 2] == z
+            room[level] = clearance_at(centres[level, :2], boxes, (self._band(float(z), radius),))
+        return room
+
+    def _crowding(self, centres: Array) -> list[str]:
+        """Return the bodies that take the room at some of the places."""
+        boxes, bodies = self.scene.collisions.boxes_but((self.name, self.demand.on or ""))
+        found: dict[str, None] = {}
+        for x, y, z in centres[:: max(1, len(centres) // 16)]:
+            band = self._band(float(z), max(self._size[:2]) / 2)
+            for index, body in enumerate(bodies):
+                if body not in found and clearance_at([(x, y)], boxes.only(index), (band,))[0] < FREE:
+                    found[body] = None
+        return list(found)
+
+    def _band(self, z: float, radius: float) -> tuple[float, float, float]:
+        """Return the room that the object takes with its centre at a height, a little above what it is on."""
+        half = self._size[2] / 2
+        return z - half + ABOVE_SURFACE, z + half, radius
 
 
 def _overhang(block: Block, points: Array, outer: Block) -> Array:
@@ -116,49 +179,3 @@ def _overhang(block: Block, points: Array, outer: Block) -> Array:
     else:
         beyond = (np.abs(outer.to_local(spots)) - [outer.half_x, outer.half_y]).max(axis=1)
     return np.asarray(beyond.reshape(len(points), -1).max(axis=1) + radius)
-
-
-def _centres(name: str, size: Size, demand: ThingDemand, scene: PlanningScene) -> tuple[Array, float]:
-    """Return places (m, 3) for an object's centre, and its heading."""
-    where = demand.on or demand.inside
-    if where is None:
-        zones = [scene.bodies.zone(person).points() for person, inside in demand.people if inside]
-        points = np.concatenate(zones) if zones else np.zeros((0, 3))
-        return points, 0.0
-    block = scene.bodies.block(where)
-    floor = scene.bodies.rests_at(where) if demand.on is not None else block.low
-    half_x, half_y = block.half_x - size[0] / 2, block.half_y - size[1] / 2
-    if floor is None or half_x < 0 or half_y < 0 or (demand.inside is not None and size[2] > block.high - block.low):
-        return np.zeros((0, 3)), block.yaw
-    spacing = max(SPACING, 2 * math.sqrt(half_x * half_y / MOST_PLACES))
-    axes = [np.linspace(-half, half, 2 * math.ceil(half / spacing) + 1) for half in (half_x, half_y)]
-    places = block.to_map(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2))
-    if block.round:
-        upright = Block.of(Pose.planar(0.0, 0.0, block.yaw), size, cylinder=scene.bodies.is_round(name))
-        places = places[_overhang(upright, places, block) <= HAIR]
-    return np.column_stack([places, np.full(len(places), floor + ABOVE_SURFACE + size[2] / 2)]), block.yaw
-
-
-def _room(name: str, size: Size, centres: Array, demand: ThingDemand, scene: PlanningScene) -> Array:
-    """Return free distance (m,) around an object at places (m, 3) of one height, to all but what it is on."""
-    boxes, _ = scene.collisions.boxes_but((name, demand.on or ""))
-    radius = math.hypot(size[0], size[1]) / 2 if not scene.bodies.is_round(name) else max(size[:2]) / 2
-    room = np.full(len(centres), np.inf)
-    for z in np.unique(centres[:, 2]):
-        level = centres[:, 2] == z
-        band = (float(z) - size[2] / 2 + ABOVE_SURFACE, float(z) + size[2] / 2, radius)
-        room[level] = clearance_at(centres[level, :2], boxes, (band,))
-    return room
-
-
-def _crowding(name: str, size: Size, centres: Array, demand: ThingDemand, scene: PlanningScene) -> list[str]:
-    """Return the bodies that take the room at some of the places."""
-    boxes, bodies = scene.collisions.boxes_but((name, demand.on or ""))
-    radius = max(size[:2]) / 2
-    found: dict[str, None] = {}
-    for x, y, z in centres[:: max(1, len(centres) // 16)]:
-        band = (float(z) - size[2] / 2 + ABOVE_SURFACE, float(z) + size[2] / 2, radius)
-        for index, body in enumerate(bodies):
-            if body not in found and clearance_at([(x, y)], boxes.only(index), (band,))[0] < FREE:
-                found[body] = None
-    return list(found)
