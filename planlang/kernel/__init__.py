@@ -24,7 +24,7 @@ from planlang.kernel.errors import (
 from planlang.kernel.fluent import Fluent, WorldFluent, wait_for
 from planlang.kernel.hosts import Host, LiveHost, RealTimeHost, SimulationHost, Source, VirtualHost
 from planlang.kernel.primitives import node, now, record, rng, sleep
-from planlang.kernel.runner import run_plan
+from planlang.kernel.runner import run_plan, unwatched
 from planlang.kernel.scope import All, Scope, failure_of
 from planlang.kernel.signals import Signal
 from planlang.kernel.threads import in_thread
@@ -66,5 +66,6 @@ __all__ = [
     "run_plan",
     "shield",
     "sleep",
+    "unwatched",
     "wait_for",
 ]

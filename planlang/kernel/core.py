@@ -240,7 +240,7 @@ class Scheduler:
         self.awaits_threads = False
         """Some task waits for a call in a thread; on any host the inbox is then looked into."""
         self.idle = False
-        """True while the host lets time pass or threads are waited for: no code of the plan runs."""
+        """True while the host lets time pass, threads are waited for, or something takes long that may."""
 
         self.draining = False
         self.over = False

@@ -226,6 +226,23 @@ class Watch:
         return True
 
 
+@contextmanager
+def unwatched() -> Iterator[None]:
+    """Let the block compute for as long as it takes: the watchdog does not count it, if a run goes on in this thread.
+
+    For what has an end but takes long, once, in code that cannot wait. In a plan: ``await in_thread(f)``.
+    """
+    scheduler = running.scheduler
+    if scheduler is None:
+        yield
+        return
+    scheduler.idle = True
+    try:
+        yield
+    finally:
+        scheduler.idle = False
+
+
 def _debugged(frame: FrameType | None) -> bool:
     """Return whether the code stands in a debugger."""
     while frame is not None:
