@@ -17,7 +17,7 @@ BREACHES = {
     "geometry knows no robot, no world and no plan": ("planlang/geometry", "import planlang.designators"),
     "no file of geometry imports one that imports it": (
         "planlang/geometry/matrices.py",
-        "from planlang.geometry.pose import Pose",
+        "from planlang.geometry.shapes import corners",
     ),
     "sim knows designators, protocols and diagnostics only": ("sim", "import planlang.kernel"),
     "no file of sim imports one that imports it": ("sim/robot.py", "import sim.contact"),

@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 
 from planlang import Action, Condition, Location, PlanFailure, VirtualHost, run, sleep
 from planlang.compiler import compile_recipe
-from planlang.compiler.compile import canonical
-from planlang.compiler.emit import emit
+from planlang.compiler.compile import canonical, emit
 from planlang.compiler.lowering import Lowering
 from planlang.compiler.names import snake_case
 from planlang.designators import local_name
@@ -28,8 +27,7 @@ from planlang.protocols import Solution
 from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
 from planlang.recipe.actions import Movers
 from planlang.recipe.model import Kind
-from planlang.recipe.order import Precedence, order_graph
-from planlang.recipe.scopes import scoping
+from planlang.recipe.order import Precedence, order_graph, scoping
 from planlang.testing import all_linear_extensions
 
 BASE = "http://planlang.org/test#"

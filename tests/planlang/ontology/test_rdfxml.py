@@ -9,8 +9,8 @@ import pytest
 from rdf_graphs import graph_of, read_by_rdflib, same
 
 from planlang.ontology import Literal, Ontology, Term, load
+from planlang.ontology.checks import canonical
 from planlang.ontology.rdfxml import read_rdfxml
-from planlang.ontology.repairs import canonical
 from planlang.ontology.terms import OWL, RDFS
 
 BASE = "http://example.org/base.owl"
