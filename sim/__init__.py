@@ -7,7 +7,7 @@ answer questions, ``falling.py`` and ``people.py`` move things, ``picture.py`` a
 behind. Only ``engine.py`` imports PyBullet.
 """
 
-from sim.people import Reach
+from sim.people import ComfortZone
 from sim.perturb import perturb
 from sim.planning_world import PlanningWorld, Solid
 from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
@@ -17,9 +17,9 @@ __all__ = [
     "Body",
     "BodyShape",
     "CameraModel",
+    "ComfortZone",
     "PlanningWorld",
     "PyBulletWorld",
-    "Reach",
     "RobotBody",
     "Scene",
     "Solid",
