@@ -12,12 +12,11 @@ from planlang.geometry import Pose
 from planlang.protocols import Configuration, Contact
 from sim import snapshots
 from sim.bodies import Bodies, Part
-from sim.camera import Camera, Picture, Rays
+from sim.camera import Camera, Painter, Picture, Rays, View
 from sim.contact import PARTED, Contacts, Held, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
 from sim.people import ComfortZone, People, parts_of
-from sim.picture import Painter, View
 from sim.robot import Robot
 from sim.scene import BodyShape, CameraModel, RobotBody, Scene
 

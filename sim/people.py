@@ -10,10 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.box import half_extents
-from planlang.geometry.matrices import moved, rotated
-from planlang.geometry.pose import facing
-from planlang.geometry.solid import SolidKind
+from planlang.geometry.matrices import facing, moved, rotated
+from planlang.geometry.shapes import SolidKind, half_extents
 from sim.bodies import Bodies, Part
 from sim.scene import Body, BodyShape
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotations
-from planlang.geometry.outline import outline_of
-from planlang.geometry.solid import SolidKind
+from planlang.geometry.shapes import SolidKind, outline_of
 from planlang.protocols import Configuration, Contact
 from sim.contact import GROUND, Ignored, Query
 from sim.kinematic import KinematicScene

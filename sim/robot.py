@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.geometry import Array, Pose
-from planlang.geometry.box import corners
 from planlang.geometry.matrices import moved, product, rigid, rotated, rotations
-from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
+from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid, corners
 from planlang.protocols import Configuration
 from sim.description import Follower, loadable, read_description
 from sim.engine import bullet, quiet

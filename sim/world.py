@@ -11,9 +11,9 @@ import numpy as np
 
 from planlang.geometry import Array
 from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Trajectory
+from sim.camera import save_png
 from sim.contact import Query
 from sim.kinematic import KinematicScene
-from sim.picture import save_png
 from sim.robot import BASE, Robot
 from sim.scene import RobotBody, Scene
 

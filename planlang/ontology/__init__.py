@@ -1,7 +1,7 @@
 """OWL files -> one consistent in-memory ontology with positions.
 
 General layout: ``documents`` reads a file and what it imports in one of three syntaxes (``rdfxml``, ``turtle``,
-``manchester``); ``repairs`` corrects known mistakes in the triples, ``checks`` reports the others; ``ontology`` answers
+``manchester``); ``checks`` corrects known mistakes in the triples and reports the others; ``ontology`` answers
 questions about all documents (``classes``). ``terms`` holds names and values, ``triples`` stores what is stated,
 ``writing`` writes it again. Nothing is ever fetched from the network.
 """

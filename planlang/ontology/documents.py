@@ -18,8 +18,7 @@ from urllib.parse import unquote
 from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.files import bundled, read_file
-from planlang.ontology.checks import malformed
-from planlang.ontology.repairs import HOST, OLD_HOST, canonical, repair, use_canonical_names
+from planlang.ontology.checks import HOST, OLD_HOST, canonical, malformed, repair, use_canonical_names
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES, BNode, Triple
 from planlang.ontology.triples import Parsed, Triples
 from planlang.ontology.xml_text import LARGEST_FILE, decode

@@ -50,7 +50,7 @@ def recipe(path: Path, lines: int) -> None:
     from planlang.ontology import load
     from planlang.recipe.actions import Actions
     from planlang.recipe.fixes.fixing import fix_recipe
-    from planlang.recipe.tasks import stated_tasks
+    from planlang.recipe.reading import stated_tasks
 
     ontology = load(path)
     checked(ontology.diagnostics, path, lines)

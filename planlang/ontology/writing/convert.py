@@ -9,9 +9,8 @@ from pathlib import Path
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
-from planlang.ontology.checks import malformed
+from planlang.ontology.checks import malformed, repair
 from planlang.ontology.documents import read_bytes, read_syntax
-from planlang.ontology.repairs import repair
 from planlang.ontology.terms import OWL, RDF, BNode, Term, Triple
 from planlang.ontology.writing.canonical import differences, labelled
 from planlang.ontology.writing.manchester_writer import manchester

@@ -18,8 +18,7 @@ from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix
 from planlang.recipe.fixes.manchester_text import ManchesterText
 from planlang.recipe.fixes.proposals import proposed, renames
 from planlang.recipe.fixes.xml_text import XmlText
-from planlang.recipe.reading import read_recipe
-from planlang.recipe.tasks import read_recipes
+from planlang.recipe.reading import read_recipe, read_recipes
 
 MOST_FIXES = 100
 """Fixes made or tried in one file. Each takes a reading of the whole file, a tenth of a second for a real recipe."""

@@ -17,7 +17,7 @@ from executive.belief.semantic_map import EXTENTS, rigid, stated_size
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.files import bundled
 from planlang.geometry import Pose
-from planlang.geometry.outline import footprint
+from planlang.geometry.shapes import footprint
 from planlang.ontology import load
 from sim import Body, PlanningWorld, Scene
 from sim.people import figure_of, reach_from

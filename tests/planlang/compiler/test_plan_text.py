@@ -13,8 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planlang.compiler import CompiledPlan, compile_recipe
-from planlang.compiler.compile import canonical
-from planlang.compiler.emit import emit
+from planlang.compiler.compile import canonical, emit
 from planlang.compiler.layout import Call, Display, Expression, Text, signature, statement
 from planlang.compiler.lowering import Lowering
 from planlang.compiler.names import Names, snake_case, without_digits
