@@ -135,15 +135,12 @@ def releasing(ontology: Ontology) -> frozenset[str]:
 class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
-    def __init__(
-        self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]] | None = None
-    ) -> None:
-        """``modules`` are classes of process modules, the bundled ones without it; of equal ones the first is used."""
+    def __init__(self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]]) -> None:
+        """``modules`` are classes of process modules; of several for one action the first is used."""
         self.platform = platform
         self.world_as_left = False
         """True if the user states that the world is as a snapshot left it: it is not restored then."""
-        chosen = bundled_modules() if modules is None else modules
-        self.modules: Sequence[ProcessModule] = tuple(create(platform) for create in chosen)
+        self.modules: Sequence[ProcessModule] = tuple(create(platform) for create in modules)
 
     def ancestors(self, action_type: str) -> Sequence[str]:
         """Return the class itself and its superclasses, nearest first; local names."""
@@ -323,8 +320,3 @@ def bundled_registry() -> ModuleRegistry:
     registry = ModuleRegistry()
     registry.add(process_modules, "planlang", Rank.BUNDLED)
     return registry
-
-
-def bundled_modules() -> tuple[Callable[[Any], ProcessModule], ...]:
-    """Return the classes of the process modules that come with planlang."""
-    return bundled_registry().resolve([])

@@ -114,3 +114,16 @@ def test_a_fact_has_a_test_or_a_reason() -> None:
 def test_every_numbered_test_is_in_the_table() -> None:
     listed = set(rows().values())
     assert sorted(test for test in defined() if NUMBERED.search(test) and test not in listed) == []
+
+
+def test_every_file_of_tests_that_a_file_names_exists() -> None:
+    files = [CHECKOUT / name for name in ("README.md", "CONTRIBUTING.md", "Makefile", "pyproject.toml")]
+    for folder in (*PACKAGES, "docs", "tests"):
+        files += [*(CHECKOUT / folder).rglob("*.py"), *(CHECKOUT / folder).rglob("*.md")]
+    named = {
+        (str(file.relative_to(CHECKOUT)), name)
+        for file in files
+        for name in re.findall(r"\btests/[\w/]+\.py\b", file.read_text(encoding="utf-8"))
+    }
+    assert len(named) > 20
+    assert sorted((file, name) for file, name in named if not (CHECKOUT / name).is_file()) == []
