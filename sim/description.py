@@ -23,8 +23,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product, rotation_of
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
-from planlang.geometry.urdf import Joint, extents_of, numbers, read_urdf
-from planlang.geometry.xml_tree import Element, tree_of
+from planlang.geometry.urdf import Element, Joint, extents_of, numbers, read_urdf, tree_of
 
 MOST_JOINTS = 127
 """PyBullet gives the poses of this many links."""

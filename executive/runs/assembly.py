@@ -22,7 +22,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
-from executive.modules import manipulation, navigation, perception
+from executive.modules import process_modules
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
@@ -318,6 +318,5 @@ def _base(state: Any) -> BasePose:
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
-    for module in (navigation, manipulation, perception):
-        registry.add(module, "planlang", Rank.BUNDLED)
+    registry.add(process_modules, "planlang", Rank.BUNDLED)
     return registry
